@@ -265,7 +265,8 @@ def reference(name, report):
             # aris prints doubles to more digits than they hold; it was itself right to 1e-13
             failed = failed or (exact < 6 and worst > mpf("5e-13"))
             given = {**given, "published_driving_force": printed.split(), "published_by": source}
-        text = lambda v: [mp.nstr(x, DIGITS, min_fixed=0, max_fixed=0) if x else "0" for x in v]
+        tiny = AGREE * max(abs(f) for f in result["driving_force"])  # what is left of exact zeros
+        text = lambda v: [mp.nstr(x, DIGITS) if abs(x) > tiny else "0" for x in v]
         states.append({**given, "driving_force": text(result["driving_force"]),
                        "reaction": {joint: text(w) for joint, w in result["reaction"].items()},
                        "length": text(result["length"]), "length_rate": text(result["length_rate"])})
