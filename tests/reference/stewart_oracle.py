@@ -218,7 +218,7 @@ def all_states(platform):
     """Every state of a data set as exact doubles."""
     other = [(g["name"], pose_from_lengths(platform, g)) for g in platform.get("length_states", [])]
     other += [(g["name"], pose_from_vectors(g)) for g in platform.get("vector_states", [])]
-    doubles = lambda v: [float(x) for x in v]
+    doubles = lambda v: [float(mp.chop(x, AGREE)) for x in v]
     given = [{"name": name, "q": doubles(q), "qd": doubles(qd), "qdd": doubles(qdd), "wrench": [0.0] * 6}
              for name, (q, qd, qdd) in other]
     return given + platform["states"]
