@@ -1,0 +1,71 @@
+# The front door. Everything is made inside this folder: .venv, build, results.
+#   make run     build, install into .venv, compute and draw the main example
+#   make test    the same set-up, then every test
+#   make bench   time against error of the solvers
+#   make docs    reference of the Fortran sources in docs/html
+#   make clean   remove what was made; `make distclean` removes .venv too
+
+PYTHON ?= python3
+SHELL := /bin/bash
+VENV := $(CURDIR)/.venv
+BUILD := build/wheel
+STAMPS := build/stamps
+EXAMPLE := stewart_drilling
+
+# meson-python finds meson and ninja on the path
+export PATH := $(VENV)/bin:$(PATH)
+export MPLBACKEND := Agg
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# a BLAS thread team inside every thread of ours would only cost time
+export OPENBLAS_NUM_THREADS := 1
+unexport PYTHONPATH PYTHONHOME
+
+SOURCES := $(shell find fortran c app python tools tests/fortran -type f \
+    -not -name '*.pyc' -not -name '.*' 2>/dev/null) \
+    meson.build meson.options pyproject.toml README.md LICENSE $(wildcard tests/meson.build benchmarks/meson.build)
+# configuration of the one build folder: test and benchmark programs are built only when asked for
+SETUP := -Dtests=true -Dbenchmarks=true
+
+.PHONY: run test bench docs clean distclean system
+.DEFAULT_GOAL := run
+
+run: $(STAMPS)/package
+	$(VENV)/bin/python examples/$(EXAMPLE)/run.py --out results/$(EXAMPLE)
+	@echo "Results and pictures: results/$(EXAMPLE)"
+
+test: $(STAMPS)/package
+	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
+
+bench: $(STAMPS)/package
+	$(VENV)/bin/meson test -C $(BUILD) --benchmark --verbose
+
+docs: $(STAMPS)/venv
+	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/pip install --quiet ford
+	$(VENV)/bin/ford ford.md
+	@echo "Start reading at docs/html/index.html"
+
+# looks every time, which is quick, and installs only what is missing
+system:
+	@sh tools/install_packages.sh $(PYTHON)
+
+# what a build needs and what the package and its tests need, from pyproject.toml;
+# an older pip forgets all but the last of several settings for the build
+$(STAMPS)/venv: pyproject.toml tools/list_requirements.py | system
+	@mkdir -p $(STAMPS)
+	@test -x $(VENV)/bin/pip || { rm -rf $(VENV); $(PYTHON) -m venv $(VENV); }
+	@echo "Installing the Python packages into .venv"
+	$(VENV)/bin/pip install --quiet "pip>=23.1" $$($(VENV)/bin/python tools/list_requirements.py build run test)
+	@touch $@
+
+# the folder is kept, so that only what changed is compiled again
+$(STAMPS)/package: $(SOURCES) $(STAMPS)/venv | system
+	@echo "Building linkdyn and installing it into .venv"
+	$(VENV)/bin/pip install --quiet --no-build-isolation --no-deps --force-reinstall \
+	    --config-settings=build-dir=$(BUILD) $(foreach option,$(SETUP),--config-settings=setup-args=$(option)) .
+	@touch $@
+
+clean:
+	rm -rf build results docs/html
+
+distclean: clean
+	rm -rf .venv

@@ -1,0 +1,48 @@
+"""The order of the layers holds, and the script that checks it sees a breach."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+SPEC = importlib.util.spec_from_file_location("check_layers", ROOT / "tools" / "check_layers.py")
+check_layers = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(check_layers)
+
+
+def test_sources_keep_the_order() -> None:
+    assert check_layers.read_sources(ROOT), "no sources found"
+    assert check_layers.find_violations(ROOT) == []
+
+
+@pytest.mark.parametrize(
+    ("layer", "line", "complaint"),
+    [
+        ("core", "use linkdyn_upper, only: x", "core lies below dynamics"),
+        ("integrate", "use linkdyn_upper, only: x", "integrate lies below dynamics"),
+        ("model", "use linkdyn_nowhere, only: x", "which no source defines"),
+        ("model", "use netcdf, only: nf90_open", "the netCDF library"),
+        ("model", "use, intrinsic :: iso_c_binding, only: c_int", "C kinds"),
+        ("lanes", "real(wp), parameter :: third = 3.0d-1", "real kinds"),
+        ("linalg", "call dgesvx(a)", "LAPACK"),
+        ("analysis", "call get_command_argument(1, name)", "the command line"),
+        ("io", "error stop 1", "stop"),
+    ],
+)
+def test_a_breach_is_seen(tmp_path: Path, layer: str, line: str, complaint: str) -> None:
+    for folder, name, body in (("dynamics", "linkdyn_upper", ""), (layer, "linkdyn_culprit", line)):
+        path = tmp_path / "fortran" / folder / f"{name}.f90"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f"module {name}\n    {body}\nend module {name}\n", encoding="utf-8")
+    violations = check_layers.find_violations(tmp_path)
+    assert len(violations) == 1
+    assert violations[0].startswith(f"{layer}/linkdyn_culprit.f90") and complaint in violations[0]
+
+
+def test_text_and_comments_are_no_breach(tmp_path: Path) -> None:
+    path = tmp_path / "fortran" / "core" / "linkdyn_words.f90"
+    path.parent.mkdir(parents=True)
+    path.write_text('module linkdyn_words\n    ! use netcdf\n    x = "stop 1.0d0"\nend module linkdyn_words\n',
+                    encoding="utf-8")
+    assert check_layers.find_violations(tmp_path) == []

@@ -1,0 +1,89 @@
+"""Check the `use` lines of the Fortran sources against the order of the layers.
+
+Usage: check_layers.py [ROOT]
+
+Prints one line per violation; exit status 1 if there is any. A layer is a folder of fortran/ (and
+app/). It may use the layers below it and itself; libraries and the command line are named only
+in the few files that exist to hide them.
+"""
+
+import re
+import sys
+from fnmatch import fnmatch
+from pathlib import Path
+
+ORDER = ["kinds", "core", "lanes", "linalg", "kinematics", "model", "dynamics", "analysis", "io"]
+MAY_USE = {layer: set(ORDER[: i + 1]) for i, layer in enumerate(ORDER)}
+MAY_USE["integrate"] = {"kinds", "core", "integrate"}   # knows a right-hand side, never a body
+MAY_USE["analysis"] |= {"integrate"}
+MAY_USE["io"] |= {"integrate"}
+MAY_USE["api"] = set(ORDER) | {"integrate", "api"}
+MAY_USE["app"] = set(ORDER) | {"integrate", "app"}
+
+# What only the named files may mention: (what, pattern in the code, files)
+RESERVED = [
+    ("the netCDF library", r"^\s*use\s*(?:,\s*non_intrinsic\s*::)?\s*netcdf\b", ["io/linkdyn_netcdf*.f90"]),
+    ("C kinds", r"\biso_c_binding\b",
+     ["io/linkdyn_toml.f90", "io/linkdyn_input.f90", "integrate/linkdyn_ode_gsl.f90", "api/*.f90"]),
+    ("real kinds", r"\b(?:real32|real64|real128|double\s+precision)\b|\d[de][+-]?\d+(?!_wp|\d)\b",
+     ["kinds/*.f90"]),
+    ("LAPACK", r"\bcall\s+[sd](?:ge|gb|po|sy|tr|or)[a-z]{2,4}\b", ["linalg/linkdyn_dense_lapack.f90"]),
+    ("GSL", r"\bgsl_\w+", ["integrate/linkdyn_ode_gsl.f90"]),
+    ("the command line", r"\b(?:get_command_argument|get_command|command_argument_count)\b", ["app/*.f90"]),
+    ("stop", r"^\s*(?:error\s+)?stop\b", ["app/*.f90"]),
+]
+MODULE = re.compile(r"^\s*module\s+(?!procedure\b|subroutine\b|function\b)(\w+)\s*$", re.I | re.M)
+USES = re.compile(r"^\s*use\b(?:\s*,\s*non_intrinsic)?\s*(?:::)?\s*(\w+)", re.I | re.M)
+SUBMODULE = re.compile(r"^\s*submodule\s*\(\s*(\w+)", re.I | re.M)
+
+
+def code_of(text: str) -> str:
+    """The source without strings and comments, in lower case."""
+    text = re.sub(r"\"[^\"\n]*\"|'[^'\n]*'", '""', text)
+    return re.sub(r"!.*", "", text).lower()
+
+
+def read_sources(root: Path) -> dict[str, tuple[str, str]]:
+    """layer and code of each source, by its name `layer/file.f90`."""
+    sources = {}
+    for path in sorted([*(root / "fortran").glob("*/*.f90*"), *(root / "app").glob("*.f90*")]):
+        layer = path.parent.name
+        sources[f"{layer}/{path.name.removesuffix('.in')}"] = layer, code_of(path.read_text(encoding="utf-8"))
+    return sources
+
+
+def find_violations(root: Path) -> list[str]:
+    """One line for each `use` or mention that breaks the order of the layers."""
+    sources = read_sources(root)
+    layer_of = {name: layer for layer, code in sources.values() for name in MODULE.findall(code)}
+    violations = []
+    for file, (layer, code) in sources.items():
+        if layer not in MAY_USE:
+            violations.append(f"{file}: '{layer}' is not a layer")
+            continue
+        for name in sorted({*USES.findall(code), *SUBMODULE.findall(code)}):
+            if name in layer_of and layer_of[name] not in MAY_USE[layer]:
+                violations.append(f"{file}: uses {name}, but {layer} lies below {layer_of[name]}")
+            elif name not in layer_of and name.startswith("linkdyn_"):
+                violations.append(f"{file}: uses {name}, which no source defines")
+        for what, pattern, allowed in RESERVED:
+            if re.search(pattern, code, re.M) and not any(fnmatch(file, form) for form in allowed):
+                violations.append(f"{file}: names {what}; only {', '.join(allowed)} may")
+        modules = MODULE.findall(code)
+        stem = Path(file).stem
+        if layer not in ("kinds", "app") and len(modules) > 1:
+            violations.append(f"{file}: more than one module")
+        twins = ("_lapack", "_builtin", "_absent", "_real64", "_real128")
+        if modules and stem.removesuffix(next((end for end in twins if stem.endswith(end)), "")) != modules[0]:
+            violations.append(f"{file}: holds module {modules[0]}")
+    return violations
+
+
+def main(root: str = str(Path(__file__).resolve().parent.parent)) -> int:
+    violations = find_violations(Path(root))
+    print("\n".join(violations) if violations else "the layers are in order")
+    return 1 if violations else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
