@@ -9,7 +9,8 @@ PYTHON ?= python3
 SHELL := /bin/bash
 VENV := $(CURDIR)/.venv
 BUILD := build/wheel
-STAMPS := build/stamps
+PACKAGE := build/package.stamp
+REQUIREMENTS := $(VENV)/requirements.stamp
 EXAMPLE := stewart_drilling
 
 # meson-python finds meson and ninja on the path
@@ -20,27 +21,27 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OPENBLAS_NUM_THREADS := 1
 unexport PYTHONPATH PYTHONHOME
 
-SOURCES := $(shell find fortran c app python tools tests/fortran -type f \
+SOURCES := $(shell find fortran c app python tools -type f \
     -not -name '*.pyc' -not -name '.*' 2>/dev/null) \
-    meson.build meson.options pyproject.toml README.md LICENSE $(wildcard tests/meson.build benchmarks/meson.build)
+    meson.build meson.options pyproject.toml README.md LICENSE
 # configuration of the one build folder: test and benchmark programs are built only when asked for
 SETUP := -Dtests=true -Dbenchmarks=true
 
 .PHONY: run test bench docs clean distclean system
 .DEFAULT_GOAL := run
 
-run: $(STAMPS)/package
+run: $(PACKAGE)
 	$(VENV)/bin/python examples/$(EXAMPLE)/run.py --out results/$(EXAMPLE)
 	@echo "Results and pictures: results/$(EXAMPLE)"
 
-test: $(STAMPS)/package
+test: $(PACKAGE)
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
 
-bench: $(STAMPS)/package
+bench: $(PACKAGE)
 	$(VENV)/bin/meson test -C $(BUILD) --benchmark --verbose
 
-docs: $(STAMPS)/venv
-	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/pip install --quiet ford
+docs: $(REQUIREMENTS)
+	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/python -m pip install --quiet ford
 	$(VENV)/bin/ford ford.md
 	@echo "Start reading at docs/html/index.html"
 
@@ -50,17 +51,16 @@ system:
 
 # what a build needs and what the package and its tests need, from pyproject.toml;
 # an older pip forgets all but the last of several settings for the build
-$(STAMPS)/venv: pyproject.toml tools/list_requirements.py | system
-	@mkdir -p $(STAMPS)
-	@test -x $(VENV)/bin/pip || { rm -rf $(VENV); $(PYTHON) -m venv $(VENV); }
+$(REQUIREMENTS): pyproject.toml tools/list_requirements.py | system
+	@$(VENV)/bin/pip --version >/dev/null 2>&1 || { rm -rf $(VENV); $(PYTHON) -m venv $(VENV); }
 	@echo "Installing the Python packages into .venv"
-	$(VENV)/bin/pip install --quiet "pip>=23.1" $$($(VENV)/bin/python tools/list_requirements.py build run test)
+	$(VENV)/bin/python -m pip install --quiet "pip>=23.1" $$($(VENV)/bin/python tools/list_requirements.py build run test)
 	@touch $@
 
 # the folder is kept, so that only what changed is compiled again
-$(STAMPS)/package: $(SOURCES) $(STAMPS)/venv | system
+$(PACKAGE): $(SOURCES) $(REQUIREMENTS) | system
 	@echo "Building linkdyn and installing it into .venv"
-	$(VENV)/bin/pip install --quiet --no-build-isolation --no-deps --force-reinstall \
+	$(VENV)/bin/python -m pip install --quiet --no-build-isolation --no-deps --force-reinstall \
 	    --config-settings=build-dir=$(BUILD) $(foreach option,$(SETUP),--config-settings=setup-args=$(option)) .
 	@touch $@
 
