@@ -1,8 +1,10 @@
-"""The four published 6-UPS platforms, as exact decimals, and the numbers printed for them.
+"""Five 6-UPS platforms, as exact decimals, and the numbers printed for four of them.
 
 Each platform is a dict: gravity, base and platform joint points, the first universal axis u of each
-leg (in base axes), bodies (mass, cog and inertia about the cog, in the link's own axes), states, and
+leg (in base axes), bodies (mass, cog and inertia about the cog, in the link's own axes), the platform's
+point on which wrenches act (`load_point`, `wrench_on` its name in the example's scene), states, and
 `published`: state name -> (printed driving forces, where from). Lengths in m, masses in kg.
+The fifth platform is the drilling table of the main example, not published anywhere.
 Leg axes: z = unit vector from U to S, y = unit(z x u), x = y x z; lower has its origin at U, upper at S.
 """
 from __future__ import annotations
@@ -29,9 +31,12 @@ def thin_rod(mass, cog_z, transverse):
     return body(mass, [0, 0, cog_z], diagonal(transverse, transverse, 0))
 
 
+CENTER = {"wrench_on": "platform.center", "load_point": [mpf(0)] * 3}
+
+
 def state(name, position=(0, 0, 0), angles=(0, 0, 0), velocity=(0, 0, 0), angular_rates=(0, 0, 0),
           acceleration=(0, 0, 0), angular_accelerations=(0, 0, 0), wrench=(0, 0, 0, 0, 0, 0)):
-    """A pose with its first and second time derivatives: x y z roll pitch yaw; wrench at the platform's origin.
+    """A pose with its first and second time derivatives: x y z roll pitch yaw; wrench in world axes.
 
     Everything is rounded to double precision here, so that a program in double precision can be given
     exactly the input that the reference was computed for.
@@ -81,6 +86,7 @@ def tsai():
     }
     return {
         "name": "tsai",
+        **CENTER,
         "gravity": numbers("0 0 -9.80665"),
         "base": [numbers(t) for t in ("-2.12 1.374 0", "-2.38 1.224 0", "-2.38 -1.224 0", "-2.12 -1.374 0",
                                       "0 -0.15 0", "0 0.15 0")],
@@ -144,6 +150,7 @@ def aris():
     rows = {words[0]: [mpf(x) for x in words[1:]] for words in (line.split() for line in ARIS_PARTS.split("\n") if line)}
     return {
         "name": "aris",
+        **CENTER,
         "gravity": numbers("0 -9.8 0"),
         "base": [numbers(t) for t in ("1 0 0", "1 0 0", "0 0 1.732", "0 0 1.732", "-1 0 0", "-1 0 0")],
         "platform": [numbers(t) for t in ("0 0 -0.289", "0.25 0 0.144", "0.25 0 0.144", "-0.25 0 0.144",
@@ -184,6 +191,7 @@ def taghirad():
     away = "static at (0.25, 0.25, 1.25)"
     return {
         "name": "taghirad",
+        **CENTER,
         "gravity": numbers("0 0 -9.81"),
         "base": ring(2, (0, 60, 120, 180, 240, 300)),
         "platform": ring(1, (30, 30, 150, 150, 270, 270)),
@@ -231,6 +239,7 @@ def mathworks(axial=False):
     home = "static at home"
     return {
         "name": "mathworks",
+        **CENTER,
         "gravity": numbers("0 0 -9.81"),
         "base": base,
         "platform": top,
@@ -249,4 +258,30 @@ def mathworks(axial=False):
     }
 
 
-PLATFORMS = {"tsai": tsai, "aris": aris, "taghirad": taghirad, "mathworks": mathworks}
+# ------------------------------------------------------------------------------------------------ drilling table
+def drilling():
+    """The worktable of examples/stewart_drilling: full tensor, offset centre of mass, an axis u for each leg, load off-centre."""
+    pair = lambda x, y: [(x, y, 0), (x, -y, 0)]
+    mirrored = lambda one, two, three: [pair(*one)[0], pair(*two)[0], pair(*three)[0],
+                                        pair(*three)[1], pair(*two)[1], pair(*one)[1]]
+    decimals = lambda points: [[mpf(str(c)) for c in p] for p in points]
+    ip = numbers("310 285 420 -12.5 -9.5 18")
+    axes = decimals([(0.54, 0.84, 0), (0.45, 0.89, 0), (1, -0.05, 0), (1, 0.05, 0), (-0.45, 0.89, 0), (-0.54, 0.84, 0)])
+    return {
+        "name": "drilling",
+        "wrench_on": "platform.hole4",
+        "load_point": numbers("-0.25 -0.05 0.38"),
+        "gravity": numbers("0 0 -9.805"),
+        "base": decimals(mirrored((1.58, 0.28), (-0.55, 1.5), (-1.03, 1.23))),
+        "platform": decimals(mirrored((0.74, 0.82), (0.34, 1.05), (-1.08, 0.23))),
+        "axis": [[c / mp.sqrt(sum(x * x for x in u)) for c in u] for u in axes],
+        "top": body("850", ["0.08", "-0.05", "0.35"],
+                    [[ip[0], ip[3], ip[5]], [ip[3], ip[1], ip[4]], [ip[5], ip[4], ip[2]]]),
+        "lower": [body("45", [0, 0, "0.55"], diagonal("4.6", "4.9", "0.35"))] * 6,
+        "upper": [body("18", [0, 0, "-0.6"], diagonal("2.2", "2.16", "0.06"))] * 6,
+        "states": random_states(2024, (0.0, 0.0, 1.45), 0.2, 0.35, 8000, 60, 8),
+        "published": {},
+    }
+
+
+PLATFORMS = {"tsai": tsai, "aris": aris, "taghirad": taghirad, "mathworks": mathworks, "drilling": drilling}

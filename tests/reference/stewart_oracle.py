@@ -123,8 +123,7 @@ def full_forces(platform, bodies, legs, wrench):
             right[6 * b + k] = p[k].rate - weight[k]
             right[6 * b + 3 + k] = about_origin[k].rate - load[k]
     force, moment = wrench[:3], wrench[3:]
-    origin = platform_origin(platform, bodies[0])
-    about_origin = add(cross(origin, force), moment)
+    about_origin = add(cross(values(load_point(platform, bodies[0])), force), moment)
     for k in range(3):
         right[k] -= force[k]
         right[3 + k] -= about_origin[k]
@@ -141,9 +140,9 @@ def full_forces(platform, bodies, legs, wrench):
     return driving, reaction
 
 
-def platform_origin(platform, top):
-    """World position of the platform's origin, where the external wrench acts."""
-    return values(sub(top["cog"], mul(top["rotation"], platform["top"]["cog"])))
+def load_point(platform, top):
+    """World position (series) of the point of the platform on which the external wrench acts."""
+    return add(top["cog"], mul(top["rotation"], sub(platform["load_point"], platform["top"]["cog"])))
 
 
 # ---------------------------------------------------------------------------------------- virtual power
@@ -159,17 +158,18 @@ def virtual_forces(platform, bodies, q, wrench):
             shift, turn = rates(body["cog"]), values(spin(body["rotation"]))
             inertial = sub(p_rate, scale(body["mass"], platform["gravity"]))
             right[k] += dot(shift, inertial) + dot(turn, h_rate)
-        right[k] -= mpf(wrench[k]) if k < 3 else dot(values(spin(varied[0]["rotation"])), wrench[3:])
+        right[k] -= dot(rates(load_point(platform, varied[0])), wrench[:3])
+        right[k] -= dot(values(spin(varied[0]["rotation"])), wrench[3:])
         for i, leg in enumerate(legs):
             matrix[k, i] = leg["length"].rate
     return list(mp.lu_solve(matrix, right))
 
 
-def power_imbalance(platform, bodies, legs, driving, pose, wrench):
+def power_imbalance(platform, bodies, legs, driving, wrench):
     """Driving power + weight + external wrench - rate of kinetic energy, over the sum of magnitudes."""
     terms = [f * leg["length"].rate for f, leg in zip(driving, legs)]
     terms += [body["mass"] * dot(platform["gravity"], rates(body["cog"])) for body in bodies]
-    terms += [dot(wrench[:3], rates(pose[:3])), dot(wrench[3:], values(spin(bodies[0]["rotation"])))]
+    terms += [dot(wrench[:3], rates(load_point(platform, bodies[0]))), dot(wrench[3:], values(spin(bodies[0]["rotation"])))]
     terms += [-momenta(body)[2].rate for body in bodies]
     size = sum(abs(t) for t in terms)
     return abs(sum(terms)) / size if size else mpf(0)
@@ -228,13 +228,12 @@ def all_states(platform):
 def solve(platform, q, qd, qdd, wrench):
     """Driving forces, reactions, leg lengths and their rates of one state; stops if the two ways differ."""
     wrench = [mpf(x) for x in wrench]
-    pose = pose_series(q, qd, qdd)
-    bodies, legs = bodies_of(platform, pose)
+    bodies, legs = bodies_of(platform, pose_series(q, qd, qdd))
     driving, reaction = full_forces(platform, bodies, legs, wrench)
     virtual = virtual_forces(platform, bodies, q, wrench)
     size = max(abs(f) for f in driving)
     gap = max(abs(a - b) for a, b in zip(driving, virtual)) / size
-    leak = power_imbalance(platform, bodies, legs, driving, pose, wrench)
+    leak = power_imbalance(platform, bodies, legs, driving, wrench)
     if max(gap, leak) > AGREE:
         raise SystemExit(f"two derivations differ: forces {mp.nstr(gap, 3)}, power {mp.nstr(leak, 3)}")
     return {"driving_force": driving, "reaction": reaction,
@@ -273,7 +272,7 @@ def reference(name, report):
     if failed:
         raise SystemExit(f"{name}: published numbers not met")
     return {"name": name, "digits": DIGITS, "working_digits": mp.dps,
-            "coordinates": ["x", "y", "z", "roll", "pitch", "yaw"], "states": states}
+            "wrench_on": platform["wrench_on"], "coordinates": ["x", "y", "z", "roll", "pitch", "yaw"], "states": states}
 
 
 def write(record, path):
