@@ -32,7 +32,7 @@ def leg_table(run: xr.Dataset) -> str:
     for name in run.actuator.values:
         force = run.driving_force.sel(actuator=name)
         length = run.joint_variable.sel(variable=f"{name}.slide")
-        push, pull = peak(force), peak(-force)
+        push, pull = peak(force.values, run.time.values), peak(-force.values, run.time.values)
         speed = float(np.abs(run.driving_speed.sel(actuator=name)).max())
         power = float(np.abs(run.driving_power.sel(actuator=name)).max())
         rms = float(np.sqrt((force**2).mean()))
@@ -41,11 +41,10 @@ def leg_table(run: xr.Dataset) -> str:
     return "\n".join(lines)
 
 
-def peak(force: xr.DataArray) -> str:
+def peak(force: np.ndarray, time: np.ndarray) -> str:
     """Largest positive value and its instant, dashes if there is none."""
-    at = int(force.argmax())
-    value = float(force[at])
-    return f"{value:>7.0f} {float(force.time[at]):>6.2f} " if value > 0 else f"{'-':>7} {'-':>6} "
+    at = np.argmax(force)
+    return f"{force[at]:>7.0f} {time[at]:>6.2f} " if force[at] > 0 else f"{'-':>7} {'-':>6} "
 
 
 def reaction_lines(run: xr.Dataset) -> str:
@@ -56,11 +55,11 @@ def reaction_lines(run: xr.Dataset) -> str:
         part = run.reaction.sel(joint=joints)
         for what, components, unit in (("force", ["Fx", "Fy", "Fz"], "N"), ("moment", ["Mx", "My", "Mz"], "N m")):
             size = np.sqrt((part.sel(component=components) ** 2).sum("component"))
-            if float(size.max()) > 0:
-                at = size.argmax(("sample", "joint"))
-                where = size[at]
-                lines.append(f"largest {what + ' in a ' + word + ' joint':<34} {float(where):>7.0f} {unit:<3} "
-                             f"{where.joint.item()} at {float(where.time):.2f} s")
+            size = size.transpose("sample", "joint").values
+            sample, joint = np.unravel_index(np.argmax(size), size.shape)
+            if size[sample, joint] > 0:
+                lines.append(f"largest {what + ' in a ' + word + ' joint':<34} {size[sample, joint]:>7.0f} {unit:<3} "
+                             f"{joints[joint]} at {float(run.time[sample]):.2f} s")
     return "\n".join(lines)
 
 
