@@ -24,10 +24,10 @@ MAY_USE["app"] = set(ORDER) | {"integrate", "app"}
 RESERVED = [
     ("the netCDF library", r"^\s*use\s*(?:,\s*non_intrinsic\s*::)?\s*netcdf\b", ["io/linkdyn_netcdf*.f90"]),
     ("C kinds", r"\biso_c_binding\b",
-     ["io/linkdyn_toml.f90", "io/linkdyn_input.f90", "io/linkdyn_output_file.f90",
+     ["io/linkdyn_toml.f90", "io/linkdyn_input.f90", "io/linkdyn_output_file.f90", "lanes/linkdyn_slots.f90",
       "integrate/linkdyn_ode_gsl.f90", "api/*.f90"]),
     ("real kinds", r"\b(?:real32|real64|real128|double\s+precision)\b|\d[de][+-]?\d+(?!_wp|\d)\b",
-     ["kinds/*.f90", "io/linkdyn_netcdf*.f90"]),    # a file's reals are real64 whatever the engine's
+     ["kinds/*.f90", "io/linkdyn_netcdf*.f90", "io/linkdyn_scene_links.f90"]),   # a file's numbers are real64
     ("LAPACK", r"\bcall\s+[sd](?:ge|gb|po|sy|tr|or)[a-z]{2,4}\b", ["linalg/linkdyn_dense_lapack.f90"]),
     ("GSL", r"\bgsl_\w+", ["integrate/linkdyn_ode_gsl.f90"]),
     ("the command line", r"\b(?:get_command_argument|get_command|command_argument_count)\b", ["app/*.f90"]),
