@@ -1,0 +1,32 @@
+/* What Fortran's own I/O cannot say about a file to be written: its kind, why a write fails, and
+ * putting a finished file in its place in one step. Paths come with their length, not ended by 0. */
+#ifndef LINKDYN_OUTPUT_H
+#define LINKDYN_OUTPUT_H
+
+enum linkdyn_path_kind {
+    linkdyn_path_missing = 0,
+    linkdyn_path_file = 1,
+    linkdyn_path_directory = 2,
+    linkdyn_path_other = 3    /* device, pipe, socket */
+};
+
+int linkdyn_path_kind(const char *path, int path_len);
+
+/* Append a few kilobytes and send them to the disk; 0, or -1 with the system's reason, blank padded. */
+int linkdyn_probe_write(const char *path, int path_len, char *reason, int reason_len);
+
+/* Bring `from` to the disk and rename it to `to`; 0, or -1 with the system's reason. */
+int linkdyn_replace_file(const char *from, int from_len, const char *to, int to_len, char *reason, int reason_len);
+
+void linkdyn_remove_file(const char *path, int path_len);
+
+/* Remove this file if the process is interrupted; length 0 ends the watch. */
+void linkdyn_guard_file(const char *path, int path_len);
+
+int linkdyn_is_terminal(int descriptor);
+int linkdyn_process_id(void);
+
+/* End the process without the exit handlers of libraries. */
+void linkdyn_leave(int status);
+
+#endif

@@ -1,0 +1,378 @@
+!> What a run yields, described once: the netCDF writer, the CSV writer and Python's Dataset are all
+!> built from this description, so that they cannot drift apart.
+!>
+!> A *layout* lists dimensions (with a label and a unit for every entry) and variables (with their
+!> dimensions, unit and meaning). A *block* points to the values of one chunk of samples, one flat
+!> array a variable, the sample running slowest.
+module linkdyn_results
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    implicit none (type, external)
+    private
+    public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
+    public :: describe_results, choose_wanted, prepare_block, find_driving_power
+    public :: variable_index, samples_width, label_len, wanted_name
+    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, n_dimension
+    public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
+    public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
+    public :: result_error, result_power_imbalance, result_time
+
+    integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
+    integer, parameter :: unit_len = 8
+    integer, parameter :: unit_list_len = 24         !! "m/s2, rad/s2"
+
+    ! ---- dimensions
+    integer, parameter :: dim_sample = 1
+    integer, parameter :: dim_actuator = 2
+    integer, parameter :: dim_joint = 3
+    integer, parameter :: dim_component = 4
+    integer, parameter :: dim_coordinate = 5
+    integer, parameter :: dim_variable = 6
+    integer, parameter :: n_dimension = 6
+
+    ! ---- variables
+    integer, parameter :: result_time = 1
+    integer, parameter :: result_q = 2
+    integer, parameter :: result_qd = 3
+    integer, parameter :: result_qdd = 4
+    integer, parameter :: result_driving_force = 5
+    integer, parameter :: result_driving_speed = 6
+    integer, parameter :: result_driving_power = 7
+    integer, parameter :: result_reaction = 8
+    integer, parameter :: result_joint_variable = 9
+    integer, parameter :: result_joint_rate = 10
+    integer, parameter :: result_status = 11
+    integer, parameter :: result_rcond = 12
+    integer, parameter :: result_error = 13
+    integer, parameter :: result_power_imbalance = 14
+
+    ! ---- what the user may ask for
+    character(len=14), parameter :: wanted_name(6) = [character(len=14) :: &
+        "driving_force", "reaction", "joint_variable", "power", "checks", "all"]
+
+    !> Parts of the results that cost time or room, each on its own switch.
+    type :: wanted_type
+        logical :: driving_force = .true.
+        logical :: reaction = .true.
+        logical :: joint_variable = .true.   !! with its rate
+        logical :: power = .true.            !! speed and power of every actuator
+        logical :: checks = .true.           !! rcond, error, power_imbalance
+    end type wanted_type
+
+    !> One dimension. `label` and `unit` are absent for the samples.
+    type :: dimension_type
+        character(len=12) :: name = ""
+        integer :: size = 0
+        character(len=label_len), allocatable :: label(:)
+        character(len=unit_len), allocatable :: unit(:)    !! absent where it says nothing (joints)
+    end type dimension_type
+
+    !> One variable; dimensions slowest first, as netCDF tools and Python show them.
+    type :: variable_type
+        integer :: id = 0                                  !! one of `result_*`
+        character(len=16) :: name = ""
+        character(len=96) :: long_name = ""
+        character(len=unit_list_len) :: units = ""         !! several where they differ along the last dimension
+        character(len=unit_list_len), allocatable :: entry_unit(:)  !! along the last dimension, or a single one
+        integer :: n_dim = 1
+        integer :: dim(3) = [dim_sample, 0, 0]             !! of `dim_*`
+        logical :: is_integer = .false.
+    end type variable_type
+
+    !> Description of a run's results.
+    type :: layout_type
+        logical :: planar = .false.
+        type(dimension_type) :: dimension(n_dimension)
+        type(variable_type), allocatable :: variable(:)
+        integer, allocatable :: actuator_variable(:)       !! joint variable that each actuator drives
+    end type layout_type
+
+    !> Where the values of one variable lie for the current chunk.
+    type :: values_type
+        real(wp), pointer, contiguous :: real(:) => null()
+        integer, pointer, contiguous :: integer(:) => null()
+    end type values_type
+
+    !> One chunk of samples: values of every variable of a layout, in its order.
+    type :: block_type
+        type(values_type), allocatable :: of(:)
+    end type block_type
+
+contains
+
+    !> Read a comma-separated wish list such as "driving_force,reaction".
+    subroutine choose_wanted(text, wanted, status)
+        character(len=*), intent(in) :: text         !! names of `wanted_name`
+        type(wanted_type), intent(out) :: wanted
+        type(status_type), intent(inout) :: status   !! bad input if a name is unknown
+        integer :: first, comma
+        character(len=:), allocatable :: word
+
+        wanted = wanted_type(.false., .false., .false., .false., .false.)
+        first = 1
+        do while (first <= len(text) + 1)
+            comma = index(text(first:), ",")
+            if (comma == 0) comma = len(text) - first + 2
+            word = trim(adjustl(text(first:first + comma - 2)))
+            first = first + comma
+            select case (word)
+            case ("driving_force")
+                wanted%driving_force = .true.
+            case ("reaction")
+                wanted%reaction = .true.
+            case ("joint_variable")
+                wanted%joint_variable = .true.
+            case ("power")
+                wanted%power = .true.
+            case ("checks")
+                wanted%checks = .true.
+            case ("all")
+                wanted = wanted_type()
+            case default
+                call fail(status, status_bad_input, "want: '"//word//"' is not a result (expected "// &
+                    list_of(wanted_name)//")")
+                return
+            end select
+        end do
+    end subroutine choose_wanted
+
+    !> Dimensions, labels and variables of the results of inverse dynamics.
+    subroutine describe_results(scene, wanted, has_time, layout)
+        type(scene_type), intent(in) :: scene
+        type(wanted_type), intent(in) :: wanted
+        logical, intent(in) :: has_time              !! samples are instants of a motion
+        type(layout_type), intent(out) :: layout
+
+        layout%planar = scene%planar
+        layout%dimension%name = [character(len=12) :: &
+            "sample", "actuator", "joint", "component", "coordinate", "variable"]
+        call describe_joints(scene, layout)
+        call describe_actuators(scene, layout)
+        call describe_components(scene, layout)
+        call describe_coordinates(scene, layout)
+        call describe_variables(wanted, has_time, layout)
+    end subroutine describe_results
+
+    subroutine describe_actuators(scene, layout)
+        type(scene_type), intent(in) :: scene
+        type(layout_type), intent(inout) :: layout
+        integer :: i, n
+
+        n = size(scene%actuator)
+        associate (dimension => layout%dimension(dim_actuator))
+            dimension%size = n
+            allocate (dimension%label(n), dimension%unit(n), layout%actuator_variable(n))
+            do i = 1, n
+                dimension%label(i) = scene%actuator(i)%name
+                dimension%unit(i) = scene%actuator(i)%unit
+                layout%actuator_variable(i) = sum(joint_n_variable(scene%joint(:scene%actuator(i)%joint - 1)%kind)) &
+                    + scene%actuator(i)%variable
+            end do
+        end associate
+    end subroutine describe_actuators
+
+    !> Joints, and the joint variables in the order of the joints: "leg1.P.slide", "leg1.U.angle1", ...
+    subroutine describe_joints(scene, layout)
+        type(scene_type), intent(in) :: scene
+        type(layout_type), intent(inout) :: layout
+        integer :: i, k, n
+
+        associate (joint => layout%dimension(dim_joint), variable => layout%dimension(dim_variable))
+            joint%size = size(scene%joint)
+            variable%size = sum(joint_n_variable(scene%joint%kind))
+            allocate (joint%label(joint%size), variable%label(variable%size), variable%unit(variable%size))
+            n = 0
+            do i = 1, joint%size
+                joint%label(i) = scene%joint(i)%name
+                do k = 1, joint_n_variable(scene%joint(i)%kind)
+                    n = n + 1
+                    variable%label(n) = trim(scene%joint(i)%name)//"."//variable_name(k, scene%joint(i)%kind)
+                    variable%unit(n) = merge("m  ", "rad", variable_name(k, scene%joint(i)%kind) == "slide")
+                end do
+            end do
+        end associate
+    end subroutine describe_joints
+
+    subroutine describe_components(scene, layout)
+        type(scene_type), intent(in) :: scene
+        type(layout_type), intent(inout) :: layout
+
+        associate (dimension => layout%dimension(dim_component))
+            if (scene%planar) then
+                dimension%label = [character(len=label_len) :: "Fx", "Fy", "Mz"]
+                dimension%unit = [character(len=unit_len) :: "N", "N", "N m"]
+            else
+                dimension%label = [character(len=label_len) :: "Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+                dimension%unit = [character(len=unit_len) :: "N", "N", "N", "N m", "N m", "N m"]
+            end if
+            dimension%size = size(dimension%label)
+        end associate
+    end subroutine describe_components
+
+    subroutine describe_coordinates(scene, layout)
+        type(scene_type), intent(in) :: scene
+        type(layout_type), intent(inout) :: layout
+
+        associate (dimension => layout%dimension(dim_coordinate))
+            dimension%size = size(scene%coordinate)
+            allocate (dimension%label(dimension%size), dimension%unit(dimension%size))
+            dimension%label = scene%coordinate%name
+            dimension%unit = scene%coordinate%unit
+        end associate
+    end subroutine describe_coordinates
+
+    !> The list of variables, in the order in which they are stored.
+    subroutine describe_variables(wanted, has_time, layout)
+        type(wanted_type), intent(in) :: wanted
+        logical, intent(in) :: has_time
+        type(layout_type), intent(inout) :: layout
+
+        allocate (layout%variable(0))
+        associate (of_actuator => layout%dimension(dim_actuator)%unit, &
+            of_component => layout%dimension(dim_component)%unit, &
+            of_coordinate => layout%dimension(dim_coordinate)%unit, &
+            of_variable => layout%dimension(dim_variable)%unit)
+            if (has_time) call add(layout, result_time, "time", "time", "s")
+            call add(layout, result_q, "q", "generalized coordinates", &
+                of=[dim_coordinate], units=of_coordinate)
+            call add(layout, result_qd, "qd", "first time derivative of the generalized coordinates", &
+                of=[dim_coordinate], units=per(of_coordinate, "/s"))
+            call add(layout, result_qdd, "qdd", "second time derivative of the generalized coordinates", &
+                of=[dim_coordinate], units=per(of_coordinate, "/s2"))
+            if (wanted%driving_force) call add(layout, result_driving_force, "driving_force", &
+                "driving force or torque, positive when it drives the joint variable up", &
+                of=[dim_actuator], units=of_actuator)
+            if (wanted%power) then
+                call add(layout, result_driving_speed, "driving_speed", "rate of the driven joint variable", &
+                    of=[dim_actuator], units=per(of_variable(layout%actuator_variable), "/s"))
+                call add(layout, result_driving_power, "driving_power", "power that the actuator puts in", &
+                    "W", of=[dim_actuator])
+            end if
+            if (wanted%reaction) call add(layout, result_reaction, "reaction", &
+                "wrench of the first link of the joint on the second, at the joint point, world axes", &
+                of=[dim_joint, dim_component], units=of_component)
+            if (wanted%joint_variable) then
+                call add(layout, result_joint_variable, "joint_variable", "joint variables", &
+                    of=[dim_variable], units=of_variable)
+                call add(layout, result_joint_rate, "joint_rate", "rates of the joint variables", &
+                    of=[dim_variable], units=per(of_variable, "/s"))
+            end if
+        end associate
+        call add(layout, result_status, "status", "outcome of the sample", "1", is_integer=.true.)
+        if (wanted%checks) then
+            call add(layout, result_rcond, "rcond", "reciprocal condition number of the equations", "1")
+            call add(layout, result_error, "error", "relative error bound or estimate of the forces", "1")
+            call add(layout, result_power_imbalance, "power_imbalance", &
+                "driving and external power less change of energy, relative to the sum of magnitudes", "1")
+        end if
+    end subroutine describe_variables
+
+    !> Append one variable to the layout. Either one unit, or one for each entry of its last dimension.
+    subroutine add(layout, id, name, long_name, unit, of, units, is_integer)
+        type(layout_type), intent(inout) :: layout
+        integer, intent(in) :: id
+        character(len=*), intent(in) :: name, long_name
+        character(len=*), intent(in), optional :: unit       !! of the whole variable
+        integer, intent(in), optional :: of(:)               !! dimensions after the sample
+        character(len=*), intent(in), optional :: units(:)   !! along the last dimension
+        logical, intent(in), optional :: is_integer
+        type(variable_type) :: variable
+        integer :: n
+
+        variable%id = id
+        variable%name = name
+        variable%long_name = long_name
+        if (present(of)) variable%n_dim = 1 + size(of)
+        if (present(of)) variable%dim(2:variable%n_dim) = of
+        if (present(unit)) then
+            n = 1
+            if (present(of)) n = layout%dimension(of(size(of)))%size
+            variable%units = unit
+            variable%entry_unit = spread(variable%units, 1, n)
+        else
+            variable%entry_unit = units
+            variable%units = distinct(variable%entry_unit)
+        end if
+        if (present(is_integer)) variable%is_integer = is_integer
+        layout%variable = [layout%variable, variable]
+    end subroutine add
+
+    !> Units of rates.
+    pure function per(unit, suffix) result(rate)
+        character(len=*), intent(in) :: unit(:)
+        character(len=*), intent(in) :: suffix     !! "/s" or "/s2"
+        character(len=unit_len) :: rate(size(unit))
+        integer :: i
+
+        do i = 1, size(unit)
+            rate(i) = trim(unit(i))//suffix
+        end do
+    end function per
+
+    !> The distinct units in order of appearance: "N, N m".
+    pure function distinct(unit) result(text)
+        character(len=*), intent(in) :: unit(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ""
+        do i = 1, size(unit)
+            if (any(unit(:i - 1) == unit(i))) cycle
+            if (len(text) > 0) text = text//", "
+            text = text//trim(unit(i))
+        end do
+    end function distinct
+
+    !> A block with a place for every variable of the layout, pointing nowhere yet.
+    subroutine prepare_block(layout, block)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(out) :: block
+
+        allocate (block%of(size(layout%variable)))
+    end subroutine prepare_block
+
+    !> Place of a variable in the layout; 0 if it is not there.
+    pure integer function variable_index(layout, id) result(place)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: id              !! one of `result_*`
+
+        do place = size(layout%variable), 1, -1
+            if (layout%variable(place)%id == id) return
+        end do
+    end function variable_index
+
+    !> How many values one sample of a variable has.
+    pure integer function samples_width(layout, variable) result(width)
+        type(layout_type), intent(in) :: layout
+        type(variable_type), intent(in) :: variable
+
+        width = product(layout%dimension(variable%dim(2:variable%n_dim))%size)
+    end function samples_width
+
+    !> Speed and power of every actuator from the rates of the joint variables.
+    pure subroutine find_driving_power(layout, driving_force, joint_rate, speed, power)
+        type(layout_type), intent(in) :: layout
+        real(wp), intent(in) :: driving_force(:, :)    !! [N, N m] (n_actuator, n)
+        real(wp), intent(in) :: joint_rate(:, :)       !! [m/s, rad/s] (n_variable, n)
+        real(wp), intent(out) :: speed(:, :)           !! [m/s, rad/s] (n_actuator, n)
+        real(wp), intent(out) :: power(:, :)           !! [W] (n_actuator, n)
+        integer :: i
+
+        do i = 1, size(speed, 2)
+            speed(:, i) = joint_rate(layout%actuator_variable, i)
+            power(:, i) = speed(:, i)*driving_force(:, i)
+        end do
+    end subroutine find_driving_power
+
+    pure function list_of(names) result(text)
+        character(len=*), intent(in) :: names(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = trim(names(1))
+        do i = 2, size(names)
+            text = text//", "//trim(names(i))
+        end do
+    end function list_of
+end module linkdyn_results

@@ -1,0 +1,533 @@
+!> Flat layer for f2py: handles instead of objects, explicit shapes, code and message last.
+!>
+!> Text goes in and comes out as its bytes (UTF-8), one integer each, so that any character survives
+!> and f2py need not know texts of unknown length. Batches go as flat arrays in C order (sample
+!> slowest), which is Fortran order with the sample last: nothing is copied. An array that
+!> is not wanted, or empty, has one element: f2py refuses none.
+!> Kinds here are c_double and c_int only: f2py takes any other real kind for a C float.
+module linkdyn_f2py_api
+    use, intrinsic :: iso_c_binding, only: c_double, c_int
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use linkdyn_builder, only: build_model
+    use linkdyn_description, only: scene_as_json, layout_as_json
+    use linkdyn_explain, only: explain_model
+    use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, choose_solver
+    use linkdyn_model, only: model_type
+    use linkdyn_motion, only: evaluate_motion
+    use linkdyn_results, only: layout_type, wanted_type, describe_results, choose_wanted, find_driving_power
+    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link
+    use linkdyn_scene_reader, only: parse_scene
+    use linkdyn_status, only: status_type, fail, status_bad_input, status_internal
+    use linkdyn_suggest, only: suggestion
+    use linkdyn_text, only: to_text, quoted
+    use linkdyn_version, only: version
+    implicit none
+    private
+    public :: api_version, api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_describe_results
+    public :: api_explain, api_motion, api_inverse, api_poses
+
+    integer, parameter :: status_stale_handle = 7   !! beside the engine's codes: the scene was closed
+
+    !> An open scene. Pointed to, so that the list can grow while a batch runs.
+    type :: model_box
+        type(model_type), pointer :: model => null()
+    end type model_box
+
+    type(model_box), allocatable, save :: opened(:)   !! place = handle; a closed one stays empty
+
+contains
+
+    subroutine api_version(text)
+        character(len=32), intent(out) :: text
+
+        text = version
+    end subroutine api_version
+
+    !> Read and plan a scene given as text.
+    subroutine api_open(n_text, text, n_file, file, n_folder, folder, handle, code, message)
+        integer(c_int), intent(in) :: n_text, n_file, n_folder
+        integer(c_int), intent(in) :: text(n_text)      ! the scene file
+        integer(c_int), intent(in) :: file(n_file)      ! its name in messages
+        integer(c_int), intent(in) :: folder(n_folder)  ! where its tables lie
+        integer(c_int), intent(out) :: handle
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(scene_type) :: scene
+        type(status_type) :: status
+
+        handle = 0
+        call parse_scene(from_bytes(text), from_bytes(file), from_bytes(folder), scene, status)
+        if (status%code == 0) call register_scene(scene, handle, status)
+        if (status%code /= 0) call name_file(from_bytes(file), status)
+        call report(status, code, message)
+    end subroutine api_open
+
+    !> A second scene: the first one with loads at more markers, given as "link.marker" lines.
+    subroutine api_add_loads(handle, n_names, names, new_handle, code, message)
+        integer(c_int), intent(in) :: handle, n_names
+        integer(c_int), intent(in) :: names(n_names)
+        integer(c_int), intent(out) :: new_handle
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(scene_type) :: scene
+        type(status_type) :: status
+        character(len=:), allocatable :: rest
+        integer :: line_end
+
+        new_handle = 0
+        call find_model(handle, model, status)
+        if (status%code == 0) then
+            scene = model%scene
+            rest = from_bytes(names)
+            do while (len(rest) > 0 .and. status%code == 0)
+                line_end = index(rest, new_line("a"))
+                if (line_end == 0) line_end = len(rest) + 1
+                call add_load(rest(:line_end - 1), scene, status)
+                rest = rest(min(line_end, len(rest)) + 1:)
+            end do
+            if (status%code == 0) call register_scene(scene, new_handle, status)
+        end if
+        call report(status, code, message)
+    end subroutine api_add_loads
+
+    !> Forget a scene.
+    subroutine api_close(handle, code, message)
+        integer(c_int), intent(in) :: handle
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+
+        call find_model(handle, model, status)
+        if (status%code == 0) then
+            !$omp critical (linkdyn_registry)
+            nullify (opened(handle)%model)
+            !$omp end critical (linkdyn_registry)
+            deallocate (model)
+        end if
+        call report(status, code, message)
+    end subroutine api_close
+
+    !> Counts that shapes are made of.
+    subroutine api_sizes(handle, n_coordinate, n_actuator, n_joint, n_component, n_variable, n_load, n_link, code, message)
+        integer(c_int), intent(in) :: handle
+        integer(c_int), intent(out) :: n_coordinate, n_actuator, n_joint, n_component, n_variable, n_load, n_link
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+
+        n_coordinate = 0
+        n_actuator = 0
+        n_joint = 0
+        n_component = 0
+        n_variable = 0
+        n_load = 0
+        n_link = 0
+        call find_model(handle, model, status)
+        if (status%code == 0) then
+            n_coordinate = model%n_q
+            n_actuator = model%n_actuator
+            n_joint = model%n_joint
+            n_component = model%n_component
+            n_variable = model%n_variable
+            n_load = model%n_load
+            n_link = model%n_link
+        end if
+        call report(status, code, message)
+    end subroutine api_sizes
+
+    !> The scene as JSON. If `length` exceeds the capacity nothing is copied: call again with room.
+    subroutine api_describe_scene(handle, capacity, text, length, code, message)
+        integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: capacity
+        integer(c_int), intent(inout) :: text(capacity)
+        integer(c_int), intent(out) :: length
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+
+        length = 0
+        call find_model(handle, model, status)
+        if (status%code == 0) call to_bytes(scene_as_json(model%scene), text, length)
+        call report(status, code, message)
+    end subroutine api_describe_scene
+
+    !> Dimensions and variables of the results as JSON; text as in `api_describe_scene`.
+    subroutine api_describe_results(handle, want, has_time, capacity, text, length, code, message)
+        integer(c_int), intent(in) :: handle
+        character(len=*), intent(in) :: want               ! "all" or names with commas
+        integer(c_int), intent(in) :: has_time             ! 1: samples are instants
+        integer(c_int), intent(in) :: capacity
+        integer(c_int), intent(inout) :: text(capacity)
+        integer(c_int), intent(out) :: length
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(layout_type) :: layout
+        type(wanted_type) :: wanted
+        type(status_type) :: status
+
+        length = 0
+        call find_model(handle, model, status)
+        if (status%code == 0) call choose_wanted(want, wanted, status)
+        if (status%code == 0) then
+            call describe_results(model%scene, wanted, has_time /= 0, layout)
+            call to_bytes(layout_as_json(layout), text, length)
+        end if
+        call report(status, code, message)
+    end subroutine api_describe_results
+
+    !> The report of `linkdyn explain`; text as in `api_describe_scene`.
+    subroutine api_explain(handle, capacity, text, length, code, message)
+        integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: capacity
+        integer(c_int), intent(inout) :: text(capacity)
+        integer(c_int), intent(out) :: length
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+        character(len=:), allocatable :: written
+        integer :: unit, size_written, outcome
+
+        length = 0
+        call find_model(handle, model, status)
+        if (status%code == 0) then
+            open (newunit=unit, status="scratch", access="stream", form="formatted", action="readwrite", iostat=outcome)
+            if (outcome == 0) then
+                call explain_model(model, unit)
+                inquire (unit=unit, pos=size_written)
+                allocate (character(len=size_written - 1) :: written)
+                call read_back(unit, written)
+                close (unit)
+                call to_bytes(written, text, length)
+            else
+                call fail(status, status_internal, "explain: no scratch file can be opened")
+            end if
+        end if
+        call report(status, code, message)
+    end subroutine api_explain
+
+    !> Coordinates, their derivatives and the loads of the scene at given instants.
+    subroutine api_motion(handle, n, t, n_q_values, q, qd, qdd, n_load_values, load, code, message)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: n, n_q_values, n_load_values
+        real(c_double), intent(in) :: t(n)                                 ! [s]
+        real(c_double), intent(inout), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)  ! (n_q, n)
+        real(c_double), intent(inout), target :: load(n_load_values)       ! (6, n_load, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :)
+
+        call find_model(handle, model, status)
+        if (status%code == 0) call check_size("q", n_q_values, model%n_q*n, status)
+        if (status%code == 0) call check_size("load", n_load_values, max(1, 6*model%n_load*n), status)
+        if (status%code == 0) then
+            q2(1:model%n_q, 1:n) => q
+            qd2(1:model%n_q, 1:n) => qd
+            qdd2(1:model%n_q, 1:n) => qdd
+            load3(1:6, 1:model%n_load, 1:n) => load
+            call evaluate_motion(model, t, q2, qd2, qdd2, load3)
+        end if
+        call report(status, code, message)
+    end subroutine api_motion
+
+    !> Inverse dynamics of a batch.
+    subroutine api_inverse(handle, solver, threads, first, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
+            n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
+            n_variable, joint_variable, joint_rate, n_check, rcond, error, power_imbalance, sample_status, code, message)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: handle
+        character(len=*), intent(in) :: solver
+        integer(c_int), intent(in) :: threads
+        integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
+        integer(c_int), intent(in) :: wanted(5)            ! 1: driving force, power, reaction, joint variables, checks
+        integer(c_int), intent(in) :: n                    ! samples
+        integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
+        real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
+        real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
+        real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
+        real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
+        real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
+        real(c_double), intent(inout), target :: joint_variable(n_variable), joint_rate(n_variable)  ! (n_variable, n)
+        real(c_double), intent(inout), target :: rcond(n_check), error(n_check), power_imbalance(n_check)  ! (n)
+        integer(c_int), intent(inout), target :: sample_status(n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+        type(inverse_options) :: options
+        type(inverse_results) :: results
+        type(layout_type) :: layout
+        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
+        real(c_double), allocatable, target :: own_force(:, :), own_variable(:, :), own_rate(:, :)
+
+        call find_model(handle, model, status)
+        if (status%code == 0) then                         ! the first failure stays
+            call choose_solver(trim(solver), options%solver, status)
+            call check_size("q", n_q_values, model%n_q*n, status)
+            call check_size("load", n_load_values, max(1, 6*model%n_load*n), status)
+            call check_size("driving_force", n_driving, model%n_actuator*n, status, wanted(1))
+            call check_size("driving_power", n_power, model%n_actuator*n, status, wanted(2))
+            call check_size("reaction", n_reaction, model%n_component*model%n_joint*n, status, wanted(3))
+            call check_size("joint_variable", n_variable, model%n_variable*n, status, wanted(4))
+            call check_size("rcond", n_check, n, status, wanted(5))
+        end if
+        if (status%code == 0) then
+            call check_finite("q", model, first, n, q, status)
+            call check_finite("qd", model, first, n, qd, status)
+            call check_finite("qdd", model, first, n, qdd, status)
+            call check_finite_loads(model, first, n, load, status)
+        end if
+        if (status%code == 0) then
+            options%threads = threads
+            q2(1:model%n_q, 1:n) => q
+            qd2(1:model%n_q, 1:n) => qd
+            qdd2(1:model%n_q, 1:n) => qdd
+            load3(1:6, 1:model%n_load, 1:n) => load
+            results%status => sample_status
+            if (wanted(1) == 1) results%driving_force(1:model%n_actuator, 1:n) => driving_force
+            if (wanted(3) == 1) results%reaction(1:model%n_component, 1:model%n_joint, 1:n) => reaction
+            if (wanted(4) == 1) then
+                results%joint_variable(1:model%n_variable, 1:n) => joint_variable
+                results%joint_rate(1:model%n_variable, 1:n) => joint_rate
+            end if
+            if (wanted(5) == 1) then
+                results%rcond => rcond
+                results%error => error
+                results%power_imbalance => power_imbalance
+            end if
+            if (wanted(2) == 1 .and. wanted(1) /= 1) then
+                allocate (own_force(model%n_actuator, n))
+                results%driving_force => own_force
+            end if
+            if (wanted(2) == 1 .and. wanted(4) /= 1) then
+                allocate (own_variable(model%n_variable, n), own_rate(model%n_variable, n))
+                results%joint_variable => own_variable
+                results%joint_rate => own_rate
+            end if
+            call run_inverse(model, options, q2, qd2, qdd2, load3, results, status)
+            if (status%code == 0 .and. wanted(2) == 1) then
+                speed2(1:model%n_actuator, 1:n) => driving_speed
+                power2(1:model%n_actuator, 1:n) => driving_power
+                call describe_results(model%scene, wanted_type(), .false., layout)
+                call find_driving_power(layout, results%driving_force, results%joint_rate, speed2, power2)
+            end if
+        end if
+        call report(status, code, message)
+    end subroutine api_inverse
+
+    !> Position of the origin and rotation matrix of every moving link.
+    subroutine api_poses(handle, n, n_q_values, q, n_position, position, n_rotation, rotation, sample_status, code, message)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: n, n_q_values, n_position, n_rotation
+        real(c_double), intent(in), target :: q(n_q_values)                  ! (n_q, n)
+        real(c_double), intent(inout), target :: position(n_position)        ! (3, n_link, n)
+        real(c_double), intent(inout), target :: rotation(n_rotation)        ! (3, 3, n_link, n)
+        integer(c_int), intent(inout), target :: sample_status(n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+        type(inverse_options) :: options
+        type(inverse_results) :: results
+        real(c_double), pointer :: q2(:, :)
+        real(c_double), allocatable :: rest(:, :), load(:, :, :)
+
+        call find_model(handle, model, status)
+        if (status%code == 0) call check_size("q", n_q_values, model%n_q*n, status)
+        if (status%code == 0) call check_size("position", n_position, 3*model%n_link*n, status)
+        if (status%code == 0) call check_size("rotation", n_rotation, 9*model%n_link*n, status)
+        if (status%code == 0) call check_finite("q", model, 0, n, q, status)
+        if (status%code == 0) then
+            q2(1:model%n_q, 1:n) => q
+            results%status => sample_status
+            results%position(1:3, 1:model%n_link, 1:n) => position
+            results%rotation(1:3, 1:3, 1:model%n_link, 1:n) => rotation
+            allocate (rest(model%n_q, n), load(6, model%n_load, n))
+            rest = 0
+            load = 0
+            call run_inverse(model, options, q2, rest, rest, load, results, status)
+        end if
+        call report(status, code, message)
+    end subroutine api_poses
+
+    !> Plan a scene and keep it.
+    subroutine register_scene(scene, handle, status)
+        type(scene_type), intent(in) :: scene
+        integer(c_int), intent(out) :: handle
+        type(status_type), intent(inout) :: status
+        type(model_type), pointer :: model
+        type(model_box), allocatable :: longer(:)
+
+        handle = 0
+        allocate (model)
+        call build_model(scene, model, status)
+        if (status%code /= 0) then
+            deallocate (model)
+            return
+        end if
+        !$omp critical (linkdyn_registry)
+        if (.not. allocated(opened)) allocate (opened(0))
+        allocate (longer(size(opened) + 1))
+        longer(:size(opened)) = opened
+        call move_alloc(longer, opened)
+        handle = size(opened)
+        opened(handle)%model => model
+        !$omp end critical (linkdyn_registry)
+    end subroutine register_scene
+
+    subroutine find_model(handle, model, status)
+        integer(c_int), intent(in) :: handle
+        type(model_type), pointer, intent(out) :: model
+        type(status_type), intent(out) :: status
+
+        nullify (model)
+        !$omp critical (linkdyn_registry)
+        if (allocated(opened)) then
+            if (handle >= 1 .and. handle <= size(opened)) model => opened(handle)%model
+        end if
+        !$omp end critical (linkdyn_registry)
+        if (.not. associated(model)) call fail(status, status_stale_handle, "this scene was closed")
+    end subroutine find_model
+
+    !> A load of unknown value on the marker "link.marker".
+    subroutine add_load(name, scene, status)
+        character(len=*), intent(in) :: name
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(load_spec) :: load
+        character(len=2*name_len), allocatable :: known(:)
+        integer :: i, j
+
+        allocate (known(0))
+        do i = 1, size(scene%link)
+            do j = 1, size(scene%link(i)%marker)
+                known = [character(len=2*name_len) :: known, &
+                    trim(scene%link(i)%name)//"."//trim(scene%link(i)%marker(j)%name)]
+                if (known(size(known)) /= name) cycle
+                load%name = name
+                load%link = i
+                load%marker = j
+                scene%load = [scene%load, load]
+                return
+            end do
+        end do
+        call fail(status, status_bad_input, "wrench: no marker "//quoted(name)// &
+            " on a moving link (expected ""link.marker"")"//suggestion(name, known))
+    end subroutine add_load
+
+    subroutine check_size(name, given, expected, status, wanted)
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: given, expected
+        type(status_type), intent(inout) :: status
+        integer(c_int), intent(in), optional :: wanted     ! 0: any size will do
+
+        if (present(wanted)) then
+            if (wanted == 0) return
+        end if
+        if (given /= expected) call fail(status, status_bad_input, name//": "//to_text(given)// &
+            " values given (expected "//to_text(expected)//")")
+    end subroutine check_size
+
+    !> NaN or infinite input is refused by name and place.
+    subroutine check_finite(name, model, first, n, values, status)
+        character(len=*), intent(in) :: name
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first, n
+        real(c_double), intent(in) :: values(model%n_q, n)
+        type(status_type), intent(inout) :: status
+        integer :: i, k
+
+        do i = 1, n
+            if (all(ieee_is_finite(values(:, i)))) cycle
+            do k = 1, model%n_q
+                if (.not. ieee_is_finite(values(k, i))) call fail(status, status_bad_input, name//"["// &
+                    to_text(first + i - 1)//", "//to_text(k - 1)//"] (coordinate "// &
+                    quoted(model%scene%coordinate(k)%name)//") is not a finite number")
+            end do
+            return
+        end do
+    end subroutine check_finite
+
+    subroutine check_finite_loads(model, first, n, values, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first, n
+        real(c_double), intent(in) :: values(6, model%n_load, n)
+        type(status_type), intent(inout) :: status
+        integer :: i, k
+
+        do i = 1, n
+            if (all(ieee_is_finite(values(:, :, i)))) cycle
+            do k = 1, model%n_load
+                if (.not. all(ieee_is_finite(values(:, k, i)))) call fail(status, status_bad_input, "wrench "// &
+                    quoted(model%scene%load(k)%name)//": sample "//to_text(first + i - 1)//" is not a finite number")
+            end do
+            return
+        end do
+    end subroutine check_finite_loads
+
+    !> The planner knows no file: put its name in front.
+    subroutine name_file(file, status)
+        character(len=*), intent(in) :: file
+        type(status_type), intent(inout) :: status
+
+        if (index(status%message, trim(file)//":") /= 1) status%message = trim(file)//": "//status%message
+    end subroutine name_file
+
+    subroutine report(status, code, message)
+        type(status_type), intent(in) :: status
+        integer(c_int), intent(out) :: code
+        character(len=*), intent(out) :: message
+
+        code = status%code
+        message = status%message
+    end subroutine report
+
+    function from_bytes(bytes) result(text)
+        integer(c_int), intent(in) :: bytes(:)     ! 0 .. 255
+        character(len=size(bytes)) :: text
+        integer :: i
+
+        do i = 1, size(bytes)
+            text(i:i) = achar(bytes(i))
+        end do
+    end function from_bytes
+
+    subroutine to_bytes(text, bytes, length)
+        character(len=*), intent(in) :: text
+        integer(c_int), intent(inout) :: bytes(:)
+        integer(c_int), intent(out) :: length
+        integer :: i
+
+        length = len(text)
+        if (length > size(bytes)) return
+        do i = 1, length
+            bytes(i) = iachar(text(i:i))
+        end do
+    end subroutine to_bytes
+
+    !> All that was written to a formatted stream, line by line.
+    subroutine read_back(unit, text)
+        integer, intent(in) :: unit
+        character(len=*), intent(out) :: text
+        character(len=len(text)) :: line
+        integer :: place, outcome, length
+
+        rewind (unit)
+        place = 0
+        do
+            read (unit, "(a)", iostat=outcome, size=length, advance="no") line
+            if (outcome > 0 .or. is_iostat_end(outcome)) exit
+            text(place + 1:) = line(:length)//new_line("a")
+            place = place + length + 1
+        end do
+    end subroutine read_back
+end module linkdyn_f2py_api

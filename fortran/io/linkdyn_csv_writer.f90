@@ -1,0 +1,184 @@
+!> Results into a CSV file: one row a sample, one column a number, names with units in the first row.
+!>
+!> Numbers have 17 significant digits, so reading them back gives the same doubles.
+module linkdyn_csv_writer
+    use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, writing_failed
+    use linkdyn_results, only: layout_type, block_type, variable_type, samples_width
+    use linkdyn_status, only: status_type, sample_status_name
+    implicit none (type, external)
+    private
+    public :: csv_writer, create_csv, put_csv, close_csv, abandon_csv
+
+    character(len=*), parameter :: number_form = "(es24.16e3)"
+
+    !> An open file.
+    type :: csv_writer
+        private
+        type(output_file) :: file
+        integer :: unit = 0
+        logical :: is_open = .false.
+    end type csv_writer
+
+contains
+
+    !> Start a file with its row of names.
+    subroutine create_csv(target, layout, writer, status)
+        character(len=*), intent(in) :: target
+        type(layout_type), intent(in) :: layout
+        type(csv_writer), intent(out) :: writer
+        type(status_type), intent(inout) :: status   !! input or output error: file and reason
+        character(len=256) :: reason
+        integer :: code
+
+        call open_output(target, .true., writer%file, status)
+        if (.not. status%is_ok()) return
+        open (newunit=writer%unit, file=trim(writer%file%part), access="stream", form="formatted", &
+            action="write", status=merge("old    ", "replace", writer%file%is_direct), iostat=code, iomsg=reason)
+        if (code /= 0) then
+            call writing_failed(writer%file, reason, status)
+            return
+        end if
+        writer%is_open = .true.
+        write (writer%unit, "(a)", iostat=code, iomsg=reason) header(layout)
+        if (code /= 0) call writing_failed(writer%file, reason, status)
+    end subroutine create_csv
+
+    !> Append one block of samples.
+    subroutine put_csv(layout, block, n, writer, status)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(in) :: block        !! values of every variable of the layout
+        integer, intent(in) :: n                     !! samples in the block
+        type(csv_writer), intent(inout) :: writer
+        type(status_type), intent(inout) :: status
+        character(len=256) :: reason
+        character(len=:), allocatable :: row
+        integer :: i, k, j, width, code
+
+        if (.not. status%is_ok()) return
+        do i = 1, n
+            row = ""
+            do k = 1, size(layout%variable)
+                if (layout%variable(k)%is_integer) then
+                    row = row//","//trim(sample_status_name(block%of(k)%integer(i)))
+                    cycle
+                end if
+                width = samples_width(layout, layout%variable(k))
+                do j = (i - 1)*width + 1, i*width
+                    row = row//","//number(k, j)
+                end do
+            end do
+            write (writer%unit, "(a)", iostat=code, iomsg=reason) row(2:)
+            if (code /= 0) then
+                call writing_failed(writer%file, reason, status)
+                return
+            end if
+        end do
+    contains
+        function number(variable, place) result(text)
+            integer, intent(in) :: variable, place
+            character(len=:), allocatable :: text
+            character(len=24) :: buffer
+
+            write (buffer, number_form) block%of(variable)%real(place)
+            text = trim(adjustl(buffer))
+        end function number
+    end subroutine put_csv
+
+    !> Finish the file and put it in its place. After a failure nothing is left behind.
+    subroutine close_csv(writer, status)
+        type(csv_writer), intent(inout) :: writer
+        type(status_type), intent(inout) :: status
+        character(len=256) :: reason
+        integer :: code
+
+        if (status%is_ok()) then
+            flush (writer%unit, iostat=code, iomsg=reason)
+            if (code /= 0) call writing_failed(writer%file, reason, status)
+        end if
+        if (.not. status%is_ok()) then
+            call abandon_csv(writer)
+            return
+        end if
+        close (writer%unit, iostat=code, iomsg=reason)
+        writer%is_open = .false.
+        if (code /= 0) call writing_failed(writer%file, reason, status)
+        if (status%is_ok()) then
+            call commit_output(writer%file, status)
+        else
+            call discard_output(writer%file)
+        end if
+    end subroutine close_csv
+
+    !> Give up: nothing is left behind.
+    subroutine abandon_csv(writer)
+        type(csv_writer), intent(inout) :: writer
+        integer :: code
+
+        call discard_output(writer%file)
+        if (writer%is_open) close (writer%unit, iostat=code)
+        writer%is_open = .false.
+    end subroutine abandon_csv
+
+    !> "time [s],q platform.x [m],...,reaction leg1.S Fx [N],..."
+    function header(layout) result(row)
+        type(layout_type), intent(in) :: layout
+        character(len=:), allocatable :: row
+        integer :: k
+
+        row = ""
+        do k = 1, size(layout%variable)
+            call append_columns(layout, layout%variable(k), row)
+        end do
+        row = row(2:)
+    end function header
+
+    subroutine append_columns(layout, variable, row)
+        type(layout_type), intent(in) :: layout
+        type(variable_type), intent(in) :: variable
+        character(len=:), allocatable, intent(inout) :: row
+        integer :: j
+
+        do j = 1, samples_width(layout, variable)
+            row = row//","//field(trim(variable%name)//entry_name(layout, variable, j))
+        end do
+    end subroutine append_columns
+
+    !> " leg1.S Fx [N]" for the place of a value within its sample.
+    function entry_name(layout, variable, place) result(text)
+        type(layout_type), intent(in) :: layout
+        type(variable_type), intent(in) :: variable
+        integer, intent(in) :: place
+        character(len=:), allocatable :: text
+        integer :: k, rest, entry
+
+        text = ""
+        rest = place - 1
+        do k = variable%n_dim, 2, -1
+            associate (dimension => layout%dimension(variable%dim(k)))
+                entry = mod(rest, dimension%size) + 1
+                rest = rest/dimension%size
+                text = " "//trim(dimension%label(entry))//text
+            end associate
+        end do
+        if (.not. variable%is_integer) text = text//" ["// &
+            trim(variable%entry_unit(mod(place - 1, size(variable%entry_unit)) + 1))//"]"
+    end function entry_name
+
+    !> A field in quotes where it must be.
+    pure function field(text) result(quoted)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: quoted
+        integer :: i
+
+        if (scan(text, '",') == 0) then
+            quoted = text
+            return
+        end if
+        quoted = '"'
+        do i = 1, len(text)
+            if (text(i:i) == '"') quoted = quoted//'"'
+            quoted = quoted//text(i:i)
+        end do
+        quoted = quoted//'"'
+    end function field
+end module linkdyn_csv_writer

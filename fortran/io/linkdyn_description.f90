@@ -1,0 +1,244 @@
+!> A scene and the layout of its results as JSON: how other languages learn names, units and shapes.
+module linkdyn_description
+    use linkdyn_kinds, only: wp
+    use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
+    use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, &
+        joint_kind_name, law_none
+    use linkdyn_status, only: sample_status_name
+    implicit none (type, external)
+    private
+    public :: scene_as_json, layout_as_json
+
+contains
+
+    !> What a drawing or a script needs to know of the scene. Link 0 is the frame.
+    function scene_as_json(scene) result(text)
+        type(scene_type), intent(in) :: scene
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = "{"//pair("title", string(scene%title))//","//pair("file", string(scene%file))//","// &
+            pair("planar", logical_value(scene%planar))//","//pair("gravity", numbers(scene%gravity))//","// &
+            pair("has_motion", logical_value(has_motion(scene)))//","// &
+            pair("time", "{"//pair("first", number(scene%time%first))//","//pair("last", number(scene%time%last))// &
+            ","//pair("n_sample", integer_value(scene%time%n_sample))//"}")
+        text = text//',"links":['//link_object(scene%frame, "frame")
+        do i = 1, size(scene%link)
+            text = text//","//link_object(scene%link(i), trim(scene%link(i)%name))
+        end do
+        text = text//'],"joints":['
+        do i = 1, size(scene%joint)
+            text = text//separator(i)//joint_object(scene, scene%joint(i))
+        end do
+        text = text//'],"coordinates":['
+        do i = 1, size(scene%coordinate)
+            text = text//separator(i)//named(scene%coordinate(i)%name, scene%coordinate(i)%unit)
+        end do
+        text = text//'],"actuators":['
+        do i = 1, size(scene%actuator)
+            text = text//separator(i)//named(scene%actuator(i)%name, scene%actuator(i)%unit)
+        end do
+        text = text//'],"loads":['
+        do i = 1, size(scene%load)
+            text = text//separator(i)//load_object(scene, scene%load(i))
+        end do
+        text = text//"]}"
+    end function scene_as_json
+
+    !> Dimensions with labels and units, variables with their dimensions: see `linkdyn_results`.
+    function layout_as_json(layout) result(text)
+        type(layout_type), intent(in) :: layout
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = '{"dimensions":['
+        do i = dim_sample, n_dimension
+            text = text//separator(i)//dimension_object(layout%dimension(i))
+        end do
+        text = text//'],"variables":['
+        do i = 1, size(layout%variable)
+            text = text//separator(i)//variable_object(layout, layout%variable(i))
+        end do
+        text = text//'],'//pair("status", strings(sample_status_name))//"}"
+    end function layout_as_json
+
+    !> True if every coordinate has a law of motion.
+    pure logical function has_motion(scene)
+        type(scene_type), intent(in) :: scene
+
+        has_motion = all(scene%coordinate%motion%kind /= law_none)
+    end function has_motion
+
+    function link_object(link, name) result(text)
+        type(link_spec), intent(in) :: link
+        character(len=*), intent(in) :: name
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = "{"//pair("name", string(name))//","//pair("mass", number(link%mass))//","// &
+            pair("cog", numbers(link%cog))//","//pair("inertia", numbers(link%inertia))//',"markers":['
+        if (allocated(link%marker)) then
+            do i = 1, size(link%marker)
+                text = text//separator(i)//marker_object(link%marker(i))
+            end do
+        end if
+        text = text//"]}"
+    end function link_object
+
+    function marker_object(marker) result(text)
+        type(marker_spec), intent(in) :: marker
+        character(len=:), allocatable :: text
+
+        text = "{"//pair("name", string(marker%name))//","//pair("at", numbers(marker%at))//","// &
+            pair("axis", numbers(marker%axis))//"}"
+    end function marker_object
+
+    function joint_object(scene, joint) result(text)
+        type(scene_type), intent(in) :: scene
+        type(joint_spec), intent(in) :: joint
+        character(len=:), allocatable :: text
+
+        text = "{"//pair("name", string(joint%name))//","//pair("type", string(joint_kind_name(joint%kind)))//","// &
+            '"links":['//integer_value(joint%link(1))//","//integer_value(joint%link(2))//'],"markers":['// &
+            string(marker_name(scene, joint%link(1), joint%marker(1)))//","// &
+            string(marker_name(scene, joint%link(2), joint%marker(2)))//"]}"
+    end function joint_object
+
+    function load_object(scene, load) result(text)
+        type(scene_type), intent(in) :: scene
+        type(load_spec), intent(in) :: load
+        character(len=:), allocatable :: text
+
+        text = "{"//pair("name", string(load%name))//","//pair("link", integer_value(load%link))//","// &
+            pair("marker", string(marker_name(scene, load%link, load%marker)))//","// &
+            pair("axes", string(merge("link ", "world", load%axes == axes_link)))//"}"
+    end function load_object
+
+    function marker_name(scene, link, marker) result(name)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: link, marker
+        character(len=:), allocatable :: name
+
+        if (link == frame_link) then
+            name = trim(scene%frame%marker(marker)%name)
+        else
+            name = trim(scene%link(link)%marker(marker)%name)
+        end if
+    end function marker_name
+
+    function dimension_object(dimension) result(text)
+        type(dimension_type), intent(in) :: dimension
+        character(len=:), allocatable :: text
+
+        text = "{"//pair("name", string(dimension%name))
+        if (allocated(dimension%label)) text = text//","//pair("labels", strings(dimension%label))
+        if (allocated(dimension%unit)) text = text//","//pair("units", strings(dimension%unit))
+        text = text//"}"
+    end function dimension_object
+
+    function variable_object(layout, variable) result(text)
+        type(layout_type), intent(in) :: layout
+        type(variable_type), intent(in) :: variable
+        character(len=:), allocatable :: text
+
+        text = "{"//pair("name", string(variable%name))//","//pair("long_name", string(variable%long_name))//","// &
+            pair("units", string(variable%units))//","//pair("is_integer", logical_value(variable%is_integer))//","// &
+            pair("dims", strings(layout%dimension(variable%dim(:variable%n_dim))%name))//"}"
+    end function variable_object
+
+    function named(name, unit) result(text)
+        character(len=*), intent(in) :: name, unit
+        character(len=:), allocatable :: text
+
+        text = "{"//pair("name", string(name))//","//pair("unit", string(unit))//"}"
+    end function named
+
+    pure function separator(i) result(text)
+        integer, intent(in) :: i
+        character(len=:), allocatable :: text
+
+        text = ","
+        if (i == 1) text = ""
+    end function separator
+
+    pure function pair(key, value) result(text)
+        character(len=*), intent(in) :: key, value
+        character(len=:), allocatable :: text
+
+        text = '"'//key//'":'//value
+    end function pair
+
+    !> A JSON string: quotes, backslashes and control characters escaped, blanks at the end dropped.
+    pure function string(value) result(text)
+        character(len=*), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=6) :: escape
+        integer :: i
+
+        text = '"'
+        do i = 1, len_trim(value)
+            select case (value(i:i))
+            case ('"', "\")
+                text = text//"\"//value(i:i)
+            case (achar(0):achar(31))
+                write (escape, '("\u", z4.4)') iachar(value(i:i))
+                text = text//escape
+            case default
+                text = text//value(i:i)
+            end select
+        end do
+        text = text//'"'
+    end function string
+
+    pure function strings(values) result(text)
+        character(len=*), intent(in) :: values(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = "["
+        do i = 1, size(values)
+            text = text//separator(i)//string(values(i))
+        end do
+        text = text//"]"
+    end function strings
+
+    !> Enough digits to read the same number back.
+    pure function number(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=48) :: buffer
+        character(len=16) :: form
+
+        write (form, "('(es48.', i0, 'e4)')") precision(1.0_wp) + 2
+        write (buffer, form) value
+        text = trim(adjustl(buffer))
+    end function number
+
+    pure function numbers(values) result(text)
+        real(wp), intent(in) :: values(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = "["
+        do i = 1, size(values)
+            text = text//separator(i)//number(values(i))
+        end do
+        text = text//"]"
+    end function numbers
+
+    pure function integer_value(value) result(text)
+        integer, intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=12) :: buffer
+
+        write (buffer, "(i0)") value
+        text = trim(buffer)
+    end function integer_value
+
+    pure function logical_value(value) result(text)
+        logical, intent(in) :: value
+        character(len=:), allocatable :: text
+
+        text = trim(merge("true ", "false", value))
+    end function logical_value
+end module linkdyn_description

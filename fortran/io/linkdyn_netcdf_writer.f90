@@ -1,0 +1,267 @@
+!> Results into a netCDF-4 file, chunk by chunk of samples.
+!>
+!> The file describes itself: every variable has its unit and meaning, every dimension its labels,
+!> and the scene is kept as an attribute. Uncompressed variables lie contiguously, compressed ones
+!> in chunks of about 1 MiB that whole blocks of samples fill.
+module linkdyn_netcdf_writer
+    use, intrinsic :: iso_fortran_env, only: real64
+    use linkdyn_kinds, only: wp
+    use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, writing_failed
+    use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, &
+        dim_sample, n_dimension
+    use linkdyn_status, only: status_type, n_sample_status, sample_status_name
+    use netcdf, only: nf90_create, nf90_def_dim, nf90_def_var, nf90_def_var_deflate, nf90_def_var_fill, nf90_put_att, &
+        nf90_put_var, nf90_close, nf90_strerror, nf90_netcdf4, nf90_clobber, nf90_char, nf90_double, &
+        nf90_int, nf90_global, nf90_noerr, nf90_unlimited
+    implicit none (type, external)
+    private
+    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf, abandon_netcdf
+
+    integer, parameter :: chunk_values = 131072   !! values in a compressed chunk at most: 1 MiB
+    integer, parameter :: longest_chunk = 16384   !! samples in a chunk at most
+
+    !> What is said of the run as a whole.
+    type :: attributes_type
+        character(len=:), allocatable :: title
+        character(len=:), allocatable :: version
+        character(len=:), allocatable :: solver
+        character(len=:), allocatable :: scene     !! text of the scene file
+        character(len=:), allocatable :: history   !! when and by which command
+        real(wp) :: gravity(3) = 0                 !! [m/s2]
+    end type attributes_type
+
+    !> An open file.
+    type :: netcdf_writer
+        private
+        type(output_file) :: file
+        integer :: id = 0
+        integer, allocatable :: variable_id(:)     !! in the order of the layout
+        logical :: is_open = .false.
+    end type netcdf_writer
+
+contains
+
+    !> Start a file: dimensions, labels, attributes; no values yet.
+    subroutine create_netcdf(target, layout, n_sample, attributes, deflate, writer, status)
+        character(len=*), intent(in) :: target
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: n_sample              !! 0: unknown, the file grows
+        type(attributes_type), intent(in) :: attributes
+        integer, intent(in) :: deflate               !! compression 0 (none) to 9
+        type(netcdf_writer), intent(out) :: writer
+        type(status_type), intent(inout) :: status   !! input or output error: file and reason
+        integer :: dimension_id(n_dimension), i
+
+        call open_output(target, .false., writer%file, status)
+        if (.not. status%is_ok()) return
+        call check(nf90_create(trim(writer%file%part), ior(nf90_netcdf4, nf90_clobber), writer%id), writer, status)
+        if (.not. status%is_ok()) return
+        writer%is_open = .true.
+        call check(nf90_def_dim(writer%id, trim(layout%dimension(dim_sample)%name), &
+            merge(nf90_unlimited, n_sample, n_sample == 0), dimension_id(dim_sample)), writer, status)
+        do i = dim_sample + 1, n_dimension
+            if (.not. any_uses(layout, i)) cycle
+            call check(nf90_def_dim(writer%id, trim(layout%dimension(i)%name), layout%dimension(i)%size, &
+                dimension_id(i)), writer, status)
+        end do
+        allocate (writer%variable_id(size(layout%variable)))
+        do i = 1, size(layout%variable)
+            call define_variable(layout, layout%variable(i), n_sample, dimension_id, deflate, writer, &
+                writer%variable_id(i), status)
+        end do
+        call put_attributes(layout, attributes, writer, status)
+        call put_labels(layout, dimension_id, writer, status)
+    end subroutine create_netcdf
+
+    !> Store one block of samples.
+    subroutine put_netcdf(layout, block, first, n, writer, status)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(in) :: block        !! values of every variable of the layout
+        integer, intent(in) :: first                 !! number of the block's first sample, from 1
+        integer, intent(in) :: n                     !! samples in the block
+        type(netcdf_writer), intent(inout) :: writer
+        type(status_type), intent(inout) :: status
+        integer :: i, k, n_dim, start(3), count(3), code
+
+        if (.not. status%is_ok()) return
+        do i = 1, size(layout%variable)
+            associate (variable => layout%variable(i))
+                n_dim = variable%n_dim
+                start(:n_dim) = 1
+                start(n_dim) = first
+                count(:n_dim) = [(layout%dimension(variable%dim(k))%size, k=n_dim, 2, -1), n]
+                if (variable%is_integer) then
+                    code = nf90_put_var(writer%id, writer%variable_id(i), block%of(i)%integer, &
+                        start(:n_dim), count(:n_dim))
+                else
+                    code = nf90_put_var(writer%id, writer%variable_id(i), real(block%of(i)%real, real64), &
+                        start(:n_dim), count(:n_dim))
+                end if
+            end associate
+            call check(code, writer, status)
+            if (.not. status%is_ok()) return
+        end do
+    end subroutine put_netcdf
+
+    !> Finish the file and put it in its place. After a failure nothing is left behind.
+    subroutine close_netcdf(writer, status)
+        type(netcdf_writer), intent(inout) :: writer
+        type(status_type), intent(inout) :: status
+
+        if (writer%is_open .and. status%is_ok()) then
+            call check(nf90_close(writer%id), writer, status)
+            writer%is_open = .false.
+        end if
+        if (status%is_ok()) then
+            call commit_output(writer%file, status)
+        else
+            call abandon_netcdf(writer)
+        end if
+    end subroutine close_netcdf
+
+    !> Give up: nothing is left behind.
+    subroutine abandon_netcdf(writer)
+        type(netcdf_writer), intent(inout) :: writer
+
+        call discard_output(writer%file)
+        writer%is_open = .false.
+    end subroutine abandon_netcdf
+
+    subroutine define_variable(layout, variable, n_sample, dimension_id, deflate, writer, id, status)
+        type(layout_type), intent(in) :: layout
+        type(variable_type), intent(in) :: variable
+        integer, intent(in) :: n_sample, dimension_id(:), deflate
+        type(netcdf_writer), intent(inout) :: writer
+        integer, intent(out) :: id
+        type(status_type), intent(inout) :: status
+        integer :: dims(variable%n_dim), chunk(variable%n_dim), kind, no_fill
+
+        if (.not. status%is_ok()) return
+        dims = dimension_id(variable%dim(variable%n_dim:1:-1))
+        kind = merge(nf90_int, nf90_double, variable%is_integer)
+        if (deflate == 0 .and. n_sample > 0) then
+            call check(nf90_def_var(writer%id, trim(variable%name), kind, dims, id, contiguous=.true.), writer, status)
+        else
+            chunk = layout%dimension(variable%dim(variable%n_dim:1:-1))%size
+            chunk(variable%n_dim) = chunk_length(samples_width(layout, variable), n_sample)
+            call check(nf90_def_var(writer%id, trim(variable%name), kind, dims, id, chunksizes=chunk), writer, status)
+            if (deflate > 0) call check(nf90_def_var_deflate(writer%id, id, 1, 1, deflate), writer, status)
+        end if
+        if (.not. status%is_ok()) return
+        no_fill = 1                                 ! every value is written: no need to fill the file first
+        call check(nf90_def_var_fill(writer%id, id, no_fill, 0), writer, status)
+        call check(nf90_put_att(writer%id, id, "long_name", trim(variable%long_name)), writer, status)
+        call check(nf90_put_att(writer%id, id, "units", trim(variable%units)), writer, status)
+        if (variable%is_integer) call put_flags(writer, id, status)
+    end subroutine define_variable
+
+    !> Samples in a compressed chunk: a power of two, so that blocks of samples fill whole chunks.
+    pure integer function chunk_length(width, n_sample) result(length)
+        integer, intent(in) :: width, n_sample
+
+        length = longest_chunk
+        do while (length > 1 .and. (length*width > chunk_values .or. (n_sample > 0 .and. length/2 >= n_sample)))
+            length = length/2
+        end do
+        if (n_sample > 0) length = min(length, n_sample)
+    end function chunk_length
+
+    !> Codes of the samples and their names.
+    subroutine put_flags(writer, id, status)
+        type(netcdf_writer), intent(in) :: writer
+        integer, intent(in) :: id
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: meanings
+        integer :: i
+
+        meanings = ""
+        do i = 0, n_sample_status - 1
+            meanings = meanings//" "//trim(sample_status_name(i))
+        end do
+        call check(nf90_put_att(writer%id, id, "flag_values", [(i, i=0, n_sample_status - 1)]), writer, status)
+        call check(nf90_put_att(writer%id, id, "flag_meanings", meanings(2:)), writer, status)
+    end subroutine put_flags
+
+    subroutine put_attributes(layout, attributes, writer, status)
+        type(layout_type), intent(in) :: layout
+        type(attributes_type), intent(in) :: attributes
+        type(netcdf_writer), intent(in) :: writer
+        type(status_type), intent(inout) :: status
+
+        call put_text("title", attributes%title)
+        call put_text("linkdyn_version", attributes%version)
+        call put_text("space", trim(merge("planar ", "spatial", layout%planar)))
+        call put_text("solver", attributes%solver)
+        call check(nf90_put_att(writer%id, nf90_global, "gravity", &
+            real(attributes%gravity(:merge(2, 3, layout%planar)), real64)), writer, status)
+        call put_text("scene", attributes%scene)
+        call put_text("history", attributes%history)
+    contains
+        subroutine put_text(name, text)
+            character(len=*), intent(in) :: name, text
+
+            call check(nf90_put_att(writer%id, nf90_global, name, text), writer, status)
+        end subroutine put_text
+    end subroutine put_attributes
+
+    !> Labels and units of the dimensions that the variables use.
+    subroutine put_labels(layout, dimension_id, writer, status)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: dimension_id(:)
+        type(netcdf_writer), intent(in) :: writer
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        do i = dim_sample + 1, n_dimension
+            if (.not. any_uses(layout, i) .or. .not. status%is_ok()) cycle
+            associate (dimension => layout%dimension(i))
+                call put_strings(trim(dimension%name), dimension%label, dimension_id(i), writer, status)
+                if (allocated(dimension%unit)) call put_strings(trim(dimension%name)//"_unit", &
+                    dimension%unit, dimension_id(i), writer, status)
+            end associate
+        end do
+    end subroutine put_labels
+
+    !> One row of names. Ended by zeros, not blanks, and marked as UTF-8: xarray then shows plain strings.
+    subroutine put_strings(name, strings, dimension_id, writer, status)
+        character(len=*), intent(in) :: name, strings(:)
+        integer, intent(in) :: dimension_id
+        type(netcdf_writer), intent(in) :: writer
+        type(status_type), intent(inout) :: status
+        character(len=max(1, maxval(len_trim(strings)))) :: padded(size(strings))
+        integer :: i, length_id, id
+
+        do i = 1, size(strings)
+            padded(i) = trim(strings(i))//repeat(achar(0), len(padded) - len_trim(strings(i)))
+        end do
+        if (.not. status%is_ok()) return
+        call check(nf90_def_dim(writer%id, name//"_length", len(padded), length_id), writer, status)
+        call check(nf90_def_var(writer%id, name, nf90_char, [length_id, dimension_id], id), writer, status)
+        call check(nf90_put_att(writer%id, id, "_Encoding", "utf-8"), writer, status)
+        if (.not. status%is_ok()) return
+        call check(nf90_put_var(writer%id, id, padded), writer, status)
+    end subroutine put_strings
+
+    pure logical function any_uses(layout, dimension)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: dimension
+        integer :: i
+
+        any_uses = .false.
+        do i = 1, size(layout%variable)
+            associate (variable => layout%variable(i))
+                any_uses = any_uses .or. any(variable%dim(:variable%n_dim) == dimension)
+            end associate
+        end do
+    end function any_uses
+
+    !> Turn a netCDF code into a status.
+    subroutine check(code, writer, status)
+        integer, intent(in) :: code
+        type(netcdf_writer), intent(in) :: writer
+        type(status_type), intent(inout) :: status
+
+        if (code == nf90_noerr .or. .not. status%is_ok()) return
+        call writing_failed(writer%file, nf90_strerror(code), status)
+    end subroutine check
+end module linkdyn_netcdf_writer
