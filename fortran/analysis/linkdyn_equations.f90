@@ -1,0 +1,367 @@
+!> The solvers of inverse dynamics on one block of lanes, all fed by the one assembler.
+!>
+!> `gauss-jordan`: the lecture's dense method on the lecture's equations. `lapack`: dense with equilibration and
+!> refinement on the same equations. `elimination`: the planned sparse elimination, the default. `reduced`: virtual
+!> work, as many equations as coordinates, for driving forces only.
+module linkdyn_equations
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
+    use linkdyn_assembly, only: assemble_matrix, assemble_right
+    use linkdyn_dense, only: dense_workspace, solve_dense
+    use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
+    use linkdyn_elimination_run, only: run_plan, load_constants
+    use linkdyn_formulation, only: formulation_type, build_formulation, style_lecture, style_sparse
+    use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_joint_rates, only: actuator_columns, work_columns
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_motion, only: evaluate_motion
+    use linkdyn_scene, only: coordinate_pose
+    use linkdyn_slots, only: slot_store, make_slots
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, sample_singular
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block
+    public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
+
+    integer, parameter :: solver_gauss_jordan = 1, solver_lapack = 2, solver_elimination = 3, solver_reduced = 4
+    character(len=12), parameter :: solver_name(4) = &
+        [character(len=12) :: "gauss-jordan", "lapack", "elimination", "reduced"]
+
+    !> Equations ready to be solved: constant, shared by all threads.
+    type :: equations_type
+        integer :: solver = solver_elimination
+        logical :: wants_reactions = .true.
+        type(formulation_type) :: formulation
+        type(elimination_plan) :: plan
+    end type equations_type
+
+    !> Scratch and results of one block, one per thread.
+    type :: equation_workspace
+        type(kinematic_state) :: state
+        type(slot_store) :: slot
+        real(wp), allocatable :: load(:, :, :)          !! (lane, 6, n_load)
+        real(wp), allocatable :: matrix(:, :, :)        !! dense solvers: (lane, row, column)
+        real(wp), allocatable :: right(:, :, :)         !! (lane, row, 1)
+        real(wp), allocatable :: lane_matrix(:, :), lane_right(:)
+        type(dense_workspace) :: dense
+        ! ---- RESULTS
+        real(wp), allocatable :: solution(:, :)         !! (lane, unknown)
+        real(wp), allocatable :: driving_force(:, :)    !! (lane, n_actuator)
+        integer :: status(lanes) = sample_ok
+        real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
+        real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
+        integer :: n_fallback = 0                       !! lanes that the plan handed to the dense solver
+    end type equation_workspace
+
+contains
+
+    !> The solver of a name.
+    subroutine choose_solver(text, solver, status)
+        character(len=*), intent(in) :: text
+        integer, intent(out) :: solver
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        solver = solver_elimination
+        do i = 1, size(solver_name)
+            if (text == solver_name(i)) then
+                solver = i
+                return
+            end if
+        end do
+        call fail(status, status_bad_input, "solver '"//trim(text)//"' is not known (expected gauss-jordan, lapack, " &
+                  //"elimination or reduced)")
+    end subroutine choose_solver
+
+    !> Choose the formulation and, for the elimination, make the plan.
+    subroutine build_equations(model, solver, wants_reactions, equations, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: solver
+        logical, intent(in) :: wants_reactions
+        type(equations_type), intent(out) :: equations
+        type(status_type), intent(inout) :: status
+
+        equations%solver = solver
+        equations%wants_reactions = wants_reactions
+        if (solver == solver_reduced .and. wants_reactions) then
+            call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected want = driving_force)")
+            return
+        end if
+        call build_formulation(model, merge(style_sparse, style_lecture, solver == solver_elimination), &
+                               equations%formulation)
+        if (equations%formulation%n_unknown /= model%n_row) then
+            call fail(status, status_bad_input, "inverse dynamics needs as many actuators as the mechanism has freedoms: " &
+                      //to_text(model%n_actuator)//" actuator(s) for " &
+                      //to_text(model%n_actuator + model%n_row - equations%formulation%n_unknown))
+            return
+        end if
+        if (solver == solver_elimination) call plan_elimination(model, equations)
+    end subroutine build_equations
+
+    ! ---------------------------------------------------------------- the plan
+
+    !> Values at representative poses, then the plan.
+    subroutine plan_elimination(model, equations)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(inout) :: equations
+        integer, parameter :: n_wanted_pose = 32
+        type(sparse_system) :: system
+        type(equation_workspace) :: workspace
+        real(wp) :: value(lanes, size(equations%formulation%entry))
+        real(wp), allocatable :: good(:, :)
+        integer :: block, lane, k, n_good
+        logical :: is_good
+
+        call prepare_kinematics(model, 0, workspace%state)
+        call make_slots(equations%formulation%n_slot + 1, workspace%slot)
+        allocate (good(n_wanted_pose, size(value, 2)))
+        n_good = 0
+        do block = 1, 8*n_wanted_pose/lanes + 8
+            call representative_poses(model, block, workspace%state)
+            call evaluate_kinematics(model, workspace%state)
+            call assemble_matrix(model, equations%formulation, workspace%state, workspace%slot%value)
+            do k = 1, size(value, 2)
+                associate (entry => equations%formulation%entry(k))
+                    value(:, k) = entry%value
+                    if (entry%slot > 0) value(:, k) = workspace%slot%value(:, entry%slot)
+                end associate
+            end do
+            do lane = 1, lanes
+                is_good = .not. workspace%state%unreachable(lane) .and. all(ieee_is_finite(value(lane, :)))
+                if (.not. is_good .or. n_good == n_wanted_pose) cycle
+                n_good = n_good + 1
+                good(n_good, :) = value(lane, :)
+            end do
+            if (n_good == n_wanted_pose) exit
+        end do
+        call workspace%slot%free()
+        if (n_good == 0) return
+
+        associate (formulation => equations%formulation)
+            system%n = formulation%n_unknown
+            system%row = formulation%entry%row
+            system%column = formulation%entry%column
+            system%slot = formulation%entry%slot
+            system%value = good(:n_good, :)
+            system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%has_right((k - 1)/6 + 1)), k=1, model%n_row)]
+            allocate (system%is_wanted(system%n))
+            system%is_wanted = equations%wants_reactions
+            system%is_wanted(formulation%drive_column) = .true.
+        end associate
+        call make_plan(system, equations%plan)
+    end subroutine plan_elimination
+
+    !> A block of poses that stand for the scene: its motion, and for every other pose a step away from it, so that
+    !> no entry is small merely because the motion is special.
+    subroutine representative_poses(model, block, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: block
+        type(kinematic_state), intent(inout) :: state
+        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp   !! spreads points evenly at any count
+        real(wp), parameter :: turn_step = 0.4_wp, length_step = 0.1_wp               !! [rad], [part of the scene's size]
+        real(wp) :: q(model%n_q, 1), qd(model%n_q, 1), qdd(model%n_q, 1), load(6, model%n_load, 1), t(1), step, number
+        integer :: lane, k
+
+        do lane = 1, lanes
+            number = real((block - 1)*lanes + lane, wp)
+            t = model%scene%time%first + modulo(number*golden, 1.0_wp)*(model%scene%time%last - model%scene%time%first)
+            call evaluate_motion(model, t, q, qd, qdd, load)
+            do k = 1, model%n_q
+                state%q(lane, k) = q(k, 1)
+                if (modulo(lane, 2) == 1) cycle
+                step = turn_step
+                if (model%scene%coordinate(k)%unit == "m") step = length_step*scene_size(model)
+                state%q(lane, k) = q(k, 1) + step*(2*modulo(number*golden*(k + 1) + 0.37_wp*k, 1.0_wp) - 1)
+            end do
+        end do
+        state%qd = 0
+        state%qdd = 0
+    end subroutine representative_poses
+
+    !> A length typical of the scene: the largest distance of a marker from the origin of its link.
+    pure real(wp) function scene_size(model)
+        type(model_type), intent(in) :: model
+        integer :: j, side
+
+        scene_size = 0
+        do j = 1, model%n_joint
+            do side = 1, 2
+                scene_size = max(scene_size, norm2(model%joint(j)%point(:, side)))
+            end do
+        end do
+    end function scene_size
+
+    ! ---------------------------------------------------------------- one block
+
+    !> Make room for one thread.
+    subroutine prepare_workspace(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(out) :: workspace
+        integer :: n
+
+        n = equations%formulation%n_unknown
+        call prepare_kinematics(model, merge(model%n_q, 0, equations%solver == solver_reduced), workspace%state)
+        call make_slots(max(equations%formulation%n_slot + model%n_row, equations%plan%n_slot), workspace%slot)
+        if (equations%plan%is_complete) call load_constants(equations%plan, workspace%slot%value)
+        allocate (workspace%load(lanes, 6, model%n_load), workspace%solution(lanes, n), &
+                  workspace%driving_force(lanes, model%n_actuator))
+        workspace%load = 0
+        workspace%solution = 0
+        select case (equations%solver)
+        case (solver_gauss_jordan)
+            allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
+        case (solver_lapack, solver_elimination)
+            allocate (workspace%lane_matrix(n, n), workspace%lane_right(n))
+            call workspace%dense%prepare(n)
+        case (solver_reduced)
+            allocate (workspace%matrix(lanes, model%n_q, model%n_actuator), workspace%right(lanes, model%n_q, 1))
+        end select
+    end subroutine prepare_workspace
+
+    !> Kinematics, assembly and solution of the block whose coordinates and loads are in the workspace.
+    subroutine solve_block(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: k
+
+        workspace%rcond = ieee_value(1.0_wp, ieee_quiet_nan)
+        workspace%error = workspace%rcond
+        workspace%growth = workspace%rcond
+        call evaluate_kinematics(model, workspace%state)
+        workspace%status = merge(sample_unreachable, sample_ok, workspace%state%unreachable)
+        if (equations%solver == solver_reduced) then
+            call solve_reduced(model, workspace)
+            return
+        end if
+        associate (formulation => equations%formulation)
+            call assemble_matrix(model, formulation, workspace%state, workspace%slot%value)
+            call assemble_right(model, formulation, workspace%state, workspace%load, formulation%n_slot, workspace%slot%value)
+            select case (equations%solver)
+            case (solver_gauss_jordan)
+                call solve_by_gauss_jordan(model, formulation, workspace)
+            case (solver_lapack)
+                do k = 1, lanes
+                    if (workspace%status(k) == sample_ok) call solve_lane(model, formulation, workspace, k)
+                end do
+            case default
+                call solve_by_plan(model, equations, workspace)
+            end select
+            do k = 1, model%n_actuator
+                workspace%driving_force(:, k) = workspace%solution(:, formulation%drive_column(k))
+            end do
+        end associate
+    end subroutine solve_block
+
+    subroutine solve_by_plan(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp) :: alarm(lanes), total(lanes)
+        integer :: k, lane
+
+        alarm = huge(1.0_wp)
+        if (equations%plan%is_complete) then
+            call run_plan(equations%plan, workspace%slot%value, alarm)
+            total = 0
+            do k = 1, equations%formulation%n_unknown
+                associate (slot => equations%plan%solution_slot(k))
+                    if (slot == 0) cycle
+                    workspace%solution(:, k) = equations%plan%solution_sign(k)*workspace%slot%value(:, slot)
+                end associate
+                total = total + abs(workspace%solution(:, k))
+            end do
+            ! A sum that is not finite, or an alarm: the fixed pivots have failed on this lane.
+            where (.not. total <= huge(1.0_wp)) alarm = huge(1.0_wp)
+        end if
+        if (all(alarm <= 1)) return
+        do lane = 1, lanes
+            if (alarm(lane) <= 1 .or. workspace%status(lane) /= sample_ok) cycle
+            call solve_lane(model, equations%formulation, workspace, lane)
+            workspace%n_fallback = workspace%n_fallback + 1
+        end do
+    end subroutine solve_by_plan
+
+    !> One lane by the dense solver, from the same slots.
+    subroutine solve_lane(model, formulation, workspace, lane)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(equation_workspace), intent(inout) :: workspace
+        integer, intent(in) :: lane
+        logical :: is_singular
+        integer :: k
+
+        workspace%lane_matrix = 0
+        do k = 1, size(formulation%entry)
+            associate (entry => formulation%entry(k))
+                if (entry%slot == 0) then
+                    workspace%lane_matrix(entry%row, entry%column) = entry%value
+                else
+                    workspace%lane_matrix(entry%row, entry%column) = workspace%slot%value(lane, entry%slot)
+                end if
+            end associate
+        end do
+        workspace%lane_right = 0
+        do k = 1, model%n_row
+            if (formulation%has_right((k - 1)/6 + 1)) &
+                workspace%lane_right(k) = workspace%slot%value(lane, formulation%n_slot + k)
+        end do
+        if (.not. all(ieee_is_finite(workspace%lane_matrix)) .or. .not. all(ieee_is_finite(workspace%lane_right))) then
+            workspace%status(lane) = sample_unreachable
+            return
+        end if
+        call solve_dense(workspace%dense, workspace%lane_matrix, workspace%lane_right, workspace%rcond(lane), &
+                         workspace%error(lane), is_singular)
+        if (is_singular) workspace%status(lane) = sample_singular
+        workspace%solution(lane, :) = workspace%lane_right
+    end subroutine solve_lane
+
+    subroutine solve_by_gauss_jordan(model, formulation, workspace)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(equation_workspace), intent(inout) :: workspace
+        logical :: is_singular(lanes)
+        integer :: k
+
+        workspace%matrix = 0
+        do k = 1, size(formulation%entry)
+            associate (entry => formulation%entry(k))
+                if (entry%slot == 0) then
+                    workspace%matrix(:, entry%row, entry%column) = entry%value
+                else
+                    workspace%matrix(:, entry%row, entry%column) = workspace%slot%value(:, entry%slot)
+                end if
+            end associate
+        end do
+        workspace%right = 0
+        do k = 1, model%n_row
+            if (formulation%has_right((k - 1)/6 + 1)) workspace%right(:, k, 1) = workspace%slot%value(:, formulation%n_slot + k)
+        end do
+        call solve_gauss_jordan(formulation%n_unknown, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
+        workspace%solution = workspace%right(:, :, 1)
+        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+    end subroutine solve_by_gauss_jordan
+
+    !> Virtual work: (actuators' Jacobian)^T driving forces = work of inertia, gravity and loads per coordinate.
+    subroutine solve_reduced(model, workspace)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp) :: jacobian(lanes, model%n_actuator, model%n_q)
+        logical :: is_singular(lanes)
+        integer :: i
+
+        call actuator_columns(model, workspace%state, jacobian)
+        call work_columns(model, workspace%state, workspace%load, workspace%right(:, :, 1))
+        do i = 1, model%n_actuator
+            workspace%matrix(:, :, i) = jacobian(:, i, :)
+        end do
+        call solve_gauss_jordan(model%n_q, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
+        workspace%driving_force = workspace%right(:, :, 1)
+        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+    end subroutine solve_reduced
+end module linkdyn_equations

@@ -1,0 +1,204 @@
+!> The one assembler: values of the varying matrix entries and of the right-hand sides, for any scene and style.
+!>
+!> Equations of link l, in the axes and about the point of the formulation:
+!>     sum of joint wrenches (unknown) = inertia wrench - gravity - external loads (known).
+module linkdyn_assembly
+    use linkdyn_formulation, only: formulation_type, wrench_column, incidence_type, entry_group
+    use linkdyn_joint_motion, only: turn_frame
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_newton_euler, only: inertia_wrench
+    use linkdyn_scene, only: axes_link
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.cross.), &
+        operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
+    implicit none (type, external)
+    private
+    public :: assemble_matrix, assemble_right, column_direction, link_wrench
+
+contains
+
+    ! ---------------------------------------------------------------- matrix
+
+    !> Fill slots 1..n_slot with the varying entries.
+    subroutine assemble_matrix(model, formulation, state, slot)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(inout) :: slot(lanes, *)
+        type(vec3) :: arm, direction
+        integer :: i, g, o
+
+        do i = 1, size(formulation%incidence)
+            associate (incidence => formulation%incidence(i))
+                if (.not. incidence%is_active) cycle
+                o = model%link(incidence%link)%orientation
+                if (any(incidence%group%needs_arm)) then
+                    arm = vec3_of(incidence%arm)
+                    if (incidence%slides) arm = arm + state%slide(:, incidence%joint)*vec3_of(incidence%arm_slide)
+                    if (.not. formulation%row_in_link(incidence%link)) arm = state%rotation(o).rotate.arm
+                end if
+                do g = 1, size(incidence%group)
+                    associate (group => incidence%group(g))
+                        if (any(group%slide_slot > 0)) &
+                            call put_slide(group, state%slide(:, incidence%joint), slot)
+                        if (.not. group%needs_direction) cycle
+                        direction = column_direction(model, formulation%column(group%column), state)
+                        if (formulation%row_in_link(incidence%link)) &
+                            direction = state%rotation(o).unrotate.direction
+                        if (incidence%sign < 0) direction = -direction
+                        call put(group%force_slot, direction, slot)
+                        if (group%needs_arm) call put(group%moment_slot, arm.cross.direction, slot)
+                    end associate
+                end do
+            end associate
+        end do
+    end subroutine assemble_matrix
+
+    !> Direction of an unknown in world axes.
+    pure function column_direction(model, column, state) result(direction)
+        type(model_type), intent(in) :: model
+        type(wrench_column), intent(in) :: column
+        type(kinematic_state), intent(in) :: state
+        type(vec3) :: direction
+
+        if (column%is_normal) then
+            direction = universal_normal(model, column%joint, state)
+        else if (column%orientation == 0) then
+            direction = vec3_of(column%direction)
+        else
+            associate (r => state%rotation(column%orientation))
+                select case (column%unit_axis)
+                case (1)
+                    direction = r%x
+                case (2)
+                    direction = r%y
+                case (3)
+                    direction = r%z
+                case default
+                    direction = r.rotate.column%direction
+                end select
+            end associate
+        end if
+    end function column_direction
+
+    !> Square to both axes of a universal joint: the axis of the moment it transmits.
+    pure function universal_normal(model, j, state) result(normal)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+        type(kinematic_state), intent(in) :: state
+        type(vec3) :: normal
+        type(vec3) :: axis(2)
+        integer :: side
+
+        associate (joint => model%joint(j))
+            do side = 1, 2
+                if (joint%link(side) == 0) then
+                    axis(side) = vec3_of(joint%frame(:, 3, side))
+                else
+                    axis(side) = state%rotation(model%link(joint%link(side))%orientation).rotate.joint%frame(:, 3, side)
+                end if
+            end do
+        end associate
+        normal = axis(1).cross.axis(2)
+    end function universal_normal
+
+    pure subroutine put(where_to, v, slot)
+        integer, intent(in) :: where_to(3)
+        type(vec3), intent(in) :: v
+        real(wp), intent(inout) :: slot(lanes, *)
+
+        if (where_to(1) > 0) slot(:, where_to(1)) = v%x
+        if (where_to(2) > 0) slot(:, where_to(2)) = v%y
+        if (where_to(3) > 0) slot(:, where_to(3)) = v%z
+    end subroutine put
+
+    pure subroutine put_slide(group, slide, slot)
+        type(entry_group), intent(in) :: group
+        real(wp), intent(in) :: slide(lanes)
+        real(wp), intent(inout) :: slot(lanes, *)
+        integer :: k
+
+        do k = 1, 3
+            if (group%slide_slot(k) > 0) slot(:, group%slide_slot(k)) = group%slide_fixed(k) + slide*group%slide_rate(k)
+        end do
+    end subroutine put_slide
+
+    ! ---------------------------------------------------------------- right-hand side
+
+    !> Fill the right-hand sides: slot(:, first + row) for every row that is not zero by rule.
+    subroutine assemble_right(model, formulation, state, load, first, slot)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)         !! (lane, 6, n_load): force and moment, axes as in the scene [N, N m]
+        integer, intent(in) :: first
+        real(wp), intent(inout) :: slot(lanes, *)
+        type(vec3) :: force, moment
+        integer :: l, row, o
+
+        do l = 1, model%n_link
+            if (.not. formulation%has_right(l)) cycle
+            call link_wrench(model, l, formulation%moment_point(:, l), state, load, force, moment)
+            if (.not. formulation%row_in_link(l)) then
+                o = model%link(l)%orientation
+                force = state%rotation(o).rotate.force
+                moment = state%rotation(o).rotate.moment
+            end if
+            row = first + 6*(l - 1)
+            slot(:, row + 1) = force%x
+            slot(:, row + 2) = force%y
+            slot(:, row + 3) = force%z
+            slot(:, row + 4) = moment%x
+            slot(:, row + 5) = moment%y
+            slot(:, row + 6) = moment%z
+        end do
+    end subroutine assemble_right
+
+    !> What the joints must supply to a link: inertia less gravity less loads, link axes, about `point`.
+    subroutine link_wrench(model, l, point, state, load, force, moment)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: l
+        real(wp), intent(in) :: point(3)
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)
+        type(vec3), intent(out) :: force, moment
+        integer :: i, o
+
+        o = model%link(l)%orientation
+        if (model%link(l)%is_massless) then
+            force = zero_vec3()
+            moment = force
+        else
+            call inertia_wrench(model%link(l), point, state%acceleration_body(0, l) - state%gravity_body(o), &
+                                state%omega_body(o), state%alpha_body(0, o), force, moment)
+        end if
+        do i = 1, model%n_load
+            if (model%scene%load(i)%link == l) call subtract_load(model, i, point, state%rotation(o), load, force, moment)
+        end do
+    end subroutine link_wrench
+
+    subroutine subtract_load(model, i, point, rotation, load, force, moment)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        real(wp), intent(in) :: point(3)
+        type(mat3), intent(in) :: rotation
+        real(wp), intent(in) :: load(:, :, :)
+        type(vec3), intent(inout) :: force, moment
+        type(vec3) :: f, m
+        real(wp) :: arm(3)
+
+        f = vec3(load(:, 1, i), load(:, 2, i), load(:, 3, i))
+        m = vec3(load(:, 4, i), load(:, 5, i), load(:, 6, i))
+        associate (spec => model%scene%load(i))
+            if (spec%axes /= axes_link) then
+                f = rotation.unrotate.f
+                m = rotation.unrotate.m
+            end if
+            arm = model%scene%link(spec%link)%marker(spec%marker)%at - point
+        end associate
+        force = force - f
+        moment = moment - m + (f.cross.arm)
+    end subroutine subtract_load
+end module linkdyn_assembly

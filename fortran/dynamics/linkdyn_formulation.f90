@@ -1,0 +1,586 @@
+!> How the equations are written down: in which axes and about which points, which entries are constant, which vary.
+!>
+!> The equations of motion of a link may be written in world axes or in its own, its moments taken about any of its
+!> points; a joint's reaction may be resolved along any axes that suit the joint. None of this changes a force, but it
+!> changes how many entries of the matrix vary or vanish. Two styles share everything else:
+!> `style_lecture`: world axes and centres of mass, as on the slides; what the dense solvers and the teaching view use;
+!> `style_sparse`: axes and points chosen, link by link and joint by joint, for the cheapest equations.
+!>
+!> Whether an entry is zero, constant or varying is decided here by rule, not by looking at numbers.
+module linkdyn_formulation
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
+    implicit none (type, external)
+    private
+    public :: formulation_type, wrench_column, entry_group, incidence_type, matrix_entry
+    public :: build_formulation, style_lecture, style_sparse, n_force_of, n_moment_of
+
+    integer, parameter :: style_lecture = 1, style_sparse = 2
+
+    ! Transmitted forces and moments by kind of joint: revolute, prismatic, cylindrical, universal, spherical.
+    integer, parameter :: n_force_of(5) = [3, 2, 2, 3, 3]
+    integer, parameter :: n_moment_of(5) = [2, 3, 2, 1, 0]
+
+    ! Weights of the search for cheap equations, in flops: what an entry costs the elimination, a rotation, a cross product.
+    integer, parameter :: cost_constant = 1, cost_varying = 4, cost_rotation = 15, cost_cross = 9
+
+    !> One unknown: a force or moment of a joint along a direction.
+    type :: wrench_column
+        integer :: joint = 0
+        logical :: is_moment = .false.
+        logical :: is_drive = .false.
+        logical :: is_normal = .false.         !! square to both axes of a universal joint; `direction` is not used
+        integer :: orientation = 0             !! axes in which `direction` is fixed; 0: world
+        real(wp) :: direction(3) = 0
+        integer :: unit_axis = 0               !! k if `direction` is axis k itself
+    end type wrench_column
+
+    !> A nonzero of the matrix.
+    type :: matrix_entry
+        integer :: row = 0, column = 0
+        integer :: slot = 0                    !! where its value stands; 0: constant
+        real(wp) :: value = 0                  !! of a constant
+    end type matrix_entry
+
+    !> What one unknown contributes to the six equations of one link.
+    type :: entry_group
+        integer :: column = 0
+        logical :: needs_direction = .false.   !! some slot needs the direction in row axes
+        logical :: needs_arm = .false.         !! some slot needs arm x direction
+        integer :: force_slot(3) = 0           !! direction into the force rows (or the moment rows of a moment)
+        integer :: moment_slot(3) = 0          !! arm x direction into the moment rows
+        integer :: slide_slot(3) = 0           !! fixed + slide*rate into the moment rows
+        real(wp) :: slide_fixed(3) = 0, slide_rate(3) = 0
+    end type entry_group
+
+    !> A joint seen from one of its links.
+    type :: incidence_type
+        integer :: joint = 0, link = 0
+        real(wp) :: sign = 1                   !! the reaction acts on the second link, its opposite on the first
+        real(wp) :: arm(3) = 0                 !! from the moment point to the joint point, link axes
+        real(wp) :: arm_slide(3) = 0           !! what a unit slide adds to it
+        logical :: has_arm = .false., slides = .false., is_active = .false.
+        type(entry_group), allocatable :: group(:)
+    end type incidence_type
+
+    !> The equations of a model in one style.
+    type :: formulation_type
+        integer :: style = 0
+        integer :: n_unknown = 0
+        integer :: n_slot = 0                              !! varying entries
+        logical, allocatable :: row_in_link(:)             !! equations in link axes, not world axes     (n_link)
+        real(wp), allocatable :: moment_point(:, :)        !! link axes                                  (3, n_link)
+        integer, allocatable :: force_axes(:)              !! 0 world, 1 or 2: of that link's marker     (n_joint)
+        integer, allocatable :: moment_axes(:)             !! the same for moments                       (n_joint)
+        integer, allocatable :: first_column(:)            !! unknowns of joint j: first_column(j)+1 ... (n_joint+1)
+        integer, allocatable :: drive_column(:)            !!                                            (n_actuator)
+        type(wrench_column), allocatable :: column(:)      !!                                            (n_unknown)
+        type(incidence_type), allocatable :: incidence(:)  !!                                            (2 n_joint)
+        type(matrix_entry), allocatable :: entry(:)
+        logical, allocatable :: has_right(:)               !! right-hand side of a link's rows is not zero by rule (n_link)
+    end type formulation_type
+
+contains
+
+    !> Choose the style's axes and points and describe every entry.
+    subroutine build_formulation(model, style, formulation)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: style
+        type(formulation_type), intent(out) :: formulation
+        integer :: i
+
+        formulation%style = style
+        allocate (formulation%row_in_link(model%n_link), formulation%moment_point(3, model%n_link), &
+                  formulation%force_axes(model%n_joint), formulation%moment_axes(model%n_joint), &
+                  formulation%has_right(model%n_link))
+        formulation%row_in_link = .false.
+        formulation%has_right = .not. model%link%is_massless
+        do i = 1, model%n_load
+            if (model%scene%load(i)%link > 0) formulation%has_right(model%scene%load(i)%link) = .true.
+        end do
+        do i = 1, model%n_link
+            formulation%moment_point(:, i) = model%link(i)%cog
+        end do
+        do i = 1, model%n_joint
+            formulation%force_axes(i) = merge(0, 1, n_force_of(model%joint(i)%kind) == 3)
+            formulation%moment_axes(i) = merge(0, 1, n_moment_of(model%joint(i)%kind) == 3)
+        end do
+        call list_columns(model, formulation)
+        if (style == style_sparse) call choose_axes_and_points(model, formulation)
+        call list_columns(model, formulation)
+        call list_entries(model, formulation)
+    end subroutine build_formulation
+
+    ! ---------------------------------------------------------------- unknowns
+
+    !> The unknowns, joint by joint, driving forces last.
+    subroutine list_columns(model, formulation)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(inout) :: formulation
+        type(wrench_column) :: column(6*model%n_joint + model%n_actuator)
+        integer :: j, n
+
+        if (allocated(formulation%first_column)) deallocate (formulation%first_column, formulation%drive_column)
+        allocate (formulation%first_column(model%n_joint + 1), formulation%drive_column(model%n_actuator))
+        n = 0
+        do j = 1, model%n_joint
+            formulation%first_column(j) = n
+            call joint_columns(model, formulation, j, column, n)
+        end do
+        formulation%first_column(model%n_joint + 1) = n
+        do j = 1, model%n_actuator
+            n = n + 1
+            column(n) = drive_column_of(model, formulation, j)
+            formulation%drive_column(j) = n
+        end do
+        formulation%n_unknown = n
+        formulation%column = column(:n)
+    end subroutine list_columns
+
+    !> The reaction of one joint.
+    subroutine joint_columns(model, formulation, j, column, n)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: j
+        type(wrench_column), intent(inout) :: column(:)
+        integer, intent(inout) :: n
+        integer :: k, kind
+
+        kind = model%joint(j)%kind
+        do k = 1, n_force_of(kind)
+            n = n + 1
+            if (n_force_of(kind) == 3) then
+                column(n) = along_link_axis(model, j, formulation%force_axes(j), k)
+            else
+                column(n) = along_marker_axis(model, j, formulation%force_axes(j), k)
+            end if
+        end do
+        do k = 1, n_moment_of(kind)
+            n = n + 1
+            select case (kind)
+            case (joint_universal)
+                column(n) = wrench_column(joint=j, is_normal=.true.)
+            case (joint_prismatic)
+                column(n) = along_link_axis(model, j, formulation%moment_axes(j), k)
+            case default
+                column(n) = along_marker_axis(model, j, formulation%moment_axes(j), k)
+            end select
+            column(n)%is_moment = .true.
+        end do
+    end subroutine joint_columns
+
+    !> Driving force or torque of an actuator.
+    pure function drive_column_of(model, formulation, actuator) result(column)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: actuator
+        type(wrench_column) :: column
+        integer :: side
+
+        associate (spec => model%scene%actuator(actuator))
+            associate (kind => model%joint(spec%joint)%kind)
+                side = max(1, merge(formulation%force_axes(spec%joint), formulation%moment_axes(spec%joint), &
+                                    kind == joint_prismatic))
+                if (kind == joint_universal) side = spec%variable
+                column = along_marker_axis(model, spec%joint, side, 3)
+                column%is_moment = .not. (kind == joint_prismatic &
+                                          .or. (kind == joint_cylindrical .and. spec%variable == 2))
+            end associate
+        end associate
+        column%is_drive = .true.
+    end function drive_column_of
+
+    !> Along axis k of the world (0) or of the first or second link.
+    pure function along_link_axis(model, j, side, k) result(column)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, side, k
+        type(wrench_column) :: column
+
+        column = wrench_column(joint=j, unit_axis=k)
+        if (side > 0) column%orientation = orientation_of(model, model%joint(j)%link(side))
+        column%direction(k) = 1
+    end function along_link_axis
+
+    !> Along axis k of the marker on the first or second link.
+    pure function along_marker_axis(model, j, side, k) result(column)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, side, k
+        type(wrench_column) :: column
+        integer :: i
+
+        column = wrench_column(joint=j, orientation=orientation_of(model, model%joint(j)%link(side)))
+        column%direction = model%joint(j)%frame(:, k, side)
+        do i = 1, 3
+            if (column%direction(i) == 1 .and. count(column%direction /= 0) == 1) column%unit_axis = i
+        end do
+    end function along_marker_axis
+
+    pure integer function orientation_of(model, link)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+
+        orientation_of = 0
+        if (link > 0) orientation_of = model%link(link)%orientation
+    end function orientation_of
+
+    ! ---------------------------------------------------------------- entries
+
+    !> A joint seen from its first (1) or second (2) link, its groups described, slots not yet numbered:
+    !> a positive slot means varying, `value` holds what is constant.
+    subroutine describe_incidence(model, formulation, j, side, incidence, value)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: j, side
+        type(incidence_type), intent(inout) :: incidence
+        real(wp), intent(out) :: value(:, :)    !! constants (6, n_group)
+        integer :: n, i, c
+
+        incidence%joint = j
+        incidence%link = model%joint(j)%link(side)
+        incidence%sign = merge(-1.0_wp, 1.0_wp, side == 1)
+        incidence%is_active = incidence%link > 0
+        value = 0
+        if (.not. incidence%is_active) return
+        associate (joint => model%joint(j))
+            ! The joint point is the second link's marker; seen from the first link it slides.
+            incidence%arm = joint%point(:, side) - formulation%moment_point(:, incidence%link)
+            incidence%slides = side == 1 .and. any(joint%kind == [joint_prismatic, joint_cylindrical])
+            incidence%arm_slide = 0
+            if (incidence%slides) incidence%arm_slide = joint%frame(:, 3, 1)
+            incidence%has_arm = incidence%slides .or. any(incidence%arm /= 0)
+        end associate
+
+        n = 0
+        do c = 1, formulation%n_unknown
+            if (formulation%column(c)%joint == j) n = n + 1
+        end do
+        if (allocated(incidence%group)) then
+            if (size(incidence%group) /= n) deallocate (incidence%group)
+        end if
+        if (.not. allocated(incidence%group)) allocate (incidence%group(n))
+        i = 0
+        do c = formulation%first_column(j) + 1, formulation%first_column(j + 1)
+            i = i + 1
+            call describe_group(model, formulation, c, incidence, incidence%group(i), value(:, i))
+        end do
+        do c = formulation%first_column(model%n_joint + 1) + 1, formulation%n_unknown
+            if (formulation%column(c)%joint /= j) cycle
+            i = i + 1
+            call describe_group(model, formulation, c, incidence, incidence%group(i), value(:, i))
+        end do
+    end subroutine describe_incidence
+
+    !> One unknown in the six equations of one link.
+    subroutine describe_group(model, formulation, c, incidence, group, value)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: c
+        type(incidence_type), intent(in) :: incidence
+        type(entry_group), intent(out) :: group
+        real(wp), intent(out) :: value(6)
+        logical :: is_fixed, rows_turn, zero(3)
+        integer :: rows, k
+
+        value = 0
+        group%column = c
+        associate (column => formulation%column(c), link => model%link(incidence%link))
+            rows = merge(link%orientation, 0, formulation%row_in_link(incidence%link))
+            rows_turn = rows /= link%orientation         ! arms turn against the rows
+            is_fixed = .not. column%is_normal .and. column%orientation == rows
+            if (column%is_moment) then
+                if (is_fixed) then
+                    value(4:6) = incidence%sign*column%direction
+                else
+                    zero = .false.
+                    if (column%is_normal .and. .not. rows_turn) zero = normal_is_zero(model, column%joint, incidence%link)
+                    where (.not. zero) group%force_slot = 1
+                    group%needs_direction = .true.
+                end if
+                return
+            end if
+
+            if (is_fixed) then
+                value(1:3) = incidence%sign*column%direction
+            else
+                group%force_slot = 1
+                group%needs_direction = .true.
+            end if
+            if (.not. incidence%has_arm) return
+            if (is_fixed .and. .not. rows_turn) then
+                group%slide_fixed = incidence%sign*cross(incidence%arm, column%direction)
+                group%slide_rate = incidence%sign*cross(incidence%arm_slide, column%direction)
+                do k = 1, 3
+                    if (group%slide_rate(k) /= 0) then
+                        group%slide_slot(k) = 1
+                    else
+                        value(3 + k) = group%slide_fixed(k)
+                    end if
+                end do
+            else
+                do k = 1, 3
+                    ! Component k of arm x direction needs the other two components of the direction.
+                    if (is_fixed) then
+                        if (all(pack(column%direction, [1, 2, 3] /= k) == 0)) cycle
+                    end if
+                    group%moment_slot(k) = 1
+                end do
+                group%needs_direction = .true.
+                group%needs_arm = .true.
+            end if
+        end associate
+    end subroutine describe_group
+
+    !> Components of the normal of a universal joint that vanish in the axes of one of its links: the one along its axis.
+    pure function normal_is_zero(model, j, link) result(zero)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, link
+        logical :: zero(3)
+        integer :: side
+
+        zero = .false.
+        do side = 1, 2
+            if (model%joint(j)%link(side) /= link) cycle
+            associate (axis => model%joint(j)%frame(:, 3, side))
+                if (count(axis /= 0) == 1) zero = axis /= 0
+            end associate
+        end do
+    end function normal_is_zero
+
+    pure function cross(a, b) result(c)
+        real(wp), intent(in) :: a(3), b(3)
+        real(wp) :: c(3)
+
+        c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
+    end function cross
+
+    !> Number the varying entries and list all nonzeros.
+    subroutine list_entries(model, formulation)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(inout) :: formulation
+        type(matrix_entry), allocatable :: entry(:)
+        real(wp) :: value(6, 8)
+        integer :: j, side, i, g, n_entry
+
+        allocate (formulation%incidence(2*model%n_joint), entry(2*6*formulation%n_unknown))
+        n_entry = 0
+        formulation%n_slot = 0
+        do j = 1, model%n_joint
+            do side = 1, 2
+                i = 2*(j - 1) + side
+                call describe_incidence(model, formulation, j, side, formulation%incidence(i), value)
+                if (.not. formulation%incidence(i)%is_active) cycle
+                associate (incidence => formulation%incidence(i))
+                    do g = 1, size(incidence%group)
+                        call list_group(incidence%group(g), 6*(incidence%link - 1), &
+                                        formulation%column(incidence%group(g)%column)%is_moment, value(:, g))
+                    end do
+                end associate
+            end do
+        end do
+        formulation%entry = entry(:n_entry)
+
+    contains
+
+        subroutine list_group(group, row, is_moment, value)
+            type(entry_group), intent(inout) :: group
+            integer, intent(in) :: row
+            logical, intent(in) :: is_moment
+            real(wp), intent(in) :: value(6)
+            integer :: k
+
+            do k = 1, 3
+                call number_slot(group%force_slot(k), row + k + merge(3, 0, is_moment), group%column)
+                call number_slot(group%moment_slot(k), row + 3 + k, group%column)
+                call number_slot(group%slide_slot(k), row + 3 + k, group%column)
+            end do
+            do k = 1, 6
+                if (value(k) == 0) cycle
+                n_entry = n_entry + 1
+                entry(n_entry) = matrix_entry(row + k, group%column, 0, value(k))
+            end do
+        end subroutine list_group
+
+        subroutine number_slot(slot, row, column)
+            integer, intent(inout) :: slot
+            integer, intent(in) :: row, column
+
+            if (slot == 0) return
+            formulation%n_slot = formulation%n_slot + 1
+            slot = formulation%n_slot
+            n_entry = n_entry + 1
+            entry(n_entry) = matrix_entry(row, column, slot, 0.0_wp)
+        end subroutine number_slot
+    end subroutine list_entries
+
+    ! ---------------------------------------------------------------- the search for cheap equations
+
+    !> Improve one link or one joint at a time until nothing gets cheaper.
+    subroutine choose_axes_and_points(model, formulation)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(inout) :: formulation
+        integer, parameter :: most_sweeps = 6
+        integer :: sweep, i
+        logical :: improved
+
+        ! Start from link axes for links with two joints: their equations then hardly vary.
+        do i = 1, model%n_link
+            formulation%row_in_link(i) = count_joints(model, i) <= 2
+            if (count_joints(model, i) > 0) formulation%moment_point(:, i) = joint_point(model, i, 1)
+        end do
+        do sweep = 1, most_sweeps
+            improved = .false.
+            do i = 1, model%n_joint
+                call improve_joint(model, formulation, i, improved)
+            end do
+            do i = 1, model%n_link
+                call improve_link(model, formulation, i, improved)
+            end do
+            if (.not. improved) exit
+        end do
+    end subroutine choose_axes_and_points
+
+    pure integer function count_joints(model, link)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        integer :: j
+
+        count_joints = 0
+        do j = 1, model%n_joint
+            if (any(model%joint(j)%link == link)) count_joints = count_joints + 1
+        end do
+    end function count_joints
+
+    !> The point of the link's n-th joint, link axes.
+    pure function joint_point(model, link, n) result(point)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link, n
+        real(wp) :: point(3)
+        integer :: j, side, found
+
+        point = model%link(link)%cog
+        found = 0
+        do j = 1, model%n_joint
+            do side = 1, 2
+                if (model%joint(j)%link(side) /= link) cycle
+                found = found + 1
+                if (found == n) point = model%joint(j)%point(:, side)
+            end do
+        end do
+    end function joint_point
+
+    subroutine improve_joint(model, formulation, j, improved)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(inout) :: formulation
+        integer, intent(in) :: j
+        logical, intent(inout) :: improved
+        integer :: force, moment, kept(2), cost, best
+
+        kept = [formulation%force_axes(j), formulation%moment_axes(j)]
+        best = joint_cost(model, formulation, j)
+        do force = merge(0, 1, n_force_of(model%joint(j)%kind) == 3), 2
+            do moment = merge(0, 1, n_moment_of(model%joint(j)%kind) == 3), 2
+                formulation%force_axes(j) = force
+                formulation%moment_axes(j) = moment
+                call list_columns(model, formulation)
+                cost = joint_cost(model, formulation, j)
+                if (cost >= best) cycle
+                best = cost
+                kept = [force, moment]
+                improved = .true.
+            end do
+        end do
+        formulation%force_axes(j) = kept(1)
+        formulation%moment_axes(j) = kept(2)
+        call list_columns(model, formulation)
+    end subroutine improve_joint
+
+    !> Cost of a joint's entries in both links, and of turning its reaction into world axes.
+    integer function joint_cost(model, formulation, j)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: j
+        integer :: c
+
+        joint_cost = incidence_cost(model, formulation, j, 1) + incidence_cost(model, formulation, j, 2)
+        c = formulation%first_column(j) + 1
+        if (formulation%column(c)%orientation > 0) joint_cost = joint_cost + cost_rotation
+        c = formulation%first_column(j + 1)
+        if (formulation%column(c)%is_moment .and. formulation%column(c)%orientation > 0) &
+            joint_cost = joint_cost + cost_rotation
+    end function joint_cost
+
+    subroutine improve_link(model, formulation, link, improved)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(inout) :: formulation
+        integer, intent(in) :: link
+        logical, intent(inout) :: improved
+        real(wp) :: point(3), kept_point(3)
+        logical :: kept_row
+        integer :: n, axes, cost, best
+
+        kept_row = formulation%row_in_link(link)
+        kept_point = formulation%moment_point(:, link)
+        best = link_cost(model, formulation, link)
+        do n = 0, count_joints(model, link)
+            point = joint_point(model, link, n)    ! n = 0: the centre of mass
+            do axes = 0, 1
+                formulation%row_in_link(link) = axes == 1
+                formulation%moment_point(:, link) = point
+                cost = link_cost(model, formulation, link)
+                if (cost >= best) cycle
+                best = cost
+                kept_row = axes == 1
+                kept_point = point
+                improved = .true.
+            end do
+        end do
+        formulation%row_in_link(link) = kept_row
+        formulation%moment_point(:, link) = kept_point
+    end subroutine improve_link
+
+    !> Cost of a link's entries, and of turning its inertia into the axes of the rows.
+    integer function link_cost(model, formulation, link)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: link
+        integer :: j, side
+
+        link_cost = 0
+        if (.not. formulation%row_in_link(link)) link_cost = 2*cost_rotation
+        do j = 1, model%n_joint
+            do side = 1, 2
+                if (model%joint(j)%link(side) == link) &
+                    link_cost = link_cost + incidence_cost(model, formulation, j, side)
+            end do
+        end do
+    end function link_cost
+
+    integer function incidence_cost(model, formulation, j, side)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: j, side
+        type(incidence_type) :: incidence
+        real(wp) :: value(6, 8)
+        integer :: g
+        logical :: arm_turns
+
+        incidence_cost = 0
+        call describe_incidence(model, formulation, j, side, incidence, value)
+        if (.not. incidence%is_active) return
+        arm_turns = .false.
+        do g = 1, size(incidence%group)
+            associate (group => incidence%group(g), column => formulation%column(incidence%group(g)%column))
+                incidence_cost = incidence_cost + cost_constant*count(value(:, g) /= 0) &
+                                 + cost_varying*(sum(group%force_slot) + sum(group%moment_slot) + sum(group%slide_slot))
+                if (group%needs_direction .and. column%unit_axis == 0 .and. column%orientation > 0) &
+                    incidence_cost = incidence_cost + cost_rotation
+                if (group%needs_direction .and. formulation%row_in_link(incidence%link)) &
+                    incidence_cost = incidence_cost + cost_rotation
+                if (group%needs_arm) incidence_cost = incidence_cost + cost_cross
+                arm_turns = arm_turns .or. (group%needs_arm .and. .not. formulation%row_in_link(incidence%link))
+            end associate
+        end do
+        if (arm_turns) incidence_cost = incidence_cost + cost_rotation
+    end function incidence_cost
+end module linkdyn_formulation

@@ -1,0 +1,178 @@
+!> Joint variables and their rates, and the power balance, from the motion of the links.
+module linkdyn_joint_rates
+    use linkdyn_assembly, only: link_wrench
+    use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_point, only: point_velocity
+    use linkdyn_scene, only: joint_n_variable
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.dot.), operator(.cross.), &
+        operator(.rotate.), operator(.unrotate.)
+    implicit none (type, external)
+    private
+    public :: measure_joints, actuator_rates, actuator_columns, power_imbalance, work_columns
+
+    !> The two markers of a joint in motion, world axes.
+    type :: joint_view
+        type(mat3) :: frame(2)
+        type(vec3) :: slide         !! first to second point [m]
+        type(vec3) :: slide_rate    !! seen from the first link [m/s]
+        type(vec3) :: omega         !! second minus first link [rad/s]
+    end type joint_view
+
+contains
+
+    !> All joint variables and rates. Needs angular rates in world axes.
+    subroutine measure_joints(model, state, variable, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: variable(lanes, *), rate(lanes, *)    !! (lane, n_variable) [m, rad]
+        type(joint_view) :: view
+        real(wp) :: q(lanes, 3), qd(lanes, 3)
+        integer :: j, n
+
+        do j = 1, model%n_joint
+            call view_joint(model, state, j, state%velocity, state%omega, view)
+            call variables_of_relative(model%joint(j)%kind, view%frame(1), view%frame(2), view%slide, view%slide_rate, &
+                                       view%omega, q, qd)
+            associate (first => model%joint(j)%first_variable)
+                n = joint_n_variable(model%joint(j)%kind)
+                variable(:, first + 1:first + n) = q(:, :n)
+                rate(:, first + 1:first + n) = qd(:, :n)
+            end associate
+        end do
+    end subroutine measure_joints
+
+    !> Rate of every driven joint variable. Needs angular rates in world axes.
+    subroutine actuator_rates(model, state, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: rate(lanes, *)    !! (lane, n_actuator) [m/s, rad/s]
+        integer :: i
+
+        do i = 1, model%n_actuator
+            call actuator_rate(model, state, i, state%velocity, state%omega, rate(:, i))
+        end do
+    end subroutine actuator_rates
+
+    !> Rate of every driven joint variable for a unit rate of each coordinate: the actuators' Jacobian.
+    !> Needs the acceleration columns, which are the velocity columns too.
+    subroutine actuator_columns(model, state, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
+        integer :: i, k
+
+        do k = 1, model%n_q
+            do i = 1, model%n_actuator
+                call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
+            end do
+        end do
+    end subroutine actuator_columns
+
+    subroutine actuator_rate(model, state, i, velocity, omega, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: i
+        type(vec3), intent(in) :: velocity(0:), omega(0:)    !! of the origins and orientations, world axes
+        real(wp), intent(out) :: rate(lanes)
+        type(joint_view) :: view
+        type(vec3) :: axis
+        logical :: is_slide
+
+        associate (spec => model%scene%actuator(i))
+            call view_joint(model, state, spec%joint, velocity, omega, view)
+            call relative_axis(model%joint(spec%joint)%kind, spec%variable, view%frame(1), view%frame(2), axis, is_slide)
+        end associate
+        if (is_slide) then
+            rate = view%slide_rate.dot.axis
+        else
+            rate = view%omega.dot.axis
+        end if
+    end subroutine actuator_rate
+
+    subroutine view_joint(model, state, j, link_velocity, link_omega, view)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+        type(vec3), intent(in) :: link_velocity(0:), link_omega(0:)
+        type(joint_view), intent(out) :: view
+        type(vec3) :: point(2), velocity(2), omega(2), arm
+        integer :: side, link, o
+
+        associate (joint => model%joint(j))
+            do side = 1, 2
+                link = joint%link(side)
+                o = 0
+                if (link > 0) o = model%link(link)%orientation
+                view%frame(side) = turn_frame(state%rotation(o), joint%frame(:, :, side))
+                arm = state%rotation(o).rotate.joint%point(:, side)
+                point(side) = state%position(link) + arm
+                omega(side) = link_omega(o)
+                velocity(side) = point_velocity(link_velocity(link), omega(side), arm)
+            end do
+        end associate
+        view%slide = point(2) - point(1)
+        view%slide_rate = velocity(2) - point_velocity(velocity(1), omega(1), view%slide)
+        view%omega = omega(2) - omega(1)
+    end subroutine view_joint
+
+    !> Driving power, plus the power of the loads, less the rate of change of kinetic and potential energy; relative
+    !> to the sum of the magnitudes of all its terms. Zero for exact forces, whatever the joint reactions.
+    subroutine power_imbalance(model, state, load, driving_force, imbalance)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)             !! (lane, 6, n_load)
+        real(wp), intent(in) :: driving_force(lanes, *)   !! (lane, n_actuator)
+        real(wp), intent(out) :: imbalance(lanes)
+        real(wp), parameter :: origin(3) = 0
+        real(wp) :: rate(lanes, max(1, model%n_actuator)), term(lanes), total(lanes), magnitude(lanes)
+        type(vec3) :: force, moment, velocity
+        integer :: i, o
+
+        call actuator_rates(model, state, rate)
+        total = 0
+        magnitude = 0
+        do i = 1, model%n_actuator
+            term = driving_force(:, i)*rate(:, i)
+            total = total + term
+            magnitude = magnitude + abs(term)
+        end do
+        do i = 1, model%n_link
+            o = model%link(i)%orientation
+            call link_wrench(model, i, origin, state, load, force, moment)
+            velocity = state%rotation(o).unrotate.state%velocity(i)
+            term = force.dot.velocity
+            total = total - term
+            magnitude = magnitude + abs(term)
+            term = moment.dot.state%omega_body(o)
+            total = total - term
+            magnitude = magnitude + abs(term)
+        end do
+        imbalance = merge(total/magnitude, 0.0_wp, magnitude > 0)
+    end subroutine power_imbalance
+
+    !> What the drives must supply by virtual work: for a unit rate of each coordinate, the power of the links' inertia
+    !> less gravity and loads. No reaction enters. Needs the acceleration columns.
+    subroutine work_columns(model, state, load, work)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)              !! (lane, 6, n_load)
+        real(wp), intent(out) :: work(lanes, model%n_q)
+        real(wp), parameter :: origin(3) = 0
+        type(vec3) :: force, moment
+        integer :: i, k, o
+
+        work = 0
+        do i = 1, model%n_link
+            o = model%link(i)%orientation
+            call link_wrench(model, i, origin, state, load, force, moment)
+            do k = 1, model%n_q
+                if (.not. model%moves(k, i)) cycle
+                work(:, k) = work(:, k) + (force.dot.state%acceleration_body(k, i)) + (moment.dot.state%alpha_body(k, o))
+            end do
+        end do
+    end subroutine work_columns
+end module linkdyn_joint_rates

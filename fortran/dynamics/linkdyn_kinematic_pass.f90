@@ -1,0 +1,259 @@
+!> The kinematic program: positions, velocities and acceleration columns of all links, step by step.
+!>
+!> One pass serves every analysis. Column 0 always carries the motion prescribed by q, qd, qdd; the further columns
+!> are computed only if the state was prepared for them.
+module linkdyn_kinematic_pass
+    use linkdyn_kinds, only: wp
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, relative_axis
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups
+    use linkdyn_point, only: point_velocity, point_acceleration, point_column
+    use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy
+    use linkdyn_ups_leg, only: locate_ups_leg, move_ups_leg, accelerate_ups_leg, map_ups_column
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+        operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
+    implicit none (type, external)
+    private
+    public :: evaluate_kinematics
+
+contains
+
+    !> Run the program on the block whose coordinates are in the state.
+    subroutine evaluate_kinematics(model, state)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        integer :: i
+
+        state%unreachable = .false.
+        do i = 1, size(model%step)
+            select case (model%step(i)%kind)
+            case (step_pose)
+                call take_pose(model, model%step(i), state)
+            case (step_joint)
+                call walk_joint(model, model%step(i), state)
+            case (step_ups)
+                call close_ups_leg(model, model%step(i), state)
+            end select
+        end do
+        do i = 1, model%n_orientation
+            state%gravity_body(i) = state%rotation(i).unrotate.vec3_of(model%gravity)
+        end do
+    end subroutine evaluate_kinematics
+
+    !> A link whose pose is given by six coordinates.
+    subroutine take_pose(model, step, state)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state
+        type(rpy_rotation) :: turn
+        real(wp) :: axis(3)
+        integer :: link, o, k
+
+        link = step%link(1)
+        o = model%link(link)%orientation
+        associate (c => step%coordinate)
+            call rotate_rpy(state%q(:, c(4)), state%q(:, c(5)), state%q(:, c(6)), turn)
+            state%rotation(o) = turn%r
+            state%omega(o) = angular_velocity_rpy(turn, state%qd(:, c(4:6)))
+            state%alpha(0, o) = angular_acceleration_rpy(turn, state%qd(:, c(4:6)), state%qdd(:, c(4:6)))
+            state%position(link) = from_components(state%q(:, c(1:3)))
+            state%velocity(link) = from_components(state%qd(:, c(1:3)))
+            state%acceleration(0, link) = from_components(state%qdd(:, c(1:3)))
+            if (state%n_column > 0) then
+                do k = 1, 3
+                    axis = 0
+                    axis(k) = 1
+                    state%acceleration(c(k), link) = vec3_of(axis)
+                    state%alpha(c(k + 3), o) = vec3_of(axis)
+                end do
+            end if
+        end associate
+        call turn_into_link(model, link, state)
+    end subroutine take_pose
+
+    !> Open chain: the second link of a joint whose variables are coordinates (or the first, seen from the second).
+    subroutine walk_joint(model, step, state)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state
+        type(relative_motion) :: motion
+        type(mat3) :: first
+        type(vec3) :: arm, point, axis, slide
+        real(wp), dimension(lanes, 3) :: q, qd, qdd
+        real(wp) :: sense
+        integer :: from, to, known, link, o_known, o, i, k
+        logical :: is_slide
+
+        associate (joint => model%joint(step%joint(1)))
+            ! Walked backwards, the joint is the same joint with its variables reversed.
+            from = merge(2, 1, step%from_second)
+            to = 3 - from
+            sense = merge(-1.0_wp, 1.0_wp, step%from_second)
+            known = joint%link(from)
+            link = joint%link(to)
+            o_known = orientation_of(model, known)
+            o = model%link(link)%orientation
+            q = 0
+            qd = 0
+            qdd = 0
+            do i = 1, 3
+                if (step%coordinate(i) == 0) exit
+                q(:, i) = sense*state%q(:, step%coordinate(i))
+                qd(:, i) = sense*state%qd(:, step%coordinate(i))
+                qdd(:, i) = sense*state%qdd(:, step%coordinate(i))
+            end do
+            first = turn_frame(state%rotation(o_known), joint%frame(:, :, from))
+            call relative_by_variables(joint%kind, first, q, qd, qdd, motion)
+            state%slide(:, step%joint(1)) = sense*(motion%slide.dot.first%z)
+
+            ! Angular motion: seen from the known link, so its own rotation turns the relative rates as well.
+            ! Links that only slide on each other share it.
+            if (o /= o_known) then
+                state%omega(o) = state%omega(o_known) + motion%omega
+                state%alpha(0, o) = state%alpha(0, o_known) + motion%alpha + (state%omega(o_known).cross.motion%omega)
+                state%rotation(o) = turn_frame_back(motion%frame, joint%frame(:, :, to))
+            end if
+
+            ! The other marker's point, then the origin of its link. 2 omega x slide_rate is the Coriolis part.
+            slide = (state%rotation(o_known).rotate.joint%point(:, from)) + motion%slide
+            arm = (-1.0_wp)*(state%rotation(o).rotate.joint%point(:, to))
+            point = state%position(known) + slide
+            state%position(link) = point + arm
+            point = point_velocity(state%velocity(known), state%omega(o_known), slide) + motion%slide_rate
+            state%velocity(link) = point_velocity(point, state%omega(o), arm)
+            point = point_acceleration(state%acceleration(0, known), state%omega(o_known), &
+                                       state%alpha(0, o_known), slide) &
+                    + motion%slide_rate2 + 2.0_wp*(state%omega(o_known).cross.motion%slide_rate)
+            state%acceleration(0, link) = point_acceleration(point, state%omega(o), state%alpha(0, o), arm)
+
+            do k = 1, state%n_column
+                if (o /= o_known) state%alpha(k, o) = state%alpha(k, o_known)
+                point = point_column(state%acceleration(k, known), state%alpha(k, o_known), slide)
+                do i = 1, 3
+                    if (step%coordinate(i) /= k) cycle
+                    call relative_axis(joint%kind, i, first, motion%frame, axis, is_slide)
+                    if (is_slide) then
+                        point = point + sense*axis
+                    else
+                        state%alpha(k, o) = state%alpha(k, o) + sense*axis
+                    end if
+                end do
+                state%acceleration(k, link) = point_column(point, state%alpha(k, o), arm)
+            end do
+        end associate
+        call turn_into_link(model, link, state)
+    end subroutine walk_joint
+
+    !> A UPS leg between two known links.
+    subroutine close_ups_leg(model, step, state)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state
+        type(vec3) :: base_arm, top_arm, base_point, top_point, axis, a, base_a
+        integer :: base, top, o_base, o_top, o, k
+
+        associate (universal => model%joint(step%joint(1)), spherical => model%joint(step%joint(3)), &
+                   lower => step%link(1), upper => step%link(2))
+            base = universal%link(1)
+            top = spherical%link(2)
+            o_base = orientation_of(model, base)
+            o_top = orientation_of(model, top)
+            o = model%link(lower)%orientation
+            associate (leg => state%leg(step%first))
+                top_arm = state%rotation(o_top).rotate.spherical%point(:, 2)
+                top_point = state%position(top) + top_arm
+                if (step%base_moves) then
+                    base_arm = state%rotation(o_base).rotate.universal%point(:, 1)
+                    base_point = state%position(base) + base_arm
+                    axis = state%rotation(o_base).rotate.universal%frame(:, 3, 1)
+                else
+                    base_point = vec3_of(universal%point(:, 1))
+                    axis = vec3_of(universal%frame(:, 3, 1))
+                end if
+                call locate_ups_leg(top_point - base_point, axis, leg)
+                state%unreachable = state%unreachable .or. .not. (leg%length > 0 .and. abs(leg%tilt) <= huge(1.0_wp))
+                state%rotation(o) = leg%axes
+                state%position(lower) = base_point
+                state%position(upper) = top_point
+                state%slide(:, step%joint(2)) = leg%length
+
+                state%velocity(upper) = point_velocity(state%velocity(top), state%omega(o_top), top_arm)
+                a = state%velocity(upper)
+                if (step%base_moves) then
+                    state%velocity(lower) = point_velocity(state%velocity(base), state%omega(o_base), base_arm)
+                    a = a - state%velocity(lower)
+                end if
+                call move_ups_leg(a, state%omega(o_base), step%base_moves, leg)
+                state%omega_body(o) = leg%omega
+
+                state%acceleration(0, upper) = point_acceleration(state%acceleration(0, top), state%omega(o_top), &
+                                                                  state%alpha(0, o_top), top_arm)
+                state%acceleration_body(0, upper) = leg%axes.unrotate.state%acceleration(0, upper)
+                a = state%acceleration_body(0, upper)
+                if (step%base_moves) then
+                    base_a = point_acceleration(state%acceleration(0, base), state%omega(o_base), &
+                                                state%alpha(0, o_base), base_arm)
+                    state%acceleration(0, lower) = base_a
+                    state%acceleration_body(0, lower) = leg%axes.unrotate.base_a
+                    a = a - state%acceleration_body(0, lower)
+                end if
+                call accelerate_ups_leg(leg, a, state%omega(o_base), state%alpha(0, o_base), step%base_moves, &
+                                        state%alpha_body(0, o))
+
+                do k = 1, state%n_column
+                    state%acceleration(k, upper) = point_column(state%acceleration(k, top), state%alpha(k, o_top), top_arm)
+                    state%acceleration_body(k, upper) = leg%axes.unrotate.state%acceleration(k, upper)
+                    a = state%acceleration_body(k, upper)
+                    if (step%base_moves) then
+                        base_a = point_column(state%acceleration(k, base), state%alpha(k, o_base), base_arm)
+                        state%acceleration(k, lower) = base_a
+                        state%acceleration_body(k, lower) = leg%axes.unrotate.base_a
+                        a = a - state%acceleration_body(k, lower)
+                    end if
+                    call map_ups_column(leg, a, state%alpha(k, o_base), step%base_moves, state%alpha_body(k, o))
+                end do
+
+                if (state%world_rates .or. model%link(lower)%needs_world .or. model%link(upper)%needs_world) then
+                    state%omega(o) = leg%axes.rotate.leg%omega
+                    do k = 0, state%n_column
+                        state%alpha(k, o) = leg%axes.rotate.state%alpha_body(k, o)
+                    end do
+                end if
+            end associate
+        end associate
+    end subroutine close_ups_leg
+
+    !> Angular rates and the origin's acceleration in link axes, from those in world axes.
+    subroutine turn_into_link(model, link, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        type(kinematic_state), intent(inout) :: state
+        integer :: o, k
+
+        o = model%link(link)%orientation
+        state%omega_body(o) = state%rotation(o).unrotate.state%omega(o)
+        do k = 0, state%n_column
+            state%alpha_body(k, o) = state%rotation(o).unrotate.state%alpha(k, o)
+            state%acceleration_body(k, link) = state%rotation(o).unrotate.state%acceleration(k, link)
+        end do
+    end subroutine turn_into_link
+
+    !> The orientation of a link; 0 for the frame.
+    pure integer function orientation_of(model, link)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+
+        orientation_of = 0
+        if (link > 0) orientation_of = model%link(link)%orientation
+    end function orientation_of
+
+    pure function from_components(c) result(v)
+        real(wp), intent(in) :: c(lanes, 3)
+        type(vec3) :: v
+
+        v%x = c(:, 1)
+        v%y = c(:, 2)
+        v%z = c(:, 3)
+    end function from_components
+end module linkdyn_kinematic_pass

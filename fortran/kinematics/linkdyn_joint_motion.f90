@@ -1,0 +1,178 @@
+!> Motion handed on through a joint whose variables are known: the step of an open chain, and its inverse, the
+!> joint variables between two links of known motion.
+!>
+!> Each marker has a frame, z along its axis. The second marker's frame follows from the first's:
+!> revolute Rz(angle); prismatic parallel, shifted by the slide along z; cylindrical both; universal
+!> Rz(angle1) Rx(-90 deg) Rz(angle2), so that the second axis is y of the first marker when angle1 = 0;
+!> spherical Rx(roll) Ry(pitch) Rz(yaw).
+module linkdyn_joint_motion
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy, rotation_about_z
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+        operator(.rotate.), operator(.unrotate.), zero_vec3
+    implicit none (type, external)
+    private
+    public :: relative_motion, turn_frame, turn_frame_back
+    public :: relative_by_variables, variables_of_relative, relative_axis
+    public :: kind_revolute, kind_prismatic, kind_cylindrical, kind_universal, kind_spherical
+
+    ! The kinds of joints, as the scene numbers them; this layer does not know scenes.
+    integer, parameter :: kind_revolute = 1, kind_prismatic = 2, kind_cylindrical = 3
+    integer, parameter :: kind_universal = 4, kind_spherical = 5
+
+    !> Motion of the second marker's frame seen from the first link, in world axes.
+    type :: relative_motion
+        type(mat3) :: frame        !! second marker's frame
+        type(vec3) :: slide        !! from the first marker's point to the second's [m]
+        type(vec3) :: slide_rate   !! its rate seen from the first link [m/s]
+        type(vec3) :: slide_rate2  !! [m/s2]
+        type(vec3) :: omega        !! relative angular velocity [rad/s]
+        type(vec3) :: alpha        !! its derivative seen from the first link [rad/s2]
+    end type relative_motion
+
+contains
+
+    !> A marker's frame in world axes: the link's rotation times the frame fixed in the link.
+    pure function turn_frame(r, frame) result(turned)
+        type(mat3), intent(in) :: r
+        real(wp), intent(in) :: frame(3, 3)    !! columns x, y, z in link axes
+        type(mat3) :: turned
+
+        turned%x = r.rotate.frame(:, 1)
+        turned%y = r.rotate.frame(:, 2)
+        turned%z = r.rotate.frame(:, 3)
+    end function turn_frame
+
+    !> The link's rotation from its marker's frame in world axes: the inverse of `turn_frame`.
+    pure function turn_frame_back(turned, frame) result(r)
+        type(mat3), intent(in) :: turned
+        real(wp), intent(in) :: frame(3, 3)
+        type(mat3) :: r
+
+        r = turn_frame(turned, transpose(frame))
+    end function turn_frame_back
+
+    !> Motion through the joint from its variables.
+    pure subroutine relative_by_variables(kind, first, q, qd, qdd, motion)
+        integer, intent(in) :: kind                               !! one of `kind_*`
+        type(mat3), intent(in) :: first                           !! first marker's frame, world axes
+        real(wp), intent(in), dimension(lanes, 3) :: q, qd, qdd   !! joint variables and derivatives [m, rad]
+        type(relative_motion), intent(out) :: motion
+        type(rpy_rotation) :: turn
+        type(vec3) :: second_axis
+
+        motion%slide = zero_vec3()
+        motion%slide_rate = motion%slide
+        motion%slide_rate2 = motion%slide
+        select case (kind)
+        case (kind_revolute, kind_cylindrical)
+            motion%frame = first*rotation_about_z(q(:, 1))
+            motion%omega = qd(:, 1)*first%z
+            motion%alpha = qdd(:, 1)*first%z
+            if (kind == kind_cylindrical) call slide_along(first%z, q(:, 2), qd(:, 2), qdd(:, 2), motion)
+        case (kind_prismatic)
+            motion%frame = first
+            motion%omega = motion%slide
+            motion%alpha = motion%slide
+            call slide_along(first%z, q(:, 1), qd(:, 1), qdd(:, 1), motion)
+        case (kind_universal)
+            motion%frame = universal_frame(first, q(:, 1), q(:, 2))
+            second_axis = motion%frame%z
+            motion%omega = qd(:, 1)*first%z + qd(:, 2)*second_axis
+            motion%alpha = qdd(:, 1)*first%z + qdd(:, 2)*second_axis &
+                           + (qd(:, 1)*qd(:, 2))*(first%z.cross.second_axis)
+        case default
+            call rotate_rpy(q(:, 1), q(:, 2), q(:, 3), turn)
+            motion%frame = first*turn%r
+            motion%omega = first.rotate.angular_velocity_rpy(turn, qd)
+            motion%alpha = first.rotate.angular_acceleration_rpy(turn, qd, qdd)
+        end select
+    end subroutine relative_by_variables
+
+    pure subroutine slide_along(axis, s, sd, sdd, motion)
+        type(vec3), intent(in) :: axis
+        real(wp), intent(in) :: s(lanes), sd(lanes), sdd(lanes)
+        type(relative_motion), intent(inout) :: motion
+
+        motion%slide = s*axis
+        motion%slide_rate = sd*axis
+        motion%slide_rate2 = sdd*axis
+    end subroutine slide_along
+
+    !> Second frame of a universal joint.
+    pure function universal_frame(first, angle1, angle2) result(frame)
+        type(mat3), intent(in) :: first
+        real(wp), intent(in) :: angle1(lanes), angle2(lanes)
+        type(mat3) :: frame
+        type(mat3) :: middle, turned
+
+        middle = first*rotation_about_z(angle1)
+        ! Rx(-90 deg): x stays, y becomes -z, z becomes y.
+        turned%x = middle%x
+        turned%y = (-1.0_wp)*middle%z
+        turned%z = middle%y
+        frame = turned*rotation_about_z(angle2)
+    end function universal_frame
+
+    !> Axis about or along which a joint variable moves the second link, world axes (zero for a spherical joint's angles).
+    pure subroutine relative_axis(kind, variable, first, second, axis, is_slide)
+        integer, intent(in) :: kind, variable
+        type(mat3), intent(in) :: first, second   !! marker frames, world axes
+        type(vec3), intent(out) :: axis
+        logical, intent(out) :: is_slide
+
+        is_slide = kind == kind_prismatic .or. (kind == kind_cylindrical .and. variable == 2)
+        axis = first%z
+        if (kind == kind_universal .and. variable == 2) axis = second%z
+    end subroutine relative_axis
+
+    !> Joint variables and rates from the motion of both links.
+    !>
+    !> Angles lie in (-pi, pi]; a spherical joint's rates are not finite at pitch = 90 degrees.
+    pure subroutine variables_of_relative(kind, first, second, slide, slide_rate, omega, q, qd)
+        integer, intent(in) :: kind
+        type(mat3), intent(in) :: first, second    !! marker frames, world axes
+        type(vec3), intent(in) :: slide            !! first to second marker point, world axes [m]
+        type(vec3), intent(in) :: slide_rate       !! its rate seen from the first link [m/s]
+        type(vec3), intent(in) :: omega            !! angular velocity of the second minus the first link [rad/s]
+        real(wp), intent(out) :: q(lanes, 3), qd(lanes, 3)
+        type(vec3) :: w
+
+        q = 0
+        qd = 0
+        select case (kind)
+        case (kind_revolute)
+            call angle_about_z(first, second, omega, q(:, 1), qd(:, 1))
+        case (kind_prismatic)
+            q(:, 1) = slide.dot.first%z
+            qd(:, 1) = slide_rate.dot.first%z
+        case (kind_cylindrical)
+            call angle_about_z(first, second, omega, q(:, 1), qd(:, 1))
+            q(:, 2) = slide.dot.first%z
+            qd(:, 2) = slide_rate.dot.first%z
+        case (kind_universal)
+            q(:, 1) = atan2(-(second%z.dot.first%x), second%z.dot.first%y)
+            q(:, 2) = atan2(-(second%x.dot.first%z), -(second%y.dot.first%z))
+            qd(:, 1) = omega.dot.first%z
+            qd(:, 2) = omega.dot.second%z
+        case default
+            q(:, 1) = atan2(-(second%z.dot.first%y), second%z.dot.first%z)
+            q(:, 2) = atan2(second%z.dot.first%x, sqrt((second%z.dot.first%y)**2 + (second%z.dot.first%z)**2))
+            q(:, 3) = atan2(-(second%y.dot.first%x), second%x.dot.first%x)
+            w = first.unrotate.omega
+            qd(:, 2) = cos(q(:, 1))*w%y + sin(q(:, 1))*w%z
+            qd(:, 3) = (cos(q(:, 1))*w%z - sin(q(:, 1))*w%y)/cos(q(:, 2))
+            qd(:, 1) = w%x - sin(q(:, 2))*qd(:, 3)
+        end select
+    end subroutine variables_of_relative
+
+    pure subroutine angle_about_z(first, second, omega, angle, rate)
+        type(mat3), intent(in) :: first, second
+        type(vec3), intent(in) :: omega
+        real(wp), intent(out) :: angle(lanes), rate(lanes)
+
+        angle = atan2(second%x.dot.first%y, second%x.dot.first%x)
+        rate = omega.dot.first%z
+    end subroutine angle_about_z
+end module linkdyn_joint_motion

@@ -1,0 +1,114 @@
+!> One dense system by own elimination with row scaling, partial pivoting and one refinement step.
+!>
+!> Twin of linkdyn_dense_lapack.f90 for builds whose kind LAPACK does not serve (quadruple precision).
+module linkdyn_dense
+    use linkdyn_kinds, only: wp
+    implicit none (type, external)
+    private
+    public :: dense_workspace, solve_dense, dense_name
+
+    character(len=*), parameter :: dense_name = "built-in elimination"
+
+    !> Room for one system of n unknowns, kept between calls.
+    type :: dense_workspace
+        integer :: n = 0
+        real(wp), allocatable :: factors(:, :), right(:), correction(:)
+        integer, allocatable :: pivot(:)
+    contains
+        procedure :: prepare
+    end type dense_workspace
+
+contains
+
+    !> Make room for n unknowns.
+    pure subroutine prepare(self, n)
+        class(dense_workspace), intent(inout) :: self
+        integer, intent(in) :: n
+
+        if (self%n == n) return
+        if (allocated(self%factors)) deallocate (self%factors, self%right, self%correction, self%pivot)
+        allocate (self%factors(n, n), self%right(n), self%correction(n), self%pivot(n))
+        self%n = n
+    end subroutine prepare
+
+    !> Solve A x = b; A and b are scaled in place, b is overwritten by x. Arguments as in the LAPACK twin.
+    subroutine solve_dense(workspace, a, b, rcond, error_bound, is_singular)
+        type(dense_workspace), intent(inout) :: workspace
+        real(wp), intent(inout), contiguous :: a(:, :)    !! (n, n)
+        real(wp), intent(inout), contiguous :: b(:)       !! (n)
+        real(wp), intent(out) :: rcond                    !! smallest over largest pivot: a rough figure
+        real(wp), intent(out) :: error_bound              !! size of the last correction over the solution
+        logical, intent(out) :: is_singular
+        real(wp) :: scale, size_pivot(2)
+        integer :: n, i
+
+        n = size(b)
+        call workspace%prepare(n)
+        do i = 1, n
+            scale = maxval(abs(a(i, :)))
+            if (.not. scale > 0) cycle
+            a(i, :) = a(i, :)/scale
+            b(i) = b(i)/scale
+        end do
+        workspace%factors = a
+        call factorize(workspace%factors, workspace%pivot, size_pivot, is_singular)
+        rcond = 0
+        error_bound = huge(1.0_wp)
+        if (is_singular) return
+        rcond = size_pivot(1)/size_pivot(2)
+        workspace%right = b
+        call substitute(workspace%factors, workspace%pivot, b)
+        workspace%correction = workspace%right - matmul(a, b)
+        call substitute(workspace%factors, workspace%pivot, workspace%correction)
+        b = b + workspace%correction
+        error_bound = maxval(abs(workspace%correction))/max(maxval(abs(b)), tiny(1.0_wp))
+    end subroutine solve_dense
+
+    !> LU by columns with partial pivoting; rows are swapped in place.
+    pure subroutine factorize(a, pivot, size_pivot, is_singular)
+        real(wp), intent(inout) :: a(:, :)
+        integer, intent(out) :: pivot(:)
+        real(wp), intent(out) :: size_pivot(2)    !! smallest and largest
+        logical, intent(out) :: is_singular
+        real(wp) :: kept(size(a, 2))
+        integer :: k, j, n
+
+        n = size(a, 1)
+        size_pivot = [huge(1.0_wp), 0.0_wp]
+        is_singular = .true.
+        do k = 1, n
+            pivot(k) = k - 1 + maxloc(abs(a(k:, k)), dim=1)
+            if (.not. abs(a(pivot(k), k)) > 0) return
+            kept = a(k, :)
+            a(k, :) = a(pivot(k), :)
+            a(pivot(k), :) = kept
+            size_pivot = [min(size_pivot(1), abs(a(k, k))), max(size_pivot(2), abs(a(k, k)))]
+            a(k + 1:, k) = a(k + 1:, k)/a(k, k)
+            do j = k + 1, n
+                a(k + 1:, j) = a(k + 1:, j) - a(k + 1:, k)*a(k, j)
+            end do
+        end do
+        is_singular = .false.
+    end subroutine factorize
+
+    !> Forward and back substitution.
+    pure subroutine substitute(a, pivot, b)
+        real(wp), intent(in) :: a(:, :)
+        integer, intent(in) :: pivot(:)
+        real(wp), intent(inout) :: b(:)
+        real(wp) :: kept
+        integer :: k, n
+
+        n = size(b)
+        do k = 1, n
+            kept = b(pivot(k))
+            b(pivot(k)) = b(k)
+            b(k) = kept
+            b(k + 1:) = b(k + 1:) - a(k + 1:, k)*b(k)
+        end do
+        do k = n, 1, -1
+            b(k) = b(k)/a(k, k)
+            b(:k - 1) = b(:k - 1) - a(:k - 1, k)*b(k)
+        end do
+    end subroutine substitute
+end module linkdyn_dense

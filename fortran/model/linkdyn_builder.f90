@@ -1,0 +1,126 @@
+!> From a scene to a model: constants in the form the engine wants, then the plan.
+module linkdyn_builder
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, link_type, joint_type
+    use linkdyn_planner, only: plan_steps
+    use linkdyn_scene, only: scene_type, link_spec, marker_spec, joint_n_variable, joint_prismatic, frame_link
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    implicit none (type, external)
+    private
+    public :: build_model
+
+contains
+
+    !> Check and plan the scene.
+    !>
+    !> **Errors**: `status_bad_input` with the links and joints concerned when the mechanism cannot be computed.
+    subroutine build_model(scene, model, status)
+        type(scene_type), intent(in) :: scene
+        type(model_type), intent(out) :: model
+        type(status_type), intent(out) :: status
+        integer :: i
+
+        model%scene = scene
+        model%n_link = size(scene%link)
+        model%n_joint = size(scene%joint)
+        model%n_q = size(scene%coordinate)
+        model%n_actuator = size(scene%actuator)
+        model%n_load = size(scene%load)
+        model%n_component = merge(3, 6, scene%planar)
+        model%n_row = merge(3, 6, scene%planar)*model%n_link
+        model%gravity = scene%gravity
+        if (model%n_link == 0) then
+            call fail(status, status_bad_input, "the scene has no moving link (expected at least one [[link]])")
+            return
+        end if
+        if (scene%planar) then
+            call fail(status, status_bad_input, "planar scenes cannot be computed yet (expected space = ""spatial"")")
+            return
+        end if
+        allocate (model%link(model%n_link), model%joint(model%n_joint))
+        do i = 1, model%n_link
+            call take_link(scene%link(i), model%link(i))
+        end do
+        do i = 1, model%n_joint
+            call take_joint(scene, i, model%joint(i))
+            model%joint(i)%first_variable = model%n_variable
+            model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
+        end do
+        call share_orientations(model)
+        call plan_steps(model, status)
+    end subroutine build_model
+
+    subroutine take_link(spec, link)
+        type(link_spec), intent(in) :: spec
+        type(link_type), intent(out) :: link
+
+        link%name = spec%name
+        link%mass = spec%mass
+        link%cog = spec%cog
+        associate (i => spec%inertia)
+            link%inertia = reshape([i(1), i(4), i(6), i(4), i(2), i(5), i(6), i(5), i(3)], [3, 3])
+            link%is_diagonal = all(i(4:6) == 0)
+            link%is_massless = spec%mass == 0 .and. all(i == 0)
+        end associate
+    end subroutine take_link
+
+    subroutine take_joint(scene, index, joint)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: index
+        type(joint_type), intent(out) :: joint
+        integer :: side
+
+        associate (spec => scene%joint(index))
+            joint%name = spec%name
+            joint%kind = spec%kind
+            joint%link = spec%link
+            do side = 1, 2
+                if (spec%link(side) == frame_link) then
+                    call take_marker(scene%frame%marker(spec%marker(side)), joint%point(:, side), joint%frame(:, :, side))
+                else
+                    call take_marker(scene%link(spec%link(side))%marker(spec%marker(side)), &
+                                     joint%point(:, side), joint%frame(:, :, side))
+                end if
+            end do
+        end associate
+    end subroutine take_joint
+
+    !> A marker's point and its frame: z along the axis, x as given, y completing it.
+    subroutine take_marker(marker, point, frame)
+        type(marker_spec), intent(in) :: marker
+        real(wp), intent(out) :: point(3), frame(3, 3)
+
+        point = marker%at
+        frame(:, 1) = marker%x_axis
+        frame(:, 3) = marker%axis
+        associate (z => marker%axis, x => marker%x_axis)
+            frame(:, 2) = [z(2)*x(3) - z(3)*x(2), z(3)*x(1) - z(1)*x(3), z(1)*x(2) - z(2)*x(1)]
+        end associate
+    end subroutine take_marker
+
+    !> Links joined by a prismatic joint with parallel link axes have one orientation; the frame's is 0.
+    subroutine share_orientations(model)
+        type(model_type), intent(inout) :: model
+        integer :: group(0:model%n_link), i, j, from, to
+
+        group = [(i, i=0, model%n_link)]
+        do j = 1, model%n_joint
+            associate (joint => model%joint(j))
+                if (joint%kind /= joint_prismatic .or. any(joint%frame(:, :, 1) /= joint%frame(:, :, 2))) cycle
+                to = min(group(joint%link(1)), group(joint%link(2)))
+                from = max(group(joint%link(1)), group(joint%link(2)))
+                where (group == from) group = to
+            end associate
+        end do
+        do i = 1, model%n_link
+            if (group(i) == i) then
+                model%n_orientation = model%n_orientation + 1
+                model%link(i)%orientation = model%n_orientation
+            else if (group(i) == 0) then
+                model%link(i)%orientation = 0
+            else
+                model%link(i)%orientation = model%link(group(i))%orientation
+            end if
+        end do
+    end subroutine share_orientations
+end module linkdyn_builder

@@ -1,0 +1,75 @@
+!> Scratch of the kinematics of one block of lanes, one per thread.
+!>
+!> Index 0 is the frame. Links that only slide on each other share an orientation, so rotations and angular rates
+!> are kept per orientation, points per link. Column 0 of an acceleration is what the coordinates' motion gives,
+!> column k what a unit acceleration of coordinate k adds (for a pose: of the velocity and the angular velocity).
+module linkdyn_kinematic_state
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_ups_leg, only: ups_leg
+    use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of
+    implicit none (type, external)
+    private
+    public :: kinematic_state, prepare_kinematics
+
+    type :: kinematic_state
+        integer :: n_column = 0                               !! columns besides column 0
+        logical :: world_rates = .true.                       !! angular rates in world axes of every link, also where no step needs them
+        ! ---- INPUT
+        real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :) !! coordinates, rates, accelerations    (lane, n_q)
+        ! ---- POSITION
+        type(mat3), allocatable :: rotation(:)                !! link axes to world                   (0:n_orientation)
+        type(vec3), allocatable :: position(:)                !! origin, world [m]                    (0:n_link)
+        type(ups_leg), allocatable :: leg(:)                  !!                                      (n_leg)
+        real(wp), allocatable :: slide(:, :)                  !! first to second marker along axis [m] (lane, n_joint)
+        logical :: unreachable(lanes) = .false.               !! a loop could not be closed
+        type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)
+        ! ---- VELOCITY, world and link axes
+        type(vec3), allocatable :: omega(:), omega_body(:)    !! angular [rad/s]                      (0:n_orientation)
+        type(vec3), allocatable :: velocity(:)                !! origin, world [m/s]                  (0:n_link)
+        ! ---- ACCELERATION columns, world and link axes
+        type(vec3), allocatable :: alpha(:, :), alpha_body(:, :)                !! (0:n_column, 0:n_orientation)
+        type(vec3), allocatable :: acceleration(:, :), acceleration_body(:, :)  !! origin (0:n_column, 0:n_link)
+    end type kinematic_state
+
+contains
+
+    !> Make room once; nothing allocates afterwards.
+    subroutine prepare_kinematics(model, n_column, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n_column                 !! 0: column 0 only; n_q: all columns
+        type(kinematic_state), intent(out) :: state
+        integer :: i, k
+
+        state%n_column = n_column
+        associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
+            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q))
+            allocate (state%rotation(0:n_orientation), state%omega(0:n_orientation), state%omega_body(0:n_orientation), &
+                      state%gravity_body(0:n_orientation))
+            allocate (state%alpha(0:n_column, 0:n_orientation), state%alpha_body(0:n_column, 0:n_orientation))
+            allocate (state%position(0:n_link), state%velocity(0:n_link))
+            allocate (state%acceleration(0:n_column, 0:n_link), state%acceleration_body(0:n_column, 0:n_link))
+            allocate (state%leg(model%n_leg), state%slide(lanes, model%n_joint))
+            state%slide = 0
+            do i = 0, n_orientation
+                state%rotation(i) = identity_mat3()
+                state%omega(i) = zero_vec3()
+                state%omega_body(i) = zero_vec3()
+                state%gravity_body(i) = vec3_of(model%gravity)
+                do k = 0, n_column
+                    state%alpha(k, i) = zero_vec3()
+                    state%alpha_body(k, i) = zero_vec3()
+                end do
+            end do
+            do i = 0, n_link
+                state%position(i) = zero_vec3()
+                state%velocity(i) = zero_vec3()
+                do k = 0, n_column
+                    state%acceleration(k, i) = zero_vec3()
+                    state%acceleration_body(k, i) = zero_vec3()
+                end do
+            end do
+        end associate
+    end subroutine prepare_kinematics
+end module linkdyn_kinematic_state

@@ -1,0 +1,200 @@
+!> What the user wrote down: links, joints, coordinates, loads, with names resolved to indices.
+!>
+!> A scene is checked for form (every name exists, every number is finite, every body can exist) by
+!> the reader in `io/`; whether the mechanism can be computed is for the planner to say. Everything
+!> is SI and radians here. Planar scenes use the x, y components and leave z zero.
+module linkdyn_scene
+    use linkdyn_kinds, only: wp
+    implicit none (type, external)
+    private
+    public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
+    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec
+    public :: name_len, path_len, frame_link
+    public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
+    public :: joint_kind_name, joint_n_variable, variable_name
+    public :: coordinate_joint, coordinate_pose, pose_component_name
+    public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
+    public :: law_polynomial_345, law_harmonic, law_table
+    public :: axes_world, axes_link
+    public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd
+
+    integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
+    integer, parameter :: path_len = 1024   !! longest file name
+    integer, parameter :: frame_link = 0    !! index of the fixed link
+
+    ! ---- kinds of joints; the joint variables are counted in the order of `variable_name`
+    integer, parameter :: joint_revolute = 1     !! angle about the axis
+    integer, parameter :: joint_prismatic = 2    !! slide along the axis
+    integer, parameter :: joint_cylindrical = 3  !! angle about, slide along the axis
+    integer, parameter :: joint_universal = 4    !! angle about the first link's axis, then the second's
+    integer, parameter :: joint_spherical = 5    !! three angles
+    character(len=11), parameter :: joint_kind_name(5) = &
+        [character(len=11) :: "revolute", "prismatic", "cylindrical", "universal", "spherical"]
+    integer, parameter :: joint_n_variable(5) = [1, 1, 2, 2, 3]
+    character(len=7), parameter :: variable_name(3, 5) = reshape([character(len=7) :: &
+        "angle", "", "", "slide", "", "", "angle", "slide", "", "angle1", "angle2", "", &
+        "roll", "pitch", "yaw"], [3, 5])
+
+    ! ---- kinds of coordinates
+    integer, parameter :: coordinate_joint = 1   !! a variable of a joint
+    integer, parameter :: coordinate_pose = 2    !! one of x y z roll pitch yaw of a link
+    character(len=5), parameter :: pose_component_name(6) = &
+        [character(len=5) :: "x", "y", "z", "roll", "pitch", "yaw"]
+
+    ! ---- laws of time
+    integer, parameter :: law_none = 0             !! not given
+    integer, parameter :: law_constant = 1         !! value(1)
+    integer, parameter :: law_constant_rate = 2    !! value(1) + value(2) t
+    integer, parameter :: law_cycloidal_start = 3  !! from value(1); rate rises to value(2) over value(3) seconds
+    integer, parameter :: law_cycloidal = 4        !! rest to rest through knots (time, value), cycloidal between them
+    integer, parameter :: law_polynomial_345 = 5   !! rest to rest through knots, 3-4-5 polynomial between them
+    integer, parameter :: law_harmonic = 6         !! value(1) + value(2) sin(value(3) t + value(4))
+    integer, parameter :: law_table = 7            !! knots (time, value), spline or straight lines between them
+
+    ! ---- axes in which a load's components are given
+    integer, parameter :: axes_world = 1
+    integer, parameter :: axes_link = 2
+
+    ! ---- what an actuator does in forward dynamics
+    integer, parameter :: drive_inverse = 1        !! what inverse dynamics of the motion law asks for
+    integer, parameter :: drive_constant = 2
+    integer, parameter :: drive_table = 3
+    integer, parameter :: drive_spring_damper = 4
+    integer, parameter :: drive_dc_motor = 5
+    integer, parameter :: drive_pd = 6
+
+    !> A point with an axis, fixed to a link. Its frame has z along `axis`.
+    type :: marker_spec
+        character(len=name_len) :: name = ""
+        real(wp) :: at(3) = 0                     !! position in link axes [m]
+        real(wp) :: axis(3) = [0, 0, 1]           !! unit vector in link axes; planar: direction of a slide, default x
+        real(wp) :: x_axis(3) = [1, 0, 0]         !! unit vector square to `axis`: where joint angles count from
+        logical :: has_axis = .false.             !! written by the user
+        integer :: line = 0                       !! in the scene file
+    end type marker_spec
+
+    !> A rigid body. Link 0 is the frame; its mass properties are ignored.
+    type :: link_spec
+        character(len=name_len) :: name = ""
+        real(wp) :: mass = 0                      !! [kg]
+        real(wp) :: cog(3) = 0                    !! centre of mass in link axes [m]
+        real(wp) :: inertia(6) = 0                !! Ixx Iyy Izz Ixy Iyz Izx about the cog, link axes [kg m2]; planar: Izz only
+        real(wp) :: start(6) = 0                  !! x y z roll pitch yaw near which closure starts [m, rad]
+        logical :: has_start = .false.
+        type(marker_spec), allocatable :: marker(:)
+        integer :: line = 0
+    end type link_spec
+
+    !> Two markers held together.
+    type :: joint_spec
+        character(len=name_len) :: name = ""
+        integer :: kind = 0                       !! one of `joint_*`
+        integer :: link(2) = 0                    !! first and second link; 0 is the frame
+        integer :: marker(2) = 0                  !! index into the marker list of that link
+        real(wp) :: start(3) = 0                  !! joint variables near which closure starts [m, rad]
+        logical :: has_start = .false.
+        integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
+        integer :: line = 0
+    end type joint_spec
+
+    !> A function of time with two derivatives.
+    type :: law_spec
+        integer :: kind = law_none
+        real(wp) :: value(4) = 0                  !! see the `law_*` constants
+        real(wp), allocatable :: time(:)          !! knots [s] (n), increasing
+        real(wp), allocatable :: knot(:)          !! value at the knots (n)
+        real(wp), allocatable :: curvature(:)     !! second derivative at the knots (n); absent: straight lines
+    end type law_spec
+
+    !> One generalized coordinate.
+    type :: coordinate_spec
+        character(len=name_len) :: name = ""      !! "platform.x", "J1", "C.slide"
+        character(len=4) :: unit = ""             !! "m" or "rad"
+        integer :: kind = 0                       !! `coordinate_joint` or `coordinate_pose`
+        integer :: joint = 0
+        integer :: variable = 0                   !! variable of the joint (1..3), or component of the pose (1..6)
+        integer :: link = 0
+        real(wp) :: start_position = 0            !! at t = 0, for forward dynamics and for choosing the branch
+        real(wp) :: start_velocity = 0
+        logical :: has_start = .false.
+        type(law_spec) :: motion
+        integer :: line = 0
+    end type coordinate_spec
+
+    !> Parameters of a driving force in forward dynamics.
+    type :: drive_spec
+        integer :: kind = drive_inverse
+        real(wp) :: value(8) = 0                  !! constant: force. spring-damper: stiffness, damping, rest. dc-motor: n eta K_T K_E K_P R_a. pd: stiffness, damping
+        type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table)
+    end type drive_spec
+
+    !> A driven joint variable: in inverse dynamics its force or torque is an unknown.
+    type :: actuator_spec
+        character(len=name_len) :: name = ""      !! the joint's name
+        character(len=4) :: unit = ""             !! "N" or "N m"
+        integer :: joint = 0
+        integer :: variable = 1                   !! which variable of the joint
+        type(drive_spec) :: drive
+        integer :: line = 0
+    end type actuator_spec
+
+    !> A force and a moment on a marker.
+    type :: load_spec
+        character(len=name_len) :: name = ""      !! "platform.tool"
+        integer :: link = 0
+        integer :: marker = 0
+        integer :: axes = axes_world              !! axes of the components
+        type(law_spec) :: force(3)                !! [N]
+        type(law_spec) :: moment(3)               !! [N m]
+        integer :: line = 0
+    end type load_spec
+
+    !> A spring and damper that nothing drives: between two markers, or at a variable of a joint.
+    !>
+    !> Between markers it pulls along their line: stiffness (d - rest) + damping d(d)/dt at distance d.
+    type :: spring_spec
+        character(len=name_len) :: name = ""
+        integer :: joint = 0                      !! 0: between two markers
+        integer :: variable = 1                   !! which variable of the joint
+        integer :: link(2) = 0                    !! first and second link of a spring between markers
+        integer :: marker(2) = 0
+        real(wp) :: stiffness = 0                 !! [N/m], [N m/rad] at an angle
+        real(wp) :: damping = 0                   !! [N s/m], [N m s/rad]
+        real(wp) :: rest = 0                      !! length or joint variable without force [m, rad]
+        integer :: line = 0
+    end type spring_spec
+
+    !> Instants of the run along the scene's motion.
+    type :: time_spec
+        real(wp) :: first = 0                     !! [s]
+        real(wp) :: last = 0                      !! [s]
+        integer :: n_sample = 0                   !! 0: not given and not to be derived from the motion
+    end type time_spec
+
+    !> A CSV file as read: one column a quantity.
+    type :: table_spec
+        character(len=path_len) :: file = ""
+        character(len=name_len), allocatable :: column(:)
+        character(len=name_len), allocatable :: unit(:)  !! as in the header's brackets; blank: SI (column)
+        real(wp), allocatable :: value(:, :)      !! as written, in the units of the header (row, column)
+        integer, allocatable :: line(:)           !! in the file (row)
+    end type table_spec
+
+    !> The whole scene.
+    type :: scene_type
+        character(len=256) :: title = ""
+        character(len=path_len) :: file = ""      !! as given, for messages
+        character(len=:), allocatable :: text     !! the scene file itself, kept in results
+        logical :: planar = .false.
+        real(wp) :: gravity(3) = 0                !! [m/s2]
+        logical :: has_gravity = .false.
+        type(link_spec) :: frame
+        type(link_spec), allocatable :: link(:)
+        type(joint_spec), allocatable :: joint(:)
+        type(coordinate_spec), allocatable :: coordinate(:)
+        type(actuator_spec), allocatable :: actuator(:)
+        type(load_spec), allocatable :: load(:)
+        type(spring_spec), allocatable :: spring(:)
+        type(time_spec) :: time
+    end type scene_type
+end module linkdyn_scene
