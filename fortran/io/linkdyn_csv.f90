@@ -1,0 +1,262 @@
+!> Tables in CSV files: a header row with column names, then numbers.
+!>
+!> A column name may carry its unit in brackets: `roll [deg]`. Blank lines and lines that start with
+!> `#` are passed over. Fields are separated by commas, or by the semicolons or tabs of the header.
+module linkdyn_csv
+    use linkdyn_kinds, only: wp
+    use linkdyn_status, only: status_type, status_bad_input, fail
+    use linkdyn_text, only: to_text, quoted, join
+    use linkdyn_scene, only: table_spec, name_len
+    use linkdyn_input, only: read_file_text, parse_number
+    use linkdyn_suggest, only: suggestion
+    implicit none (type, external)
+    private
+    public :: read_csv, parse_csv, column_of
+
+    character(len=*), parameter :: newline = achar(10), tab = achar(9), return_sign = achar(13)
+
+contains
+
+    !> Read a table from a file.
+    subroutine read_csv(file, where, table, status)
+        character(len=*), intent(in) :: file
+        character(len=*), intent(in) :: where     !! start of the message if the file cannot be read
+        type(table_spec), intent(out) :: table
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: text
+
+        call read_file_text(file, where, text, status)
+        if (status%is_ok()) call parse_csv(text, file, table, status)
+    end subroutine read_csv
+
+    !> Read a table from a text.
+    subroutine parse_csv(text, file, table, status)
+        character(len=*), intent(in) :: text
+        character(len=*), intent(in) :: file      !! for messages
+        type(table_spec), intent(out) :: table
+        type(status_type), intent(inout) :: status
+        character(len=1) :: separator
+        integer :: n_row, n_column, line, first, last, next, row, most_rows
+
+        table%file = file
+        next = 1
+        if (len(text) >= 3) then
+            if (text(1:3) == char(239)//char(187)//char(191)) next = 4   ! byte order mark
+        end if
+        line = 0
+        call next_line(text, next, line, first, last)
+        if (last < first) then
+            call fail(status, status_bad_input, trim(file)//": the table is empty (expected a header row with column names)")
+            return
+        end if
+        call read_header(text(first:last), file, line, table, separator, status)
+        if (.not. status%is_ok()) return
+        n_column = size(table%column)
+        most_rows = n_line(text(next:))
+        allocate (table%value(most_rows, n_column), table%line(most_rows))
+        row = 0
+        do
+            call next_line(text, next, line, first, last)
+            if (last < first) exit
+            row = row + 1
+            table%line(row) = line
+            call read_row(text(first:last), separator, row, table, status)
+            if (.not. status%is_ok()) return
+        end do
+        n_row = row
+        if (n_row == 0) call fail(status, status_bad_input, trim(file)//": the table has no rows below its header")
+        if (n_row == most_rows) return
+        table%value = table%value(:n_row, :)
+        table%line = table%line(:n_row)
+    end subroutine parse_csv
+
+    !> The number of a column; 0 and a failure if the table has none of that name.
+    subroutine column_of(table, name, column, status)
+        type(table_spec), intent(in) :: table
+        character(len=*), intent(in) :: name
+        integer, intent(out) :: column
+        type(status_type), intent(inout) :: status
+
+        do column = 1, size(table%column)
+            if (table%column(column) == name) return
+        end do
+        column = 0
+        call fail(status, status_bad_input, trim(table%file)//": no column "//quoted(name)// &
+            " (found "//join(table%column)//suggestion(name, table%column)//")")
+    end subroutine column_of
+
+    !> Names, units and separator from the header row.
+    subroutine read_header(text, file, line, table, separator, status)
+        character(len=*), intent(in) :: text, file
+        integer, intent(in) :: line
+        type(table_spec), intent(inout) :: table
+        character(len=1), intent(out) :: separator
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: where, field
+        integer :: n, i, first, last, bracket
+
+        where = trim(file)//":"//to_text(line)//": "
+        separator = ","
+        if (index(text, ",") == 0 .and. index(text, ";") > 0) separator = ";"
+        if (scan(text, ",;") == 0 .and. index(text, tab) > 0) separator = tab
+        n = 1
+        do i = 1, len(text)
+            if (text(i:i) == separator) n = n + 1
+        end do
+        allocate (table%column(n), table%unit(n))
+        first = 1
+        do i = 1, n
+            last = field_end(text, first, separator)
+            field = unquoted(text(first:last))
+            table%unit(i) = ""
+            bracket = index(field, "[")
+            if (bracket > 0 .and. index(field, "]") == len(field)) then
+                table%unit(i) = field(bracket + 1:len(field) - 1)
+                field = trim(field(:bracket - 1))
+            end if
+            table%column(i) = field
+            if (field == "") then
+                call fail(status, status_bad_input, where//"column "//to_text(i)//" has no name")
+            else if (len(field) > name_len) then
+                call fail(status, status_bad_input, where//"the name of column "//to_text(i)//" is longer than " &
+                    //to_text(name_len)//" letters")
+            else if (verify(field, "+-.0123456789eE") == 0) then
+                call fail(status, status_bad_input, where//"the header holds the number "//quoted(field)// &
+                    " (expected a first row with column names)")
+            else if (any(table%column(:i - 1) == field)) then
+                call fail(status, status_bad_input, where//"two columns are called "//quoted(field))
+            end if
+            first = last + 2
+        end do
+    end subroutine read_header
+
+    !> The numbers of a row.
+    subroutine read_row(text, separator, row, table, status)
+        character(len=*), intent(in) :: text
+        character(len=1), intent(in) :: separator
+        integer, intent(in) :: row
+        type(table_spec), intent(inout) :: table
+        type(status_type), intent(inout) :: status
+        real(wp) :: value
+        integer :: i, first, last, n_used, n_column
+
+        n_column = size(table%column)
+        first = 1
+        last = 0
+        do i = 1, n_column
+            last = field_end(text, first, separator)
+            if (i < n_column .and. last == len(text)) then
+                call refuse_row("has "//to_text(i)//" fields (expected "//to_text(n_column)//")")
+                return
+            end if
+            call parse_field(text(first:last), value, n_used)
+            if (n_used == 0) then
+                call refuse_value(quoted(text(first:last))//" is not a number")
+                return
+            else if (.not. abs(value) <= huge(value)) then
+                call refuse_value(quoted(text(first:last))//" is not a finite number")
+                return
+            end if
+            table%value(row, i) = value
+            first = last + 2
+        end do
+        if (last < len(text)) call refuse_row("has more than "//to_text(n_column)//" fields")
+
+    contains
+
+        subroutine refuse_row(problem)
+            character(len=*), intent(in) :: problem
+
+            call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(row))//": the row "//problem)
+        end subroutine refuse_row
+
+        subroutine refuse_value(problem)
+            character(len=*), intent(in) :: problem
+
+            call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(row))//": column "// &
+                quoted(table%column(i))//": "//problem)
+        end subroutine refuse_value
+    end subroutine read_row
+
+    !> A number that fills its field but for blanks; `n_used` = 0 if it is none.
+    pure subroutine parse_field(text, value, n_used)
+        character(len=*), intent(in) :: text
+        real(wp), intent(out) :: value
+        integer, intent(out) :: n_used
+        integer :: first, last
+
+        value = 0
+        n_used = 0
+        last = len_trim(text)
+        do first = 1, last
+            if (text(first:first) /= " " .and. text(first:first) /= tab) exit
+        end do
+        if (first > last) return
+        call parse_number(text(first:last), value, n_used)
+        if (n_used /= last - first + 1) n_used = 0
+    end subroutine parse_field
+
+    !> The next line that says something, without its end; `last` < `first` when there is none.
+    pure subroutine next_line(text, next, line, first, last)
+        character(len=*), intent(in) :: text
+        integer, intent(inout) :: next            !! where to go on
+        integer, intent(inout) :: line            !! number of the line found
+        integer, intent(out) :: first, last
+        integer :: length_of_line
+
+        do while (next <= len(text))
+            line = line + 1
+            first = next
+            length_of_line = index(text(next:), newline) - 1
+            if (length_of_line < 0) length_of_line = len(text) - next + 1
+            next = first + length_of_line + 1
+            last = first + length_of_line - 1
+            do while (last >= first)
+                if (scan(text(last:last), " "//tab//return_sign) == 0) exit
+                last = last - 1
+            end do
+            do while (first <= last)
+                if (text(first:first) /= " ") exit
+                first = first + 1
+            end do
+            if (first > last) cycle
+            if (text(first:first) /= "#") return
+        end do
+        first = 1
+        last = 0
+    end subroutine next_line
+
+    !> Number of lines in a text; a newline at its very end starts none.
+    pure integer function n_line(text)
+        character(len=*), intent(in) :: text
+        integer :: i
+
+        n_line = min(len(text), 1)
+        do i = 1, len(text) - 1
+            if (text(i:i) == newline) n_line = n_line + 1
+        end do
+    end function n_line
+
+    !> Position of the last character of the field that starts at `first`.
+    pure integer function field_end(text, first, separator) result(last)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: first
+        character(len=1), intent(in) :: separator
+
+        do last = first, len(text)
+            if (text(last:last) == separator) exit
+        end do
+        last = last - 1
+    end function field_end
+
+    !> A header field without blanks and double quotes around it.
+    pure function unquoted(text) result(field)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: field
+
+        field = trim(adjustl(text))
+        if (len(field) >= 2) then
+            if (field(1:1) == '"' .and. field(len(field):) == '"') field = trim(adjustl(field(2:len(field) - 1)))
+        end if
+    end function unquoted
+end module linkdyn_csv

@@ -1,0 +1,448 @@
+!> Actuators with their drives, loads and springs of a scene file.
+module linkdyn_scene_forces
+    use linkdyn_kinds, only: wp
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text, quoted
+    use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
+        joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
+        drive_spring_damper, drive_dc_motor, drive_pd, law_table
+    use linkdyn_toml, only: toml_node, toml_array, toml_table
+    use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
+        damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
+        table_list, get_quantity, get_name, get_word, get_text, require_table
+    use linkdyn_scene_names, only: find_marker, find_joint, find_variable
+    use linkdyn_scene_joints, only: require_two_links, variable_quantity
+    use linkdyn_scene_motion, only: joint_variable_name
+    use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, &
+        has_column, constant_law, spline, straight_lines, require_positive
+    implicit none (type, external)
+    private
+    public :: read_actuators, read_loads, read_springs
+
+    character(len=13), parameter :: drive_name(6) = [character(len=13) :: "inverse", "constant", "table", &
+        "spring-damper", "dc-motor", "pd"]
+
+contains
+
+    !> The tables [[actuator]], then the joints that chains drive.
+    subroutine read_actuators(root, driven, shelf, scene, status)
+        type(scene_place), intent(in) :: root
+        integer, intent(in) :: driven(:)               !! joints that chains drive
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list
+        type(scene_place) :: place
+        integer :: i, n
+
+        call table_list(root, "actuator", list, n, status)
+        if (.not. status%is_ok()) return
+        allocate (scene%actuator(n + size(driven)))
+        do i = 1, n
+            place = place_at(root, list%at(i), "actuator "//to_text(i))
+            call read_actuator(place, shelf, scene, scene%actuator(i), status)
+            if (.not. status%is_ok()) return
+        end do
+        do i = 1, size(driven)
+            scene%actuator(n + i)%joint = driven(i)
+            scene%actuator(n + i)%line = scene%joint(driven(i))%line
+            call name_actuator(scene, scene%actuator(n + i))
+        end do
+        call refuse_doubles(root, scene%actuator, status)
+    end subroutine read_actuators
+
+    subroutine read_actuator(place, shelf, scene, actuator, status)
+        type(scene_place), intent(inout) :: place
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(in) :: scene
+        type(actuator_spec), intent(inout) :: actuator
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node
+
+        call find_joint(scene, place, actuator%joint, status)
+        if (.not. status%is_ok()) return
+        actuator%line = place%line
+        place%what = "actuator "//quoted(scene%joint(actuator%joint)%name)
+        call allow_keys(place, [character(len=8) :: "joint", "variable", "law"], status)
+        if (status%is_ok() .and. scene%joint(actuator%joint)%kind == joint_spherical) call refuse_value(place, "joint", &
+            place%node%get("joint"), "names a spherical joint, which no single torque drives "// &
+            "(expected a joint with an axis)", status)
+        call find_variable(scene, place, actuator%joint, actuator%variable, status)
+        call name_actuator(scene, actuator)
+        place%what = "actuator "//quoted(actuator%name)
+        node = place%node%get("law")
+        if (node%is_present()) call read_drive(place, node, scene%joint(actuator%joint)%kind, actuator, shelf, status)
+    end subroutine read_actuator
+
+    !> Name and unit of an actuator follow from its joint variable.
+    pure subroutine name_actuator(scene, actuator)
+        type(scene_type), intent(in) :: scene
+        type(actuator_spec), intent(inout) :: actuator
+        type(quantity_type) :: quantity
+
+        actuator%name = joint_variable_name(scene, actuator%joint, actuator%variable)
+        quantity = force_quantity(scene%joint(actuator%joint)%kind, actuator%variable)
+        actuator%unit = quantity%unit(:4)
+    end subroutine name_actuator
+
+    !> What the actuator does in forward dynamics.
+    subroutine read_drive(place, node, joint_kind, actuator, shelf, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        integer, intent(in) :: joint_kind
+        type(actuator_spec), intent(inout) :: actuator
+        type(table_shelf), intent(inout) :: shelf
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(quantity_type) :: position, effort
+        logical :: is_angle, found
+
+        inner = place_at(place, node, trim(place%what)//", law")
+        call require_table(inner, "a table, { type = .. }", status)
+        call get_word(inner, "type", drive_name, actuator%drive%kind, status)
+        if (.not. status%is_ok()) return
+        position = variable_quantity(joint_kind, actuator%variable)
+        effort = force_quantity(joint_kind, actuator%variable)
+        is_angle = position%unit == "rad"
+        associate (drive => actuator%drive)
+            select case (drive%kind)
+            case (drive_inverse)
+                call allow_keys(inner, [character(len=4) :: "type"], status)
+            case (drive_constant)
+                call allow_keys(inner, [character(len=5) :: "type", "value"], status)
+                call get_quantity(inner, "value", effort, drive%value(1), status)
+            case (drive_table)
+                call allow_keys(inner, [character(len=13) :: "type", "table", "column", "time", "interpolation"], status)
+                call read_force_table(inner, effort, actuator%name, shelf, drive%target, status)
+            case (drive_spring_damper)
+                call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "rest"], status)
+                call read_stiffness(inner, is_angle, drive%value(1:2), status)
+                call get_quantity(inner, "rest", position, drive%value(3), status, found)
+            case (drive_dc_motor)
+                call allow_keys(inner, [character(len=6) :: "type", "n", "eta", "K_T", "K_E", "K_P", "R_a", "target"], status)
+                call read_motor(inner, is_angle, drive%value(1:6), status)
+                call read_target(inner, position, actuator%name, shelf, drive%target, status)
+            case (drive_pd)
+                call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "target"], status)
+                call read_stiffness(inner, is_angle, drive%value(1:2), status)
+                call read_target(inner, position, actuator%name, shelf, drive%target, status)
+            end select
+        end associate
+    end subroutine read_drive
+
+    !> Driving force from a column of a table.
+    subroutine read_force_table(place, effort, usual_column, shelf, law, status)
+        type(scene_place), intent(in) :: place
+        type(quantity_type), intent(in) :: effort
+        character(len=*), intent(in) :: usual_column   !! if the file names none
+        type(table_shelf), intent(inout) :: shelf
+        type(law_spec), intent(out) :: law
+        type(status_type), intent(inout) :: status
+        type(table_reading) :: reading
+        character(len=:), allocatable :: column
+        logical :: found
+
+        call read_table_keys(place, straight_lines, shelf, reading, status)
+        call get_text(place, "column", column, status, found)
+        if (.not. found) column = trim(usual_column)
+        call law_of_column(shelf, reading, column, effort, law, status)
+    end subroutine read_force_table
+
+    !> Constants of a DC motor with reducer; a motor without resistance or torque constant is none.
+    subroutine read_motor(place, is_angle, value, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: is_angle                !! the joint turns
+        real(wp), intent(inout) :: value(6)            !! n eta K_T K_E K_P R_a
+        type(status_type), intent(inout) :: status
+        type(quantity_type) :: ratio, gain
+
+        ratio = plain_number
+        gain = volt_per_angle
+        if (.not. is_angle) then
+            ratio = quantity_type("a ratio in radians per metre", "3000 rad/m", "rad/m", [0, -1, 0, 0, 1])
+            gain = volt_per_length
+        end if
+        call get_quantity(place, "n", ratio, value(1), status)
+        call get_quantity(place, "eta", plain_number, value(2), status)
+        call get_quantity(place, "K_T", torque_per_current, value(3), status)
+        call get_quantity(place, "K_E", volt_second, value(4), status)
+        call get_quantity(place, "K_P", gain, value(5), status)
+        call get_quantity(place, "R_a", resistance, value(6), status)
+        call require_positive(place, "n", value(1), "", status)
+        call require_positive(place, "eta", value(2), "", status)
+        if (status%is_ok() .and. value(2) > 1) call refuse_value(place, "eta", place%node%get("eta"), &
+            "= "//to_text(value(2))//" (expected an efficiency of at most 1)", status)
+        call require_positive(place, "K_T", value(3), "N m/A", status)
+        call require_positive(place, "R_a", value(6), "ohm", status)
+    end subroutine read_motor
+
+    !> stiffness and damping, each zero if left out, but not both.
+    subroutine read_stiffness(place, is_angle, value, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: is_angle
+        real(wp), intent(inout) :: value(2)
+        type(status_type), intent(inout) :: status
+        logical :: has_stiffness, has_damping
+
+        if (is_angle) then
+            call get_quantity(place, "stiffness", angular_stiffness, value(1), status, has_stiffness)
+            call get_quantity(place, "damping", angular_damping, value(2), status, has_damping)
+        else
+            call get_quantity(place, "stiffness", stiffness, value(1), status, has_stiffness)
+            call get_quantity(place, "damping", damping, value(2), status, has_damping)
+        end if
+        if (status%is_ok() .and. .not. (has_stiffness .or. has_damping)) &
+            call refuse(place, "missing key 'stiffness' or 'damping' (expected at least one)", status)
+    end subroutine read_stiffness
+
+    !> The wanted position: a number or any law.
+    subroutine read_target(place, position, usual_column, shelf, law, status)
+        type(scene_place), intent(in) :: place
+        type(quantity_type), intent(in) :: position
+        character(len=*), intent(in) :: usual_column
+        type(table_shelf), intent(inout) :: shelf
+        type(law_spec), intent(inout) :: law
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("target")
+        if (node%is_present()) then
+            call read_law(place, "target", node, position, 0.0_wp, usual_column, spline, shelf, law, status)
+        else
+            call refuse_missing(place, "target", "the wanted position: "//trim(position%name)//" or a law", status)
+        end if
+    end subroutine read_target
+
+    !> The tables [[load]].
+    subroutine read_loads(root, shelf, scene, status)
+        type(scene_place), intent(in) :: root
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list
+        type(scene_place) :: place
+        integer :: i, n
+
+        call table_list(root, "load", list, n, status)
+        if (.not. status%is_ok()) return
+        allocate (scene%load(n))
+        do i = 1, n
+            place = place_at(root, list%at(i), "load "//to_text(i))
+            call read_load(place, shelf, scene, scene%load(i), status)
+            if (.not. status%is_ok()) return
+        end do
+    end subroutine read_loads
+
+    subroutine read_load(place, shelf, scene, load, status)
+        type(scene_place), intent(inout) :: place
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(in) :: scene
+        type(load_spec), intent(inout) :: load
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node, table
+        character(len=:), allocatable :: text
+        logical :: found
+
+        load%line = place%line
+        call get_text(place, "on", text, status)
+        if (.not. status%is_ok()) return
+        load%name = text
+        place%what = "load on "//quoted(load%name)
+        call allow_keys(place, [character(len=13) :: "on", "force", "moment", "axes", "table", "time", &
+            "interpolation"], status)
+        call find_marker(scene, place, "on", place%node%get("on"), load%link, load%marker, status)
+        if (status%is_ok() .and. load%link == frame_link) call refuse_value(place, "on", place%node%get("on"), &
+            "= "//quoted(text)//": a load on the frame moves nothing (expected a marker of a moving link)", status)
+        load%axes = axes_world
+        call get_word(place, "axes", [character(len=5) :: "world", "link"], load%axes, status, found)
+        if (.not. status%is_ok()) return
+        load%force = constant_law(0.0_wp)
+        load%moment = constant_law(0.0_wp)
+        table = place%node%get("table")
+        node = place%node%get("force")
+        found = node%is_present()
+        node = place%node%get("moment")
+        found = found .or. node%is_present()
+        if (table%is_present() .and. found) then
+            call refuse(place, "has a table and 'force' or 'moment' (expected one or the other)", status)
+        else if (table%is_present()) then
+            call read_load_table(place, scene%planar, shelf, load, status)
+        else if (.not. found) then
+            call refuse(place, "missing key 'force' (expected 'force', 'moment' or 'table')", status)
+        else
+            call allow_keys(place, [character(len=6) :: "on", "force", "moment", "axes"], status)
+            call read_components(place, "force", scene%planar, force, shelf, load%force, status)
+            call read_components(place, "moment", scene%planar, moment, shelf, load%moment, status)
+        end if
+    end subroutine read_load
+
+    !> Components of a force or moment, each a number, a text with unit or a law.
+    subroutine read_components(place, key, planar, quantity, shelf, law, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key            !! force or moment
+        logical, intent(in) :: planar
+        type(quantity_type), intent(in) :: quantity
+        type(table_shelf), intent(inout) :: shelf
+        type(law_spec), intent(inout) :: law(3)        !! left alone if the key is not there
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: axis_name(3) = ["x", "y", "z"]
+        type(scene_place) :: inner
+        type(toml_node) :: node, item
+        integer :: i, n
+
+        if (.not. status%is_ok()) return
+        node = place%node%get(key)
+        if (.not. node%is_present()) return
+        if (planar .and. key == "moment" .and. node%kind() /= toml_array) then
+            call read_law(place, key, node, quantity, 0.0_wp, "", straight_lines, shelf, law(3), status)
+            return
+        end if
+        n = merge(2, 3, planar)
+        if (planar .and. key == "moment") n = 1
+        select case (node%kind())
+        case (toml_array)
+            if (node%count() /= n) then
+                call refuse_value(place, key, node, "has "//to_text(node%count())//" elements (expected "//to_text(n)// &
+                    ", each "//trim(quantity%name)//" or a law)", status)
+                return
+            end if
+            do i = 1, n
+                call read_law(place, key, node%at(i), quantity, 0.0_wp, "", straight_lines, shelf, &
+                    law(merge(3, i, n == 1)), status)
+            end do
+        case (toml_table)
+            inner = place_at(place, node, trim(place%what)//", "//key)
+            call allow_keys(inner, axis_name(:n), status)
+            do i = 1, n
+                item = node%get(axis_name(i))
+                if (item%is_present()) call read_law(inner, axis_name(i), item, quantity, 0.0_wp, "", &
+                    straight_lines, shelf, law(i), status)
+            end do
+        case default
+            call refuse_value(place, key, node, "is "//node%kind_text()//" (expected a list of "//to_text(n)// &
+                ", each "//trim(quantity%name)//" or a law)", status)
+        end select
+    end subroutine read_components
+
+    !> Columns Fx Fy Fz Mx My Mz of a table; those that it lacks are zero.
+    subroutine read_load_table(place, planar, shelf, load, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(table_shelf), intent(inout) :: shelf
+        type(load_spec), intent(inout) :: load
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: force_name(3) = ["Fx", "Fy", "Fz"], moment_name(3) = ["Mx", "My", "Mz"]
+        type(table_reading) :: reading
+        logical :: has_force(3), has_moment(3)
+        integer :: i
+
+        call read_table_keys(place, straight_lines, shelf, reading, status)
+        if (.not. status%is_ok()) return
+        do i = 1, 3
+            has_force(i) = has_column(shelf, reading, force_name(i))
+            has_moment(i) = has_column(shelf, reading, moment_name(i))
+        end do
+        if (planar .and. (has_force(3) .or. any(has_moment(:2)))) then
+            call refuse(place, "the table has a column Fz, Mx or My, which a plane has not (expected Fx Fy Mz)", status)
+        else if (.not. any(has_force .or. has_moment)) then
+            call refuse(place, "the table has no column of a load (expected some of Fx Fy Fz Mx My Mz)", status)
+        end if
+        do i = 1, 3
+            if (has_force(i)) call law_of_column(shelf, reading, force_name(i), force, load%force(i), status)
+            if (has_moment(i)) call law_of_column(shelf, reading, moment_name(i), moment, load%moment(i), status)
+        end do
+    end subroutine read_load_table
+
+    !> The tables [[spring]]: springs and dampers that nothing drives.
+    subroutine read_springs(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list
+        type(scene_place) :: place
+        integer :: i, n
+
+        call table_list(root, "spring", list, n, status)
+        if (.not. status%is_ok()) return
+        allocate (scene%spring(n))
+        do i = 1, n
+            place = place_at(root, list%at(i), "spring "//to_text(i))
+            call read_spring(place, scene, scene%spring(i), status)
+            if (.not. status%is_ok()) return
+        end do
+    end subroutine read_springs
+
+    subroutine read_spring(place, scene, spring, status)
+        type(scene_place), intent(inout) :: place
+        type(scene_type), intent(in) :: scene
+        type(spring_spec), intent(inout) :: spring
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: expected = "two markers, [""link1.marker"", ""link2.marker""]"
+        type(toml_node) :: joint, between
+        type(quantity_type) :: position
+        real(wp) :: value(2)
+        logical :: found
+        integer :: i
+
+        spring%line = place%line
+        call get_name(place, "name", spring%name, status)
+        if (.not. status%is_ok()) return
+        place%what = "spring "//quoted(spring%name)
+        call allow_keys(place, [character(len=9) :: "name", "joint", "variable", "between", "stiffness", "damping", &
+            "rest"], status)
+        joint = place%node%get("joint")
+        between = place%node%get("between")
+        position = length
+        if (joint%is_present() .eqv. between%is_present()) then
+            call refuse(place, "needs either 'joint' or 'between' (expected one of them)", status)
+        else if (joint%is_present()) then
+            call find_joint(scene, place, spring%joint, status)
+            if (.not. status%is_ok()) return
+            call find_variable(scene, place, spring%joint, spring%variable, status)
+            position = variable_quantity(scene%joint(spring%joint)%kind, spring%variable)
+        else if (between%kind() /= toml_array .or. between%count() /= 2) then
+            call refuse_value(place, "between", between, "is no pair (expected "//expected//")", status)
+        else
+            do i = 1, 2
+                call find_marker(scene, place, "between", between%at(i), spring%link(i), spring%marker(i), status)
+            end do
+            call require_two_links(place, "between", between, scene, spring%link, status)
+        end if
+        value = 0
+        call read_stiffness(place, position%unit == "rad", value, status)
+        spring%stiffness = value(1)
+        spring%damping = value(2)
+        call get_quantity(place, "rest", position, spring%rest, status, found)
+    end subroutine read_spring
+
+    !> Force at a slide, moment at an angle.
+    pure type(quantity_type) function force_quantity(joint_kind, variable) result(quantity)
+        integer, intent(in) :: joint_kind, variable
+        type(quantity_type) :: position
+
+        position = variable_quantity(joint_kind, variable)
+        quantity = force
+        if (position%unit == "rad") quantity = moment
+    end function force_quantity
+
+    subroutine refuse_doubles(root, actuator, status)
+        type(scene_place), intent(in) :: root
+        type(actuator_spec), intent(in) :: actuator(:)
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: place
+        integer :: i, j
+
+        do i = 2, size(actuator)
+            do j = 1, i - 1
+                if (actuator(i)%joint /= actuator(j)%joint .or. actuator(i)%variable /= actuator(j)%variable) cycle
+                place = root
+                place%what = "actuator "//quoted(actuator(i)%name)
+                call refuse(place, "this joint variable is already driven on line "//to_text(actuator(j)%line)// &
+                    " (expected one actuator for each)", status, actuator(j)%line)
+                return
+            end do
+        end do
+    end subroutine refuse_doubles
+end module linkdyn_scene_forces

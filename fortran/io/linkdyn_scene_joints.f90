@@ -1,0 +1,133 @@
+!> Joints of a scene file.
+module linkdyn_scene_joints
+    use linkdyn_kinds, only: wp
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text, quoted, join
+    use linkdyn_scene, only: scene_type, joint_spec, frame_link, joint_kind_name, joint_n_variable, &
+        variable_name, joint_prismatic
+    use linkdyn_toml, only: toml_node, toml_array, toml_table
+    use linkdyn_units, only: quantity_type, length, angle
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
+        table_list, get_quantity, quantity_of, get_name, get_word, get_integer
+    use linkdyn_scene_names, only: find_marker
+    implicit none (type, external)
+    private
+    public :: read_joints, require_two_links, variable_quantity
+
+contains
+
+    !> The tables [[joint]] into the first places of `scene%joint`.
+    subroutine read_joints(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(inout) :: scene       !! %joint allocated for these and for the chains
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list
+        type(scene_place) :: place
+        integer :: i, n
+
+        call table_list(root, "joint", list, n, status)
+        do i = 1, n
+            place = place_at(root, list%at(i), "joint "//to_text(i))
+            call read_joint(place, scene, scene%joint(i), status)
+            if (.not. status%is_ok()) return
+        end do
+    end subroutine read_joints
+
+    subroutine read_joint(place, scene, joint, status)
+        type(scene_place), intent(inout) :: place
+        type(scene_type), intent(in) :: scene
+        type(joint_spec), intent(out) :: joint
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: expected = "two markers, [""link1.marker"", ""link2.marker""]"
+        type(toml_node) :: between
+        logical :: found
+        integer :: i
+
+        joint%line = place%line
+        call get_name(place, "name", joint%name, status)
+        if (.not. status%is_ok()) return
+        place%what = "joint "//quoted(joint%name)
+        call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch"], status)
+        call get_word(place, "type", joint_kind_name, joint%kind, status)
+        if (.not. status%is_ok()) return
+        if (scene%planar .and. joint%kind > joint_prismatic) then
+            call refuse_value(place, "type", place%node%get("type"), "= "//quoted(joint_kind_name(joint%kind))// &
+                " does not exist in a plane (expected one of "//join(joint_kind_name(:joint_prismatic))//")", status)
+            return
+        end if
+        between = place%node%get("between")
+        if (.not. between%is_present()) then
+            call refuse_missing(place, "between", expected, status)
+        else if (between%kind() /= toml_array) then
+            call refuse_value(place, "between", between, "is "//between%kind_text()//" (expected "//expected//")", status)
+        else if (between%count() /= 2) then
+            call refuse_value(place, "between", between, "has "//to_text(between%count())// &
+                " elements (expected "//expected//")", status)
+        end if
+        do i = 1, 2
+            call find_marker(scene, place, "between", between%at(i), joint%link(i), joint%marker(i), status)
+        end do
+        call require_two_links(place, "between", between, scene, joint%link, status)
+        call read_joint_start(place, joint, status)
+        call get_integer(place, "branch", joint%branch, status, found)
+        if (.not. status%is_ok() .or. .not. found) return
+        if (abs(joint%branch) /= 1) call refuse_value(place, "branch", place%node%get("branch"), &
+            "= "//to_text(joint%branch)//" (expected 1 or -1)", status)
+    end subroutine read_joint
+
+    !> A joint, a spring or a leg joins two different links.
+    subroutine require_two_links(place, key, node, scene, link, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        type(toml_node), intent(in) :: node
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: link(2)
+        type(status_type), intent(inout) :: status
+
+        if (.not. status%is_ok() .or. link(1) /= link(2)) return
+        if (link(1) == frame_link) then
+            call refuse_value(place, key, node, "names two markers of the frame (expected two different links)", status)
+        else
+            call refuse_value(place, key, node, "names two markers of link "//quoted(scene%link(link(1))%name)// &
+                " (expected two different links)", status)
+        end if
+    end subroutine require_two_links
+
+    !> Joint variables near which closure starts: a number, or a table if the joint has several.
+    subroutine read_joint_start(place, joint, status)
+        type(scene_place), intent(in) :: place
+        type(joint_spec), intent(inout) :: joint
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node
+        type(scene_place) :: inner
+        logical :: found
+        integer :: i, n
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("start")
+        if (.not. node%is_present()) return
+        joint%has_start = .true.
+        n = joint_n_variable(joint%kind)
+        if (node%kind() == toml_table) then
+            inner = place_at(place, node, trim(place%what)//", start")
+            call allow_keys(inner, variable_name(:n, joint%kind), status)
+            do i = 1, n
+                call get_quantity(inner, trim(variable_name(i, joint%kind)), variable_quantity(joint%kind, i), &
+                    joint%start(i), status, found)
+            end do
+        else if (n == 1) then
+            call quantity_of(place, "start", node, variable_quantity(joint%kind, 1), joint%start(1), status)
+        else
+            call refuse_value(place, "start", node, "is "//node%kind_text()//" (expected a table with some of "// &
+                join(variable_name(:n, joint%kind))//")", status)
+        end if
+    end subroutine read_joint_start
+
+    !> Length or angle: what a joint variable is.
+    pure type(quantity_type) function variable_quantity(kind, variable) result(quantity)
+        integer, intent(in) :: kind, variable
+
+        quantity = angle
+        if (variable_name(variable, kind) == "slide") quantity = length
+    end function variable_quantity
+end module linkdyn_scene_joints

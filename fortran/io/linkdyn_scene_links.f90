@@ -1,0 +1,330 @@
+!> Frame, links and markers of a scene file.
+module linkdyn_scene_links
+    use, intrinsic :: iso_fortran_env, only: real64
+    use linkdyn_kinds, only: wp
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text, quoted
+    use linkdyn_scene, only: scene_type, link_spec, marker_spec
+    use linkdyn_toml, only: toml_node, toml_array, toml_table
+    use linkdyn_units, only: length, angle, mass, inertia
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
+        require_table, table_list, get_quantity, quantity_of, get_vector, vector_of, get_direction, &
+        get_name, get_flag, require_name
+    implicit none (type, external)
+    private
+    public :: read_frame, read_links, read_mass_properties, new_marker, add_marker
+
+contains
+
+    !> The table [frame]: markers alone. A scene may do without.
+    subroutine read_frame(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: place
+        type(toml_node) :: node
+
+        if (.not. status%is_ok()) return
+        scene%frame%name = "frame"
+        allocate (scene%frame%marker(0))
+        node = root%node%get("frame")
+        if (.not. node%is_present()) return
+        place = place_at(root, node, "frame")
+        scene%frame%line = place%line
+        call require_table(place, "a table with markers, written [frame]", status)
+        call allow_keys(place, [character(len=7) :: "markers"], status)
+        call read_markers(place, scene%planar, scene%frame, status)
+    end subroutine read_frame
+
+    !> The tables [[link]] into the first places of `scene%link`.
+    subroutine read_links(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(inout) :: scene       !! %link allocated for these and for the chains
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list
+        type(scene_place) :: place
+        integer :: i, n
+
+        call table_list(root, "link", list, n, status)
+        do i = 1, n
+            place = place_at(root, list%at(i), "link "//to_text(i))
+            call read_link(place, scene%planar, scene%link(i), status)
+            if (.not. status%is_ok()) return
+        end do
+    end subroutine read_links
+
+    subroutine read_link(place, planar, link, status)
+        type(scene_place), intent(inout) :: place
+        logical, intent(in) :: planar
+        type(link_spec), intent(inout) :: link
+        type(status_type), intent(inout) :: status
+
+        link%line = place%line
+        call get_name(place, "name", link%name, status)
+        if (.not. status%is_ok()) return
+        place%what = "link "//quoted(link%name)
+        if (link%name == "frame") call refuse(place, "this name belongs to the fixed link (expected another name)", status)
+        call allow_keys(place, [character(len=13) :: "name", "markers", "mass", "cog", "inertia", "inertia_check", &
+            "start"], status)
+        call read_markers(place, planar, link, status)
+        call read_mass_properties(place, planar, link, status)
+        call read_start(place, planar, link, status)
+    end subroutine read_link
+
+    !> Mass, centre of mass and inertia, for a body that can exist.
+    subroutine read_mass_properties(place, planar, link, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(link_spec), intent(inout) :: link
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node
+        logical :: is_checked, found
+
+        call get_quantity(place, "mass", mass, link%mass, status)
+        if (.not. status%is_ok()) return
+        if (link%mass < 0) call refuse_value(place, "mass", place%node%get("mass"), &
+            "= "//to_text(link%mass)//" kg is negative (expected a mass of zero or more)", status)
+        call get_vector(place, "cog", length, link%cog(:merge(2, 3, planar)), status, found)
+        is_checked = .true.
+        call get_flag(place, "inertia_check", is_checked, status)
+        node = place%node%get("inertia")
+        if (.not. node%is_present()) then
+            if (link%mass > 0 .and. .not. planar) call refuse_missing(place, "inertia", &
+                "Ixx Iyy Izz Ixy Iyz Izx about the cog, or { diagonal = [Ixx, Iyy, Izz] }", status)
+            return
+        end if
+        if (planar) then
+            call quantity_of(place, "inertia", node, inertia, link%inertia(1), status)
+        else
+            call read_tensor(place, node, link%inertia, status)
+        end if
+        if (.not. status%is_ok()) return
+        if (.not. link%mass > 0 .and. any(abs(link%inertia) > 0)) call refuse_value(place, "inertia", node, &
+            "is not zero though the mass is (expected none for a massless link)", status)
+        if (is_checked) call check_inertia(place, node, planar, link%inertia, status)
+    end subroutine read_mass_properties
+
+    !> Six elements, or a table with the diagonal.
+    subroutine read_tensor(place, node, tensor, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        real(wp), intent(inout) :: tensor(6)           !! Ixx Iyy Izz Ixy Iyz Izx
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+
+        if (node%kind() == toml_table) then
+            inner = place_at(place, node, trim(place%what)//", inertia")
+            call allow_keys(inner, [character(len=8) :: "diagonal"], status)
+            call get_vector(inner, "diagonal", inertia, tensor(:3), status)
+        else if (node%kind() == toml_array .and. node%count() /= 6) then
+            call refuse_value(place, "inertia", node, "has "//to_text(node%count())// &
+                " elements (expected six, Ixx Iyy Izz Ixy Iyz Izx, or { diagonal = [Ixx, Iyy, Izz] })", status)
+        else
+            call vector_of(place, "inertia", node, inertia, tensor, status)
+        end if
+    end subroutine read_tensor
+
+    !> A rigid body has principal moments of zero or more, none above the sum of the other two.
+    !>
+    !> Both hold if and only if trace/2 - I is positive semidefinite, rounding allowed for.
+    subroutine check_inertia(place, node, planar, tensor, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        logical, intent(in) :: planar
+        real(wp), intent(in) :: tensor(6)              !! Ixx Iyy Izz Ixy Iyz Izx
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: advice = "; inertia_check = false lets it through)"
+        real(wp) :: half_trace
+
+        if (.not. status%is_ok()) return
+        if (planar) then
+            if (tensor(1) < 0) call refuse_value(place, "inertia", node, &
+                "is negative (expected a moment of inertia of zero or more"//advice, status)
+            return
+        end if
+        half_trace = sum(tensor(:3))/2
+        if (.not. is_semidefinite(tensor(:3), tensor(4:))) then
+            call refuse_value(place, "inertia", node, "is not positive definite: no body has it "// &
+                "(expected a tensor with positive principal moments"//advice, status)
+        else if (.not. is_semidefinite(half_trace - tensor(:3), -tensor(4:))) then
+            call refuse_value(place, "inertia", node, "breaks the triangle inequality: no body has it "// &
+                "(expected no principal moment above the sum of the other two"//advice, status)
+        end if
+    end subroutine check_inertia
+
+    !> Cholesky's factorization goes through, the diagonal raised by some roundings.
+    pure logical function is_semidefinite(diagonal, product)
+        real(wp), intent(in) :: diagonal(3)            !! xx yy zz
+        real(wp), intent(in) :: product(3)             !! xy yz zx
+        real(wp) :: a(3), b(3)
+
+        is_semidefinite = .false.
+        ! The file's decimal digits are rounded to double precision in every build.
+        a = diagonal + 64*epsilon(1.0_real64)*(sum(abs(diagonal)) + sum(abs(product))) + tiny(1.0_wp)
+        b = product
+        if (.not. a(1) > 0) return
+        b(2) = b(2) - b(1)*b(3)/a(1)
+        a(3) = a(3) - b(3)**2/a(1)
+        a(2) = a(2) - b(1)**2/a(1)
+        if (.not. a(2) > 0) return
+        is_semidefinite = a(3) - b(2)**2/a(2) > 0
+    end function is_semidefinite
+
+    !> Where a link is, roughly, at the start: closure of loops looks near there.
+    subroutine read_start(place, planar, link, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(link_spec), intent(inout) :: link
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node
+        logical :: found
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("start")
+        if (.not. node%is_present()) return
+        inner = place_at(place, node, trim(place%what)//", start")
+        call require_table(inner, "a table, { position = [..], angles = [..] }", status)
+        link%has_start = .true.
+        if (planar) then
+            call allow_keys(inner, [character(len=8) :: "position", "angle"], status)
+            call get_vector(inner, "position", length, link%start(:2), status, found)
+            call get_quantity(inner, "angle", angle, link%start(6), status, found)
+        else
+            call allow_keys(inner, [character(len=8) :: "position", "angles"], status)
+            call get_vector(inner, "position", length, link%start(:3), status, found)
+            call get_vector(inner, "angles", angle, link%start(4:), status, found)
+        end if
+    end subroutine read_start
+
+    !> The table `markers` of a link.
+    subroutine read_markers(place, planar, link, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(link_spec), intent(inout) :: link
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: list
+        character(len=:), allocatable :: name
+        integer :: i, line
+
+        if (.not. allocated(link%marker)) allocate (link%marker(0))
+        if (.not. status%is_ok()) return
+        list = place%node%get("markers")
+        if (.not. list%is_present()) return
+        if (list%kind() /= toml_table) then
+            call refuse_value(place, "markers", list, "is "//list%kind_text()// &
+                " (expected a table of points, { A = [0, 0, 0], ... })", status)
+            return
+        end if
+        deallocate (link%marker)
+        allocate (link%marker(list%count()))
+        do i = 1, list%count()
+            call list%key(i, name, line)
+            call require_name(place, name, line, status)
+            if (.not. status%is_ok()) return
+            inner = place_at(place, list%get(name), "marker "//quoted(trim(link%name)//"."//name))
+            if (planar) link%marker(i)%axis = [1, 0, 0]
+            link%marker(i)%name = name
+            link%marker(i)%line = line
+            call read_marker(inner, planar, link%marker(i), status)
+        end do
+    end subroutine read_markers
+
+    !> A point, or a table with a point and directions.
+    subroutine read_marker(place, planar, marker, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(marker_spec), intent(inout) :: marker
+        type(status_type), intent(inout) :: status
+        logical :: has_x
+        integer :: n
+
+        if (.not. status%is_ok()) return
+        n = merge(2, 3, planar)
+        select case (place%node%kind())
+        case (toml_array)
+            call vector_of(place, "at", place%node, length, marker%at(:n), status)
+        case (toml_table)
+            call allow_keys(place, [character(len=4) :: "at", "axis", "x"], status)
+            call get_vector(place, "at", length, marker%at(:n), status)
+            call get_direction(place, "axis", marker%axis(:n), status, marker%has_axis)
+            call get_direction(place, "x", marker%x_axis(:n), status, has_x)
+            if (.not. status%is_ok() .or. planar) return
+            if (has_x) then
+                call square_up(place, marker, status)
+            else
+                marker%x_axis = carried_x(marker%axis)
+            end if
+        case default
+            call refuse(place, "this is "//place%node%kind_text()//" (expected a point, "// &
+                merge("[x, y]   ", "[x, y, z]", planar)//", or { at = .., axis = .. })", status)
+        end select
+    end subroutine read_marker
+
+    !> Take from `x_axis` what lies along `axis`.
+    subroutine square_up(place, marker, status)
+        type(scene_place), intent(in) :: place
+        type(marker_spec), intent(inout) :: marker
+        type(status_type), intent(inout) :: status
+        real(wp) :: across(3)
+
+        across = marker%x_axis - dot_product(marker%x_axis, marker%axis)*marker%axis
+        if (norm2(across) < 1.0e-6_wp) then
+            call refuse_value(place, "x", place%node%get("x"), "is parallel to 'axis' (expected a direction across it)", status)
+            return
+        end if
+        across = across/norm2(across)
+        across = across - dot_product(across, marker%axis)*marker%axis
+        marker%x_axis = across/norm2(across)
+    end subroutine square_up
+
+    !> Where the smallest rotation that takes e_z to `axis` carries e_x.
+    pure function carried_x(axis) result(x)
+        real(wp), intent(in) :: axis(3)                !! unit vector
+        real(wp) :: x(3)
+        real(wp) :: square, inverse
+
+        x = [1, 0, 0]
+        square = axis(1)**2 + axis(2)**2
+        if (.not. square > 0) return
+        ! 1/(1 + axis_z), also where axis_z is near -1.
+        if (axis(3) > 0) then
+            inverse = 1/(1 + axis(3))
+        else
+            inverse = (1 - axis(3))/square
+        end if
+        x = [1 - axis(1)**2*inverse, -axis(1)*axis(2)*inverse, -axis(1)]
+        x = x/norm2(x)
+    end function carried_x
+
+    !> A marker that the file does not name: part of a chain.
+    pure type(marker_spec) function new_marker(name, at, axis, line) result(marker)
+        character(len=*), intent(in) :: name
+        real(wp), intent(in) :: at(3)                  !! [m]
+        real(wp), intent(in) :: axis(3)                !! unit vector
+        integer, intent(in) :: line
+
+        marker%name = name
+        marker%at = at
+        marker%axis = axis
+        marker%x_axis = carried_x(axis)
+        marker%has_axis = .true.
+        marker%line = line
+    end function new_marker
+
+    !> Append a marker to a link.
+    pure subroutine add_marker(link, marker)
+        type(link_spec), intent(inout) :: link
+        type(marker_spec), intent(in) :: marker
+        type(marker_spec), allocatable :: longer(:)
+        integer :: n
+
+        n = 0
+        if (allocated(link%marker)) n = size(link%marker)
+        allocate (longer(n + 1))
+        if (n > 0) longer(:n) = link%marker
+        longer(n + 1) = marker
+        call move_alloc(longer, link%marker)
+    end subroutine add_marker
+end module linkdyn_scene_links

@@ -1,0 +1,292 @@
+!> Coordinates of a scene file and their motion.
+module linkdyn_scene_motion
+    use linkdyn_kinds, only: wp
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text, quoted, join
+    use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, name_len, frame_link, coordinate_joint, &
+        coordinate_pose, pose_component_name, joint_n_variable, variable_name, joint_revolute, &
+        law_none, law_constant
+    use linkdyn_toml, only: toml_node, toml_table
+    use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
+        require_table, table_list, get_quantity, quantity_of, get_vector
+    use linkdyn_scene_names, only: find_link, find_joint, find_variable
+    use linkdyn_scene_joints, only: variable_quantity
+    use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, &
+        constant_law, spline
+    implicit none (type, external)
+    private
+    public :: read_coordinates, joint_variable_name
+
+    integer, parameter :: planar_components(3) = [1, 2, 6]   !! x y yaw
+    integer, parameter :: spatial_components(6) = [1, 2, 3, 4, 5, 6]
+
+contains
+
+    !> The tables [[coordinate]]: one coordinate for a joint variable, three or six for a link's pose.
+    subroutine read_coordinates(root, shelf, scene, status)
+        type(scene_place), intent(in) :: root
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list, item
+        type(scene_place) :: place
+        integer, allocatable :: components(:)
+        integer :: i, n, n_coordinate, next
+
+        call table_list(root, "coordinate", list, n, status)
+        if (.not. status%is_ok()) return
+        components = merge_components(scene%planar)
+        n_coordinate = 0
+        do i = 1, n
+            n_coordinate = n_coordinate + 1
+            item = list%at(i)
+            item = item%get("link")
+            if (item%is_present()) n_coordinate = n_coordinate + size(components) - 1
+        end do
+        allocate (scene%coordinate(n_coordinate))
+        next = 1
+        do i = 1, n
+            place = place_at(root, list%at(i), "coordinate "//to_text(i))
+            call read_coordinate(place, components, shelf, scene, next, status)
+            if (.not. status%is_ok()) return
+        end do
+        call refuse_doubles(root, scene%coordinate, status)
+    end subroutine read_coordinates
+
+    subroutine read_coordinate(place, components, shelf, scene, next, status)
+        type(scene_place), intent(inout) :: place
+        integer, intent(in) :: components(:)
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        integer, intent(inout) :: next                 !! free place in the scene's list
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: joint, link
+
+        joint = place%node%get("joint")
+        link = place%node%get("link")
+        call allow_keys(place, [character(len=8) :: "joint", "variable", "link", "start", "motion"], status)
+        if (joint%is_present() .and. link%is_present()) then
+            call refuse(place, "has both 'joint' and 'link' (expected one of them)", status)
+        else if (joint%is_present()) then
+            call read_joint_coordinate(place, shelf, scene, scene%coordinate(next), status)
+            next = next + 1
+        else if (link%is_present()) then
+            call read_pose(place, components, shelf, scene, scene%coordinate(next:next + size(components) - 1), status)
+            next = next + size(components)
+        else
+            call refuse(place, "missing key 'joint' or 'link' (expected the name of a joint, or of a link)", status)
+        end if
+    end subroutine read_coordinate
+
+    !> A variable of a joint.
+    subroutine read_joint_coordinate(place, shelf, scene, coordinate, status)
+        type(scene_place), intent(inout) :: place
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(in) :: scene
+        type(coordinate_spec), intent(inout) :: coordinate
+        type(status_type), intent(inout) :: status
+        type(quantity_type) :: quantity
+        type(scene_place) :: inner
+        type(toml_node) :: node
+        logical :: found
+
+        call find_joint(scene, place, coordinate%joint, status)
+        if (.not. status%is_ok()) return
+        call find_variable(scene, place, coordinate%joint, coordinate%variable, status)
+        coordinate%kind = coordinate_joint
+        coordinate%line = place%line
+        coordinate%name = joint_variable_name(scene, coordinate%joint, coordinate%variable)
+        place%what = "coordinate "//quoted(coordinate%name)
+        quantity = variable_quantity(scene%joint(coordinate%joint)%kind, coordinate%variable)
+        coordinate%unit = quantity%unit(:4)
+        node = place%node%get("start")
+        if (node%kind() == toml_table) then
+            inner = place_at(place, node, trim(place%what)//", start")
+            call allow_keys(inner, [character(len=8) :: "position", "velocity"], status)
+            call get_quantity(inner, "position", quantity, coordinate%start_position, status, coordinate%has_start)
+            call get_quantity(inner, "velocity", per_second(quantity), coordinate%start_velocity, status, found)
+        else if (node%is_present()) then
+            coordinate%has_start = .true.
+            call quantity_of(place, "start", node, quantity, coordinate%start_position, status)
+        end if
+        node = place%node%get("motion")
+        if (node%is_present()) call read_law(place, "motion", node, quantity, coordinate%start_position, &
+            coordinate%name, spline, shelf, coordinate%motion, status)
+    end subroutine read_joint_coordinate
+
+    !> The pose of a link.
+    subroutine read_pose(place, components, shelf, scene, coordinate, status)
+        type(scene_place), intent(inout) :: place
+        integer, intent(in) :: components(:)           !! of x y z roll pitch yaw
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(in) :: scene
+        type(coordinate_spec), intent(inout) :: coordinate(:)
+        type(status_type), intent(inout) :: status
+        type(quantity_type) :: quantity
+        integer :: i, link
+
+        call find_link(scene, place, "link", link, status)
+        if (.not. status%is_ok()) return
+        if (link == frame_link) then
+            call refuse_value(place, "link", place%node%get("link"), "= 'frame': the frame does not move "// &
+                "(expected a moving link)", status)
+            return
+        end if
+        place%what = "coordinate "//quoted(scene%link(link)%name)
+        call allow_keys(place, [character(len=6) :: "link", "start", "motion"], status)
+        do i = 1, size(components)
+            quantity = component_quantity(components(i))
+            coordinate(i)%kind = coordinate_pose
+            coordinate(i)%link = link
+            coordinate(i)%variable = components(i)
+            coordinate(i)%unit = quantity%unit(:4)
+            coordinate(i)%name = trim(scene%link(link)%name)//"."//pose_component_name(components(i))
+            coordinate(i)%line = place%line
+        end do
+        call read_pose_start(place, scene%planar, coordinate, status)
+        call read_pose_motion(place, components, shelf, coordinate, status)
+    end subroutine read_pose
+
+    !> position, angles and their rates at the start.
+    subroutine read_pose_start(place, planar, coordinate, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(coordinate_spec), intent(inout) :: coordinate(:)
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node
+        logical :: has_position, has_angle, found
+        integer :: n
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("start")
+        if (.not. node%is_present()) return
+        inner = place_at(place, node, trim(place%what)//", start")
+        if (planar) then
+            call require_table(inner, "a table, { position = [x, y], angle = .. }", status)
+            call allow_keys(inner, [character(len=12) :: "position", "angle", "velocity", "angular_rate"], status)
+            call get_quantity(inner, "angle", angle, coordinate(3)%start_position, status, has_angle)
+            call get_quantity(inner, "angular_rate", angular_rate, coordinate(3)%start_velocity, status, found)
+        else
+            call require_table(inner, "a table, { position = [x, y, z], angles = [roll, pitch, yaw] }", status)
+            call allow_keys(inner, [character(len=13) :: "position", "angles", "velocity", "angular_rates"], status)
+            call get_vector(inner, "angles", angle, coordinate(4:)%start_position, status, has_angle)
+            call get_vector(inner, "angular_rates", angular_rate, coordinate(4:)%start_velocity, status, found)
+        end if
+        n = merge(2, 3, planar)
+        call get_vector(inner, "position", length, coordinate(:n)%start_position, status, has_position)
+        call get_vector(inner, "velocity", speed, coordinate(:n)%start_velocity, status, found)
+        coordinate%has_start = has_position .or. has_angle
+    end subroutine read_pose_start
+
+    !> One table with a column for each component, or a law each; what is left out stays at its start.
+    subroutine read_pose_motion(place, components, shelf, coordinate, status)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: components(:)
+        type(table_shelf), intent(inout) :: shelf
+        type(coordinate_spec), intent(inout) :: coordinate(:)
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: expected = &
+            "{ table = ""file.csv"" }, or a law for each component: { x = { law = .. }, ... }"
+        type(scene_place) :: inner
+        type(table_reading) :: reading
+        type(toml_node) :: node, item
+        character(len=:), allocatable :: component
+        integer :: i
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("motion")
+        if (.not. node%is_present()) return
+        inner = place_at(place, node, trim(place%what)//", motion")
+        call require_table(inner, expected, status)
+        if (.not. status%is_ok()) return
+        item = node%get("law")
+        if (item%is_present()) then
+            call refuse(inner, "one law cannot move all components (expected "//expected//")", status)
+            return
+        end if
+        item = node%get("table")
+        if (item%is_present()) then
+            call allow_keys(inner, [character(len=13) :: "table", "time", "interpolation"], status)
+            call read_table_keys(inner, spline, shelf, reading, status)
+        else
+            call allow_keys(inner, [character(len=5) :: pose_component_name(components), "table"], status)
+        end if
+        do i = 1, size(components)
+            if (.not. status%is_ok()) return
+            component = trim(pose_component_name(components(i)))
+            if (item%is_present()) then
+                call law_of_column(shelf, reading, component, component_quantity(components(i)), &
+                    coordinate(i)%motion, status)
+            else
+                call read_component(component, coordinate(i), component_quantity(components(i)))
+            end if
+        end do
+
+    contains
+
+        subroutine read_component(name, one, quantity)
+            character(len=*), intent(in) :: name
+            type(coordinate_spec), intent(inout) :: one
+            type(quantity_type), intent(in) :: quantity
+            type(toml_node) :: law
+
+            law = node%get(name)
+            if (law%is_present()) then
+                call read_law(inner, name, law, quantity, one%start_position, name, spline, shelf, one%motion, status)
+            else
+                one%motion = constant_law(one%start_position)
+            end if
+        end subroutine read_component
+    end subroutine read_pose_motion
+
+    !> "J1" for a joint with one variable, "C.slide" for one with several.
+    pure function joint_variable_name(scene, joint, variable) result(name)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: joint, variable
+        character(len=:), allocatable :: name
+
+        name = trim(scene%joint(joint)%name)
+        if (joint_n_variable(scene%joint(joint)%kind) == 1) return
+        name = name//"."//trim(variable_name(variable, scene%joint(joint)%kind))
+    end function joint_variable_name
+
+    !> Components of a pose in the plane or in space.
+    pure function merge_components(planar) result(components)
+        logical, intent(in) :: planar
+        integer, allocatable :: components(:)
+
+        if (planar) then
+            components = planar_components
+        else
+            components = spatial_components
+        end if
+    end function merge_components
+
+    pure type(quantity_type) function component_quantity(component) result(quantity)
+        integer, intent(in) :: component               !! of x y z roll pitch yaw
+
+        quantity = angle
+        if (component <= 3) quantity = length
+    end function component_quantity
+
+    subroutine refuse_doubles(root, coordinate, status)
+        type(scene_place), intent(in) :: root
+        type(coordinate_spec), intent(in) :: coordinate(:)
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: place
+        integer :: i, j
+
+        do i = 2, size(coordinate)
+            do j = 1, i - 1
+                if (coordinate(i)%name /= coordinate(j)%name) cycle
+                place = root
+                place%what = "coordinate "//quoted(coordinate(i)%name)
+                call refuse(place, "is already declared on line "//to_text(coordinate(j)%line)// &
+                    " (expected each coordinate once)", status, coordinate(i)%line)
+                return
+            end do
+        end do
+    end subroutine refuse_doubles
+end module linkdyn_scene_motion

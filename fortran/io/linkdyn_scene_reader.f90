@@ -1,0 +1,176 @@
+!> From a scene file to a scene: names resolved, units turned into SI, every mistake of form refused.
+!>
+!> The reference of the file is docs/scene-file.md. A refusal is one line: file, line, the name
+!> concerned, what is wrong, what was expected.
+module linkdyn_scene_reader
+    use linkdyn_kinds, only: wp
+    use linkdyn_status, only: status_type, status_bad_input, fail
+    use linkdyn_text, only: to_text, join
+    use linkdyn_scene, only: scene_type, path_len, law_none
+    use linkdyn_laws, only: evaluate_law
+    use linkdyn_toml, only: toml_document, parse_toml, free_toml
+    use linkdyn_units, only: acceleration
+    use linkdyn_input, only: read_file_text, folder_of
+    use linkdyn_scene_keys, only: scene_place, refuse, allow_keys, table_list, get_text, get_word, get_vector
+    use linkdyn_scene_links, only: read_frame, read_links
+    use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
+    use linkdyn_scene_joints, only: read_joints
+    use linkdyn_scene_chain, only: count_legs, read_chains
+    use linkdyn_scene_laws, only: table_shelf
+    use linkdyn_scene_motion, only: read_coordinates
+    use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
+    use linkdyn_scene_time, only: read_time
+    use linkdyn_toml, only: toml_node
+    implicit none (type, external)
+    private
+    public :: read_scene, parse_scene, check_actuators
+
+contains
+
+    !> Read a scene file; the tables it names lie beside it.
+    subroutine read_scene(file, scene, status)
+        character(len=*), intent(in) :: file
+        type(scene_type), intent(out) :: scene
+        type(status_type), intent(out) :: status
+        character(len=:), allocatable :: text
+
+        if (len_trim(file) > path_len) then
+            call fail(status, status_bad_input, "the name of the scene file is longer than "//to_text(path_len)//" letters")
+            return
+        end if
+        call read_file_text(file, trim(file), text, status)
+        if (status%is_ok()) call parse_scene(text, trim(file), folder_of(trim(file)), scene, status)
+    end subroutine read_scene
+
+    !> Read a scene from its text.
+    subroutine parse_scene(text, file, folder, scene, status)
+        character(len=*), intent(in) :: text
+        character(len=*), intent(in) :: file           !! what to call the text in messages
+        character(len=*), intent(in) :: folder         !! where the tables lie; blank: the current folder
+        type(scene_type), intent(out) :: scene
+        type(status_type), intent(out) :: status
+        type(toml_document) :: document
+        type(scene_place) :: root
+        character(len=:), allocatable :: message
+        integer :: line
+
+        scene%file = file
+        scene%text = text
+        root%file = file
+        call parse_toml(text, document, message, line)
+        if (message /= "") then
+            call refuse(root, "this is not TOML: "//message, status, line)
+            return
+        end if
+        root%node = document%root()
+        call read_tables(root, folder, scene, status)
+        call free_toml(document)
+    end subroutine parse_scene
+
+    !> Inverse dynamics finds one driving force for each coordinate: refuse any other number of actuators.
+    subroutine check_actuators(scene, status)
+        type(scene_type), intent(in) :: scene
+        type(status_type), intent(inout) :: status
+        integer :: n_actuator, n_coordinate
+
+        n_actuator = size(scene%actuator)
+        n_coordinate = size(scene%coordinate)
+        if (n_actuator == n_coordinate) return
+        call fail(status, status_bad_input, trim(scene%file)//": "// &
+            trim(merge("too few actuators: ", "too many actuators:", n_actuator < n_coordinate))//" "// &
+            counted(n_actuator, "actuator")//" for "//counted(n_coordinate, "coordinate")// &
+            " (expected as many actuators as coordinates for inverse dynamics)")
+
+    contains
+
+        pure function counted(n, noun) result(phrase)
+            integer, intent(in) :: n
+            character(len=*), intent(in) :: noun
+            character(len=:), allocatable :: phrase
+
+            phrase = to_text(n)//" "//noun
+            if (n /= 1) phrase = phrase//"s"
+        end function counted
+    end subroutine check_actuators
+
+    !> The tables of a scene, in the order in which they refer to one another.
+    subroutine read_tables(root, folder, scene, status)
+        type(scene_place), intent(in) :: root
+        character(len=*), intent(in) :: folder
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(table_shelf) :: shelf
+        integer, allocatable :: driven(:)
+        integer :: n_link, n_joint, n_leg
+
+        shelf%folder = folder
+        call read_head(root, scene, status)
+        call count_tables(root, "link", n_link, status)
+        call count_tables(root, "joint", n_joint, status)
+        call count_legs(root, n_leg, status)
+        if (status%is_ok() .and. n_link == 0) &
+            call refuse(root, "the scene has no links (expected at least one [[link]])", status)
+        if (.not. status%is_ok()) return
+        allocate (scene%link(n_link + 2*n_leg), scene%joint(n_joint + 3*n_leg))
+        call read_frame(root, scene, status)
+        call read_links(root, scene, status)
+        call read_chains(root, n_link + 1, n_joint + 1, scene, driven, status)
+        call refuse_double_links(root, scene, status)
+        call read_joints(root, scene, status)
+        call refuse_double_joints(root, scene, status)
+        call read_coordinates(root, shelf, scene, status)
+        call read_actuators(root, driven, shelf, scene, status)
+        call read_loads(root, shelf, scene, status)
+        call read_springs(root, scene, status)
+        call read_time(root, scene, status)
+        if (status%is_ok()) call start_on_motion(scene)
+    end subroutine read_tables
+
+    !> Title, space and gravity.
+    subroutine read_head(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: title
+        logical :: found
+        integer :: space
+
+        if (root%node%count() == 0) then
+            call refuse(root, "the scene is empty (expected 'space', links, joints, coordinates)", status)
+            return
+        end if
+        call allow_keys(root, [character(len=10) :: "title", "space", "gravity", "frame", "link", "joint", &
+            "coordinate", "actuator", "load", "chain", "spring", "time"], status)
+        call get_text(root, "title", title, status, found)
+        scene%title = title
+        call get_word(root, "space", [character(len=7) :: "planar", "spatial"], space, status)
+        if (.not. status%is_ok()) return
+        scene%planar = space == 1
+        call get_vector(root, "gravity", acceleration, scene%gravity(:merge(2, 3, scene%planar)), status, scene%has_gravity)
+    end subroutine read_head
+
+    subroutine count_tables(root, key, n, status)
+        type(scene_place), intent(in) :: root
+        character(len=*), intent(in) :: key
+        integer, intent(out) :: n
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list
+
+        call table_list(root, key, list, n, status)
+    end subroutine count_tables
+
+    !> A coordinate without a start of its own starts where its motion does.
+    pure subroutine start_on_motion(scene)
+        type(scene_type), intent(inout) :: scene
+        real(wp) :: acceleration
+        integer :: i
+
+        do i = 1, size(scene%coordinate)
+            associate (coordinate => scene%coordinate(i))
+                if (coordinate%has_start .or. coordinate%motion%kind == law_none) cycle
+                call evaluate_law(coordinate%motion, scene%time%first, coordinate%start_position, &
+                    coordinate%start_velocity, acceleration)
+            end associate
+        end do
+    end subroutine start_on_motion
+end module linkdyn_scene_reader

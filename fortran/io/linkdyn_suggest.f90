@@ -1,0 +1,53 @@
+!> "Did you mean": the word nearest to a misspelt one.
+module linkdyn_suggest
+    use linkdyn_text, only: quoted
+    implicit none (type, external)
+    private
+    public :: suggestion, edit_distance
+
+contains
+
+    !> "; did you mean 'mass'?" if one of the words is near enough, otherwise nothing.
+    pure function suggestion(word, words) result(text)
+        character(len=*), intent(in) :: word
+        character(len=*), intent(in) :: words(:)
+        character(len=:), allocatable :: text
+        integer :: i, best, distance, nearest
+
+        text = ""
+        best = 0
+        nearest = 1 + len_trim(word)/3
+        do i = 1, size(words)
+            if (len_trim(words(i)) == 0) cycle
+            if (abs(len_trim(words(i)) - len_trim(word)) > nearest) cycle
+            distance = edit_distance(trim(word), trim(words(i)))
+            if (distance > nearest .or. distance >= max(len_trim(word), len_trim(words(i)))) cycle
+            if (best > 0 .and. distance == nearest) cycle
+            best = i
+            nearest = distance
+        end do
+        if (best > 0) text = "; did you mean "//quoted(words(best))//"?"
+    end function suggestion
+
+    !> Number of letters to insert, drop, replace or swap with a neighbour to come from one word to the other.
+    pure integer function edit_distance(a, b)
+        character(len=*), intent(in) :: a, b
+        integer :: d(-1:len(a), -1:len(b))
+        integer :: i, j, cost
+
+        d = len(a) + len(b)
+        d(0:, 0) = [(i, i=0, len(a))]
+        d(0, 0:) = [(j, j=0, len(b))]
+        do j = 1, len(b)
+            do i = 1, len(a)
+                cost = merge(0, 1, a(i:i) == b(j:j))
+                d(i, j) = min(d(i - 1, j) + 1, d(i, j - 1) + 1, d(i - 1, j - 1) + cost)
+                if (i > 1 .and. j > 1) then
+                    if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) &
+                        d(i, j) = min(d(i, j), d(i - 2, j - 2) + 1)
+                end if
+            end do
+        end do
+        edit_distance = d(len(a), len(b))
+    end function edit_distance
+end module linkdyn_suggest

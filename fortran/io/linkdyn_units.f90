@@ -1,0 +1,416 @@
+!> Quantities with units: "60 rpm", "250 N*m", "5 kg m^2", checked against what is expected.
+!>
+!> A unit is a product and quotient of powers of unit names, each with an SI prefix if it likes:
+!> `kN`, `N*m`, `N m`, `m/s^2`, `m/s2`, `N/(m/s)`, `kg·m²`. The angle counts as a dimension, so that
+!> "30 deg" is no length; where convention leaves the radian out (N*m for N*m/rad) it may be left out.
+module linkdyn_units
+    use linkdyn_kinds, only: wp
+    use linkdyn_constants, only: pi, two_pi
+    use linkdyn_text, only: quoted
+    use linkdyn_input, only: parse_number
+    implicit none (type, external)
+    private
+    public :: quantity_type, per_second, over, unit_factor, quantity_value
+    public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
+    public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
+    public :: torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
+
+    integer, parameter :: n_dimension = 5          !! kg m s A rad
+
+    !> What a number stands for.
+    type :: quantity_type
+        character(len=40) :: name = ""             !! with its article: "a length"
+        character(len=16) :: example = ""          !! "12 mm"
+        character(len=8) :: unit = ""              !! SI unit
+        integer :: power(n_dimension) = 0          !! of kg m s A rad
+        logical :: angle_is_optional = .false.     !! the radian may be left out
+    end type quantity_type
+
+    type(quantity_type), parameter :: plain_number = &
+        quantity_type("a plain number", "0.8", "1", [0, 0, 0, 0, 0])
+    type(quantity_type), parameter :: length = &
+        quantity_type("a length", "12 mm", "m", [0, 1, 0, 0, 0])
+    type(quantity_type), parameter :: angle = &
+        quantity_type("an angle", "30 deg", "rad", [0, 0, 0, 0, 1])
+    type(quantity_type), parameter :: mass = &
+        quantity_type("a mass", "850 kg", "kg", [1, 0, 0, 0, 0])
+    type(quantity_type), parameter :: inertia = &
+        quantity_type("a moment of inertia", "5 kg*m^2", "kg m2", [1, 2, 0, 0, 0])
+    type(quantity_type), parameter :: time_span = &
+        quantity_type("a time", "0.5 s", "s", [0, 0, 1, 0, 0])
+    type(quantity_type), parameter :: force = &
+        quantity_type("a force", "10 kN", "N", [1, 1, -2, 0, 0])
+    type(quantity_type), parameter :: moment = &
+        quantity_type("a moment", "250 N*m", "N m", [1, 2, -2, 0, 0])
+    type(quantity_type), parameter :: speed = &
+        quantity_type("a speed", "0.5 m/s", "m/s", [0, 1, -1, 0, 0])
+    type(quantity_type), parameter :: angular_rate = &
+        quantity_type("an angular rate", "60 rpm", "rad/s", [0, 0, -1, 0, 1], .true.)
+    type(quantity_type), parameter :: acceleration = &
+        quantity_type("an acceleration", "9.81 m/s^2", "m/s2", [0, 1, -2, 0, 0])
+    type(quantity_type), parameter :: stiffness = &
+        quantity_type("a stiffness", "1e5 N/m", "N/m", [1, 0, -2, 0, 0])
+    type(quantity_type), parameter :: angular_stiffness = &
+        quantity_type("an angular stiffness", "20 N*m/rad", "N m/rad", [1, 2, -2, 0, -1], .true.)
+    type(quantity_type), parameter :: damping = &
+        quantity_type("a damping", "30 N*s/m", "N s/m", [1, 0, -1, 0, 0])
+    type(quantity_type), parameter :: angular_damping = &
+        quantity_type("an angular damping", "2 N*m*s/rad", "N m s", [1, 2, -1, 0, -1], .true.)
+    type(quantity_type), parameter :: torque_per_current = &
+        quantity_type("a torque constant", "0.22 N*m/A", "N m/A", [1, 2, -2, -1, 0])
+    type(quantity_type), parameter :: volt_second = &
+        quantity_type("a back-emf constant", "0.22 V*s/rad", "V s", [1, 2, -2, -1, -1], .true.)
+    type(quantity_type), parameter :: volt_per_angle = &
+        quantity_type("a gain in volts per radian", "100 V/rad", "V/rad", [1, 2, -3, -1, -1], .true.)
+    type(quantity_type), parameter :: volt_per_length = &
+        quantity_type("a gain in volts per metre", "100 V/m", "V/m", [1, 1, -3, -1, 0])
+    type(quantity_type), parameter :: resistance = &
+        quantity_type("a resistance", "3 ohm", "ohm", [1, 2, -3, -2, 0])
+
+    !> A unit name; `takes_prefix` if "k", "m", ... may stand before it.
+    type :: unit_entry
+        character(len=6) :: name
+        real(wp) :: factor                         !! in SI
+        integer :: power(n_dimension)
+        logical :: takes_prefix
+    end type unit_entry
+
+    real(wp), parameter :: one = 1
+    real(wp), parameter :: inch = 0.0254_wp
+    real(wp), parameter :: pound = 0.45359237_wp
+    real(wp), parameter :: standard_gravity = 9.80665_wp
+
+    type(unit_entry), parameter :: units(*) = [ &
+        unit_entry("m", one, [0, 1, 0, 0, 0], .true.), &
+        unit_entry("g", 0.001_wp, [1, 0, 0, 0, 0], .true.), &
+        unit_entry("t", 1000*one, [1, 0, 0, 0, 0], .true.), &
+        unit_entry("s", one, [0, 0, 1, 0, 0], .true.), &
+        unit_entry("A", one, [0, 0, 0, 1, 0], .true.), &
+        unit_entry("rad", one, [0, 0, 0, 0, 1], .true.), &
+        unit_entry("N", one, [1, 1, -2, 0, 0], .true.), &
+        unit_entry("Nm", one, [1, 2, -2, 0, 0], .true.), &
+        unit_entry("Pa", one, [1, -1, -2, 0, 0], .true.), &
+        unit_entry("J", one, [1, 2, -2, 0, 0], .true.), &
+        unit_entry("W", one, [1, 2, -3, 0, 0], .true.), &
+        unit_entry("V", one, [1, 2, -3, -1, 0], .true.), &
+        unit_entry("ohm", one, [1, 2, -3, -2, 0], .true.), &
+        unit_entry("Ohm", one, [1, 2, -3, -2, 0], .true.), &
+        unit_entry("Hz", two_pi, [0, 0, -1, 0, 1], .true.), &
+        unit_entry("deg", pi/180, [0, 0, 0, 0, 1], .false.), &
+        unit_entry("rev", two_pi, [0, 0, 0, 0, 1], .false.), &
+        unit_entry("rpm", two_pi/60, [0, 0, -1, 0, 1], .false.), &
+        unit_entry("min", 60*one, [0, 0, 1, 0, 0], .false.), &
+        unit_entry("h", 3600*one, [0, 0, 1, 0, 0], .false.), &
+        unit_entry("in", inch, [0, 1, 0, 0, 0], .false.), &
+        unit_entry("ft", 12*inch, [0, 1, 0, 0, 0], .false.), &
+        unit_entry("lb", pound, [1, 0, 0, 0, 0], .false.), &
+        unit_entry("lbf", pound*standard_gravity, [1, 1, -2, 0, 0], .false.), &
+        unit_entry("kgf", standard_gravity, [1, 1, -2, 0, 0], .false.), &
+        unit_entry("%", 0.01_wp, [0, 0, 0, 0, 0], .false.), &
+        unit_entry("1", one, [0, 0, 0, 0, 0], .false.)]
+
+    character(len=2), parameter :: prefixes(*) = [character(len=2) :: "n", "u", "m", "c", "d", "da", "h", "k", "M", "G"]
+    integer, parameter :: prefix_power(*) = [-9, -6, -3, -2, -1, 1, 2, 3, 6, 9]
+
+    !> A unit on its way: text still to read, and what has been read.
+    type :: unit_reading
+        integer :: next = 1                        !! position in the text
+        real(wp) :: factor = 1
+        integer :: power(n_dimension) = 0
+        logical :: is_good = .true.
+        character(len=32) :: culprit = ""          !! the name that is no unit
+    end type unit_reading
+
+contains
+
+    !> The same quantity per second: "a length" becomes "a speed".
+    pure type(quantity_type) function per_second(quantity) result(rate)
+        type(quantity_type), intent(in) :: quantity
+
+        if (all(quantity%power == length%power)) then
+            rate = speed
+        else if (all(quantity%power == angle%power)) then
+            rate = angular_rate
+        else
+            rate = quantity
+            rate%name = trim(quantity%name)//" per second"
+            rate%example = trim(quantity%example)//"/s"
+            rate%unit = trim(quantity%unit)//"/s"
+            rate%power(3) = rate%power(3) - 1
+        end if
+    end function per_second
+
+    !> The quotient of two quantities, under a name of its own.
+    pure type(quantity_type) function over(upper, lower, name, example) result(quotient)
+        type(quantity_type), intent(in) :: upper, lower
+        character(len=*), intent(in) :: name, example
+
+        quotient%name = name
+        quotient%example = example
+        quotient%power = upper%power - lower%power
+        quotient%angle_is_optional = .true.
+    end function over
+
+    !> Factor from a unit to SI. `problem` is empty if the unit is one of this quantity.
+    pure subroutine unit_factor(text, quantity, factor, problem)
+        character(len=*), intent(in) :: text           !! "mm", "N*m/rad"; empty: SI
+        type(quantity_type), intent(in) :: quantity    !! what is expected
+        real(wp), intent(out) :: factor
+        character(len=:), allocatable, intent(out) :: problem
+        type(unit_reading) :: reading
+
+        problem = ""
+        factor = 1
+        if (len_trim(text) == 0) return
+        call read_product(ascii_unit(text), reading, 0)
+        if (.not. reading%is_good) then
+            problem = quoted(reading%culprit)//" is not a unit that linkdyn knows"
+        else if (.not. is_same_dimension(reading%power, quantity)) then
+            problem = quoted(adjustl(text))//" is the unit of "//dimension_text(reading%power)
+        end if
+        factor = reading%factor
+    end subroutine unit_factor
+
+    !> Value in SI of a text such as "12 mm". `problem` is empty if all is well.
+    pure subroutine quantity_value(text, quantity, value, problem)
+        character(len=*), intent(in) :: text
+        type(quantity_type), intent(in) :: quantity    !! what is expected
+        real(wp), intent(out) :: value
+        character(len=:), allocatable, intent(out) :: problem
+        real(wp) :: number
+        type(unit_reading) :: reading
+        character(len=:), allocatable :: trimmed
+        integer :: n_used
+
+        value = 0
+        trimmed = trim(adjustl(text))
+        call parse_number(trimmed, number, n_used)
+        problem = ""
+        if (n_used == 0) then
+            problem = quoted(trimmed)//" does not start with a number"
+            return
+        end if
+        if (.not. abs(number) <= huge(number)) then
+            problem = quoted(trimmed)//" is not a finite number"
+            return
+        end if
+        if (n_used == len(trimmed)) then
+            if (any(quantity%power /= 0)) problem = quoted(trimmed)//" has no unit"
+        else
+            call read_product(ascii_unit(trimmed(n_used + 1:)), reading, 0)
+            if (.not. reading%is_good) then
+                problem = quoted(trimmed)//": "//quoted(reading%culprit)//" is not a unit that linkdyn knows"
+            else if (.not. is_same_dimension(reading%power, quantity)) then
+                problem = quoted(trimmed)//" is "//dimension_text(reading%power)
+            end if
+        end if
+        value = number*reading%factor
+    end subroutine quantity_value
+
+    pure logical function is_same_dimension(power, quantity)
+        integer, intent(in) :: power(n_dimension)
+        type(quantity_type), intent(in) :: quantity
+
+        is_same_dimension = all(power(:4) == quantity%power(:4))
+        if (power(5) == quantity%power(5)) return
+        is_same_dimension = is_same_dimension .and. quantity%angle_is_optional .and. power(5) == 0
+    end function is_same_dimension
+
+    !> The name of a dimension: "a mass", or its SI unit if it has no name here.
+    pure function dimension_text(power) result(text)
+        integer, intent(in) :: power(n_dimension)
+        character(len=:), allocatable :: text
+        type(quantity_type), parameter :: known(*) = [plain_number, length, angle, mass, inertia, time_span, &
+            force, speed, angular_rate, acceleration, stiffness, damping, resistance]
+        character(len=3), parameter :: base(n_dimension) = [character(len=3) :: "kg", "m", "s", "A", "rad"]
+        character(len=8) :: exponent
+        integer :: i
+
+        text = ""
+        do i = 1, size(known)
+            if (all(power == known(i)%power)) text = trim(known(i)%name)
+        end do
+        if (all(power == [1, 2, -2, 0, 0])) text = "a moment or an energy"
+        if (all(power == [0, 2, 0, 0, 0])) text = "an area"
+        if (len(text) > 0) return
+        text = "something in"
+        do i = 1, n_dimension
+            if (power(i) == 0) cycle
+            text = text//" "//trim(base(i))
+            write (exponent, "(i0)") power(i)
+            if (power(i) /= 1) text = text//"^"//trim(exponent)
+        end do
+    end function dimension_text
+
+    !> Factors and divisors up to the end of the text or a closing bracket.
+    pure recursive subroutine read_product(text, reading, depth)
+        character(len=*), intent(in) :: text
+        type(unit_reading), intent(inout) :: reading
+        integer, intent(in) :: depth                   !! open brackets
+        type(unit_reading) :: part
+        integer :: sign_of_power
+        logical :: is_first
+
+        is_first = .true.
+        do
+            call skip_blanks(text, reading%next)
+            if (reading%next > len(text) .or. .not. reading%is_good) exit
+            if (text(reading%next:reading%next) == ")") exit
+            sign_of_power = 1
+            if (scan(text(reading%next:reading%next), "*/") == 1) then
+                if (is_first .and. depth > 0) reading%is_good = .false.
+                if (text(reading%next:reading%next) == "/") sign_of_power = -1
+                reading%next = reading%next + 1
+                call skip_blanks(text, reading%next)
+            end if
+            part = unit_reading(next=reading%next)
+            call read_factor(text, part, depth)
+            reading%next = part%next
+            reading%factor = reading%factor*part%factor**sign_of_power
+            reading%power = reading%power + sign_of_power*part%power
+            reading%is_good = reading%is_good .and. part%is_good
+            reading%culprit = part%culprit
+            is_first = .false.
+        end do
+        if (depth == 0 .and. reading%next <= len(text)) reading%is_good = .false.
+        if (is_first) reading%is_good = .false.
+        if (.not. reading%is_good .and. reading%culprit == "") reading%culprit = adjustl(text)
+    end subroutine read_product
+
+    !> A unit name or a bracket, with its exponent.
+    pure recursive subroutine read_factor(text, reading, depth)
+        character(len=*), intent(in) :: text
+        type(unit_reading), intent(inout) :: reading
+        integer, intent(in) :: depth
+        character(len=*), parameter :: letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ%"
+        integer :: first, exponent
+
+        first = reading%next
+        if (first > len(text) .or. depth > 8) then
+            reading%is_good = .false.
+            return
+        end if
+        if (text(first:first) == "(") then
+            reading%next = first + 1
+            call read_product(text, reading, depth + 1)
+            if (reading%next > len(text)) reading%is_good = .false.
+            reading%next = reading%next + 1
+        else
+            do while (reading%next <= len(text))
+                if (index(letters, text(reading%next:reading%next)) == 0) exit
+                reading%next = reading%next + 1
+            end do
+            if (reading%next == first) then
+                ! No name; a 1 may stand where there is nothing but a divisor: 1/s.
+                reading%next = first + 1
+                reading%is_good = text(first:first) == "1" .and. index(adjustl(text(first + 1:)), "/") == 1
+                reading%culprit = text(first:)
+                if (.not. reading%is_good) return
+            end if
+            call look_up(text(first:reading%next - 1), reading)
+        end if
+        if (.not. reading%is_good) return
+        call read_exponent(text, reading%next, exponent, reading%is_good)
+        if (.not. reading%is_good) reading%culprit = text(first:)
+        reading%factor = reading%factor**exponent
+        reading%power = reading%power*exponent
+    end subroutine read_factor
+
+    !> "^2", "^-1", "2", or nothing (1).
+    pure subroutine read_exponent(text, next, exponent, is_good)
+        character(len=*), intent(in) :: text
+        integer, intent(inout) :: next
+        integer, intent(out) :: exponent
+        logical, intent(out) :: is_good
+        logical :: is_negative, is_marked
+
+        exponent = 1
+        is_good = .true.
+        is_marked = .false.
+        is_negative = .false.
+        if (next <= len(text)) is_marked = text(next:next) == "^"
+        if (is_marked) next = next + 1
+        if (next <= len(text)) is_negative = text(next:next) == "-"
+        if (is_negative) next = next + 1
+        if (next <= len(text)) then
+            if (index("123456789", text(next:next)) > 0) then
+                exponent = iachar(text(next:next)) - iachar("0")
+                next = next + 1
+                if (is_negative) exponent = -exponent
+                return
+            end if
+        end if
+        is_good = .not. (is_marked .or. is_negative)
+    end subroutine read_exponent
+
+    !> A unit by its name, or by a prefix and its name.
+    pure subroutine look_up(name, reading)
+        character(len=*), intent(in) :: name
+        type(unit_reading), intent(inout) :: reading
+        integer :: i, j, n
+
+        do i = 1, size(units)
+            if (name /= units(i)%name) cycle
+            reading%factor = units(i)%factor
+            reading%power = units(i)%power
+            return
+        end do
+        do j = 1, size(prefixes)
+            n = len_trim(prefixes(j))
+            if (n >= len(name)) cycle
+            if (name(:n) /= prefixes(j)) cycle
+            do i = 1, size(units)
+                if (name(n + 1:) /= units(i)%name .or. .not. units(i)%takes_prefix) cycle
+                ! A whole power of ten divides exactly where its negative power would round.
+                if (prefix_power(j) > 0) reading%factor = units(i)%factor*10.0_wp**prefix_power(j)
+                if (prefix_power(j) < 0) reading%factor = units(i)%factor/10.0_wp**(-prefix_power(j))
+                if (name == "kg") reading%factor = 1
+                reading%power = units(i)%power
+                return
+            end do
+        end do
+        reading%is_good = .false.
+        reading%culprit = name
+    end subroutine look_up
+
+    pure subroutine skip_blanks(text, next)
+        character(len=*), intent(in) :: text
+        integer, intent(inout) :: next
+
+        do while (next <= len(text))
+            if (text(next:next) /= " ") exit
+            next = next + 1
+        end do
+    end subroutine skip_blanks
+
+    !> The same unit with the typographer's signs spelt in ASCII.
+    pure function ascii_unit(text) result(plain)
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: plain
+        character(len=*), parameter :: c2 = char(194), ce = char(206), e2 = char(226)
+
+        plain = replaced(trim(text), "**", "^")
+        plain = replaced(plain, c2//char(183), "*")              ! middle dot
+        plain = replaced(plain, e2//char(139)//char(133), "*")  ! dot operator
+        plain = replaced(plain, c2//char(178), "^2")
+        plain = replaced(plain, c2//char(179), "^3")
+        plain = replaced(plain, c2//char(176), "deg")
+        plain = replaced(plain, c2//char(181), "u")              ! micro sign
+        plain = replaced(plain, ce//char(188), "u")              ! Greek mu
+        plain = replaced(plain, ce//char(169), "ohm")
+        plain = replaced(plain, achar(9), " ")
+    end function ascii_unit
+
+    pure function replaced(text, old, new) result(changed)
+        character(len=*), intent(in) :: text, old, new
+        character(len=:), allocatable :: changed
+        integer :: i
+
+        changed = text
+        do
+            i = index(changed, old)
+            if (i == 0) exit
+            changed = changed(:i - 1)//new//changed(i + len(old):)
+        end do
+    end function replaced
+end module linkdyn_units
