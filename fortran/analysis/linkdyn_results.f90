@@ -2,8 +2,8 @@
 !> built from this description, so that they cannot drift apart.
 !>
 !> A *layout* lists dimensions (with a label and a unit for every entry) and variables (with their
-!> dimensions, unit and meaning). A *block* points to the values of one chunk of samples, one flat
-!> array a variable, the sample running slowest.
+!> dimensions, unit and meaning). A *block* holds the values of one chunk of samples, one flat array a
+!> variable, the sample running slowest; *views* give them their shape.
 module linkdyn_results
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name
@@ -11,12 +11,12 @@ module linkdyn_results
     implicit none (type, external)
     private
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
-    public :: describe_results, choose_wanted, prepare_block, find_driving_power
+    public :: describe_results, choose_wanted, prepare_block, view_values, find_driving_power
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
-    public :: result_error, result_power_imbalance, result_time
+    public :: result_error, result_growth, result_power_imbalance, result_time
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
     integer, parameter :: unit_len = 8
@@ -45,7 +45,8 @@ module linkdyn_results
     integer, parameter :: result_status = 11
     integer, parameter :: result_rcond = 12
     integer, parameter :: result_error = 13
-    integer, parameter :: result_power_imbalance = 14
+    integer, parameter :: result_growth = 14
+    integer, parameter :: result_power_imbalance = 15
 
     ! ---- what the user may ask for
     character(len=14), parameter :: wanted_name(6) = [character(len=14) :: &
@@ -57,7 +58,7 @@ module linkdyn_results
         logical :: reaction = .true.
         logical :: joint_variable = .true.   !! with its rate
         logical :: power = .true.            !! speed and power of every actuator
-        logical :: checks = .true.           !! rcond, error, power_imbalance
+        logical :: checks = .true.           !! rcond, error, growth, power_imbalance
     end type wanted_type
 
     !> One dimension. `label` and `unit` are absent for the samples.
@@ -88,16 +89,21 @@ module linkdyn_results
         integer, allocatable :: actuator_variable(:)       !! joint variable that each actuator drives
     end type layout_type
 
-    !> Where the values of one variable lie for the current chunk.
+    !> Values of one variable.
     type :: values_type
-        real(wp), pointer, contiguous :: real(:) => null()
-        integer, pointer, contiguous :: integer(:) => null()
+        real(wp), allocatable :: real(:)                   !! (width of a sample*samples)
+        integer, allocatable :: integer(:)
     end type values_type
 
     !> One chunk of samples: values of every variable of a layout, in its order.
     type :: block_type
         type(values_type), allocatable :: of(:)
     end type block_type
+
+    !> Values of a variable in their shape, the sample last; null if the layout does not have it.
+    interface view_values
+        module procedure view_integers, view_reals_1, view_reals_2, view_reals_3
+    end interface view_values
 
 contains
 
@@ -263,6 +269,7 @@ contains
         if (wanted%checks) then
             call add(layout, result_rcond, "rcond", "reciprocal condition number of the equations", "1")
             call add(layout, result_error, "error", "relative error bound or estimate of the forces", "1")
+            call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
             call add(layout, result_power_imbalance, "power_imbalance", &
                 "driving and external power less change of energy, relative to the sum of magnitudes", "1")
         end if
@@ -324,13 +331,78 @@ contains
         end do
     end function distinct
 
-    !> A block with a place for every variable of the layout, pointing nowhere yet.
-    subroutine prepare_block(layout, block)
+    !> Room for the values of some samples.
+    subroutine prepare_block(layout, n, block)
         type(layout_type), intent(in) :: layout
+        integer, intent(in) :: n               !! samples
         type(block_type), intent(out) :: block
+        integer :: i
 
         allocate (block%of(size(layout%variable)))
+        do i = 1, size(layout%variable)
+            if (layout%variable(i)%is_integer) then
+                allocate (block%of(i)%integer(samples_width(layout, layout%variable(i))*n))
+            else
+                allocate (block%of(i)%real(samples_width(layout, layout%variable(i))*n))
+            end if
+        end do
     end subroutine prepare_block
+
+    subroutine view_integers(layout, id, n, block, values)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: id              !! one of `result_*`
+        integer, intent(in) :: n               !! samples to be seen
+        type(block_type), intent(in), target :: block
+        integer, pointer, intent(out) :: values(:)     !! (n)
+        integer :: place
+
+        nullify (values)
+        place = variable_index(layout, id)
+        if (place > 0) values(1:n) => block%of(place)%integer
+    end subroutine view_integers
+
+    subroutine view_reals_1(layout, id, n, block, values)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: id              !! one of `result_*`
+        integer, intent(in) :: n               !! samples to be seen
+        type(block_type), intent(in), target :: block
+        real(wp), pointer, intent(out) :: values(:)    !! (n)
+        integer :: place
+
+        nullify (values)
+        place = variable_index(layout, id)
+        if (place > 0) values(1:n) => block%of(place)%real
+    end subroutine view_reals_1
+
+    subroutine view_reals_2(layout, id, n, block, values)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: id              !! one of `result_*`
+        integer, intent(in) :: n               !! samples to be seen
+        type(block_type), intent(in), target :: block
+        real(wp), pointer, intent(out) :: values(:, :) !! (width, n)
+        integer :: place
+
+        nullify (values)
+        place = variable_index(layout, id)
+        if (place == 0) return
+        values(1:samples_width(layout, layout%variable(place)), 1:n) => block%of(place)%real
+    end subroutine view_reals_2
+
+    subroutine view_reals_3(layout, id, n, block, values)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: id              !! one of `result_*`
+        integer, intent(in) :: n               !! samples to be seen
+        type(block_type), intent(in), target :: block
+        real(wp), pointer, intent(out) :: values(:, :, :)  !! (last dimension, first one, n)
+        integer :: place
+
+        nullify (values)
+        place = variable_index(layout, id)
+        if (place == 0) return
+        associate (dim => layout%variable(place)%dim)
+            values(1:layout%dimension(dim(3))%size, 1:layout%dimension(dim(2))%size, 1:n) => block%of(place)%real
+        end associate
+    end subroutine view_reals_3
 
     !> Place of a variable in the layout; 0 if it is not there.
     pure integer function variable_index(layout, id) result(place)

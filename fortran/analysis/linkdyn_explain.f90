@@ -1,0 +1,195 @@
+!> What linkdyn makes of a scene, in words: links, equations, unknowns, order of computation, what is left out.
+module linkdyn_explain
+    use linkdyn_equations, only: equations_type, build_equations, solver_elimination
+    use linkdyn_elimination_plan, only: elimination_plan
+    use linkdyn_formulation, only: formulation_type, n_force_of, n_moment_of
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups
+    use linkdyn_planner, only: mobility_of, joint_constraints
+    use linkdyn_scene, only: joint_kind_name, variable_name, joint_n_variable
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: explain_model
+
+contains
+
+    !> Write the report of `linkdyn explain`.
+    subroutine explain_model(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit    !! open for formatted writing
+
+        call explain_scene(model, unit)
+        call explain_links(model, unit)
+        call explain_unknowns(model, unit)
+        call explain_order(model, unit)
+        call explain_equations(model, unit)
+        call explain_left_out(model, unit)
+    end subroutine explain_model
+
+    subroutine explain_scene(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+
+        write (unit, "(a)") trim(model%scene%title)
+        write (unit, "(2x,a)") to_text(model%n_link)//" moving links, "//to_text(model%n_joint)//" joints, mobility " &
+            //to_text(mobility_of(model))//", "//to_text(model%n_q)//" coordinates, "//to_text(model%n_actuator)//" actuators"
+        if (all(model%gravity == 0)) then
+            write (unit, "(2x,a)") "gravity: none"
+        else
+            write (unit, "(2x,a)") "gravity: ["//to_text(model%gravity(1))//", "//to_text(model%gravity(2))//", " &
+                //to_text(model%gravity(3))//"] m/s2"
+        end if
+    end subroutine explain_scene
+
+    subroutine explain_links(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        integer :: i
+
+        write (unit, "(/,a)") "Links"
+        do i = 1, model%n_link
+            associate (link => model%link(i))
+                if (link%is_massless) then
+                    write (unit, "(2x,a24,a)") adjustl(link%name), "massless"
+                else
+                    write (unit, "(2x,a24,a)") adjustl(link%name), to_text(link%mass)//" kg"
+                end if
+            end associate
+        end do
+    end subroutine explain_links
+
+    subroutine explain_unknowns(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        character(len=:), allocatable :: what
+        integer :: j, n
+
+        write (unit, "(/,a)") "Unknowns of inverse dynamics"
+        n = model%n_actuator
+        do j = 1, model%n_joint
+            associate (joint => model%joint(j))
+                n = n + joint_constraints(joint%kind)
+                what = counted(n_force_of(joint%kind), "force")
+                if (n_moment_of(joint%kind) > 0) what = what//", "//counted(n_moment_of(joint%kind), "moment")
+                write (unit, "(2x,a24,a12,a)") adjustl(joint%name), joint_kind_name(joint%kind), what
+            end associate
+        end do
+        do j = 1, model%n_actuator
+            associate (spec => model%scene%actuator(j))
+                write (unit, "(2x,a24,a12,a)") adjustl(spec%name), "actuator", &
+                    trim(merge("force ", "torque", spec%unit == "N"))//" on its "// &
+                    trim(variable_name(spec%variable, model%joint(spec%joint)%kind))
+            end associate
+        end do
+        write (unit, "(2x,a)") to_text(n)//" unknowns in "//to_text(model%n_row)//" equations of motion"
+    end subroutine explain_unknowns
+
+    pure function counted(n, what) result(text)
+        integer, intent(in) :: n
+        character(len=*), intent(in) :: what
+        character(len=:), allocatable :: text
+
+        text = to_text(n)//" "//what
+        if (n > 1) text = text//"s"
+    end function counted
+
+    subroutine explain_order(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        integer :: i
+
+        write (unit, "(/,a)") "Order of computation"
+        do i = 1, size(model%step)
+            write (unit, "(2x,i4,a)") i, ". "//step_in_words(model, model%step(i))
+        end do
+    end subroutine explain_order
+
+    function step_in_words(model, step) result(text)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        character(len=:), allocatable :: text
+        integer :: i
+
+        select case (step%kind)
+        case (step_pose)
+            text = "pose of "//trim(model%link(step%link(1))%name)//" from its six coordinates"
+        case (step_joint)
+            text = trim(model%link(step%link(1))%name)//" by "//trim(joint_kind_name(model%joint(step%joint(1))%kind)) &
+                   //" joint "//trim(model%joint(step%joint(1))%name)//" from coordinate"
+            do i = 1, joint_n_variable(model%joint(step%joint(1))%kind)
+                if (i > 1) text = text//","
+                text = text//" "//trim(model%scene%coordinate(step%coordinate(i))%name)
+            end do
+        case (step_ups)
+            text = "UPS leg "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
+                   //" between "//name_of(model, model%joint(step%joint(1))%link(1))//" and " &
+                   //name_of(model, model%joint(step%joint(3))%link(2))//": closed form"
+        end select
+    end function step_in_words
+
+    function name_of(model, link) result(name)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        character(len=:), allocatable :: name
+
+        name = "frame"
+        if (link > 0) name = trim(model%link(link)%name)
+    end function name_of
+
+    !> The planned elimination: with all unknowns wanted, and with driving forces only.
+    subroutine explain_equations(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        type(equations_type) :: equations
+        type(status_type) :: status
+
+        write (unit, "(/,a)") "Elimination plan"
+        call build_equations(model, solver_elimination, .true., equations, status)
+        if (.not. status%is_ok()) then
+            write (unit, "(2x,a)") trim(status%message)
+            return
+        end if
+        if (.not. equations%plan%is_complete) then
+            write (unit, "(2x,a)") "none: no pivots good enough at the representative poses; every sample goes to the dense solver"
+            return
+        end if
+        write (unit, "(2x,a)") "nonzeros "//to_text(size(equations%formulation%entry))//", of these varying " &
+            //to_text(equations%formulation%n_slot)//", fill "//to_text(equations%plan%n_fill)
+        call explain_cost(equations%plan, "all unknowns", unit)
+        call build_equations(model, solver_elimination, .false., equations, status)
+        if (status%is_ok()) call explain_cost(equations%plan, "driving forces only", unit)
+        write (unit, "(2x,a,i0,a)") "dense elimination would take about ", nint(2*real(model%n_row, wp)**3/3), " flops a pose"
+    end subroutine explain_equations
+
+    subroutine explain_cost(plan, what, unit)
+        type(elimination_plan), intent(in) :: plan
+        character(len=*), intent(in) :: what
+        integer, intent(in) :: unit
+
+        write (unit, "(2x,a)") what//": "//to_text(2*plan%n_term + plan%n_scale)//" flops and " &
+            //to_text(plan%n_reciprocal)//" divisions a pose"
+    end subroutine explain_cost
+
+    subroutine explain_left_out(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        integer :: i
+        logical :: nothing
+
+        write (unit, "(/,a)") "Left out"
+        nothing = .true.
+        do i = 1, model%n_link
+            if (.not. model%link(i)%is_massless) cycle
+            write (unit, "(2x,a)") "inertia of massless link "//trim(model%link(i)%name)
+            nothing = .false.
+        end do
+        do i = 1, model%n_link
+            if (model%link(i)%is_massless .or. .not. model%link(i)%is_diagonal) cycle
+            write (unit, "(2x,a)") "products of inertia of "//trim(model%link(i)%name)//" (zero)"
+            nothing = .false.
+        end do
+        if (nothing) write (unit, "(2x,a)") "nothing"
+    end subroutine explain_left_out
+end module linkdyn_explain
