@@ -241,7 +241,7 @@ contains
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
             n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
-            n_variable, joint_variable, joint_rate, n_check, rcond, error, power_imbalance, sample_status, code, message)
+            n_variable, joint_variable, joint_rate, n_check, rcond, error, growth, power_imbalance, sample_status, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
@@ -256,7 +256,8 @@ contains
         real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: joint_variable(n_variable), joint_rate(n_variable)  ! (n_variable, n)
-        real(c_double), intent(inout), target :: rcond(n_check), error(n_check), power_imbalance(n_check)  ! (n)
+        real(c_double), intent(inout), target :: rcond(n_check), error(n_check)                ! (n)
+        real(c_double), intent(inout), target :: growth(n_check), power_imbalance(n_check)       ! (n)
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
@@ -266,7 +267,7 @@ contains
         type(inverse_results) :: results
         type(layout_type) :: layout
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
-        real(c_double), allocatable, target :: own_force(:, :), own_variable(:, :), own_rate(:, :)
+        real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
 
         call find_model(handle, model, status)
         if (status%code == 0) then                         ! the first failure stays
@@ -301,6 +302,7 @@ contains
             if (wanted(5) == 1) then
                 results%rcond => rcond
                 results%error => error
+                results%growth => growth
                 results%power_imbalance => power_imbalance
             end if
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
@@ -308,8 +310,7 @@ contains
                 results%driving_force => own_force
             end if
             if (wanted(2) == 1 .and. wanted(4) /= 1) then
-                allocate (own_variable(model%n_variable, n), own_rate(model%n_variable, n))
-                results%joint_variable => own_variable
+                allocate (own_rate(model%n_variable, n))
                 results%joint_rate => own_rate
             end if
             call run_inverse(model, options, q2, qd2, qdd2, load3, results, status)

@@ -2,8 +2,7 @@
 module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, &
-        joint_kind_name, law_none
+    use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, joint_kind_name
     use linkdyn_status, only: sample_status_name
     implicit none (type, external)
     private
@@ -19,7 +18,6 @@ contains
 
         text = "{"//pair("title", string(scene%title))//","//pair("file", string(scene%file))//","// &
             pair("planar", logical_value(scene%planar))//","//pair("gravity", numbers(scene%gravity))//","// &
-            pair("has_motion", logical_value(has_motion(scene)))//","// &
             pair("time", "{"//pair("first", number(scene%time%first))//","//pair("last", number(scene%time%last))// &
             ","//pair("n_sample", integer_value(scene%time%n_sample))//"}")
         text = text//',"links":['//link_object(scene%frame, "frame")
@@ -61,13 +59,6 @@ contains
         end do
         text = text//'],'//pair("status", strings(sample_status_name))//"}"
     end function layout_as_json
-
-    !> True if every coordinate has a law of motion.
-    pure logical function has_motion(scene)
-        type(scene_type), intent(in) :: scene
-
-        has_motion = all(scene%coordinate%motion%kind /= law_none)
-    end function has_motion
 
     function link_object(link, name) result(text)
         type(link_spec), intent(in) :: link

@@ -91,10 +91,11 @@ contains
                 start(n_dim) = first
                 count(:n_dim) = [(layout%dimension(variable%dim(k))%size, k=n_dim, 2, -1), n]
                 if (variable%is_integer) then
-                    code = nf90_put_var(writer%id, writer%variable_id(i), block%of(i)%integer, &
+                    code = nf90_put_var(writer%id, writer%variable_id(i), block%of(i)%integer(:product(count(:n_dim))), &
                         start(:n_dim), count(:n_dim))
                 else
-                    code = nf90_put_var(writer%id, writer%variable_id(i), real(block%of(i)%real, real64), &
+                    code = nf90_put_var(writer%id, writer%variable_id(i), &
+                        real(block%of(i)%real(:product(count(:n_dim))), real64), &
                         start(:n_dim), count(:n_dim))
                 end if
             end associate

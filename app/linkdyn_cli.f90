@@ -1,0 +1,252 @@
+!> The command line as a typed value, and the help texts.
+module linkdyn_cli
+    use linkdyn_inverse, only: inverse_options, choose_solver
+    use linkdyn_results, only: wanted_type, choose_wanted
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_suggest, only: suggestion
+    use linkdyn_text, only: quoted
+    implicit none (type, external)
+    private
+    public :: command_line, argument_type, read_arguments, parse_arguments, print_help
+    public :: command_none, command_inverse, command_explain, command_version
+
+    integer, parameter :: command_none = 0
+    integer, parameter :: command_inverse = 1
+    integer, parameter :: command_explain = 2
+    integer, parameter :: command_version = 3
+    character(len=8), parameter :: command_name(2) = [character(len=8) :: "inverse", "explain"]
+    character(len=10), parameter :: inverse_option(9) = [character(len=10) :: &
+        "--output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
+    character(len=10), parameter :: other_option(1) = [character(len=10) :: "--help"]
+    character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
+    character(len=12), parameter :: solver_name(4) = [character(len=12) :: &
+        "gauss-jordan", "lapack", "elimination", "reduced"]
+
+    !> One word of the command line.
+    type :: argument_type
+        character(len=:), allocatable :: text
+    end type argument_type
+
+    !> What the user asks for.
+    type :: command_line
+        integer :: command = command_none
+        logical :: help = .false.                     !! of the command, or in general
+        character(len=:), allocatable :: scene        !! file name
+        character(len=:), allocatable :: output       !! file name; not allocated: from the scene's
+        logical :: csv = .false.
+        logical :: quiet = .false.
+        integer :: deflate = 0                        !! compression of netCDF output
+        character(len=:), allocatable :: solver       !! its name
+        type(inverse_options) :: options
+        type(wanted_type) :: wanted
+    end type command_line
+
+contains
+
+    !> The words after the program's name.
+    subroutine read_arguments(arguments)
+        type(argument_type), allocatable, intent(out) :: arguments(:)
+        integer :: i, length
+
+        allocate (arguments(command_argument_count()))
+        do i = 1, size(arguments)
+            call get_command_argument(i, length=length)
+            allocate (character(len=length) :: arguments(i)%text)
+            if (length > 0) call get_command_argument(i, arguments(i)%text)
+        end do
+    end subroutine read_arguments
+
+    !> Turn words into a command.
+    !>
+    !> **Errors**: bad input for an unknown command or option, a missing or wrong value.
+    subroutine parse_arguments(arguments, config, status)
+        type(argument_type), intent(in) :: arguments(:)
+        type(command_line), intent(out) :: config
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        config%solver = "elimination"
+        call choose_solver(config%solver, config%options%solver, status)
+        if (size(arguments) == 0) then
+            config%help = .true.
+            return
+        end if
+        select case (arguments(1)%text)
+        case ("inverse")
+            config%command = command_inverse
+        case ("explain")
+            config%command = command_explain
+        case ("--version")
+            config%command = command_version
+            return
+        case ("--help", "-h", "help")
+            config%help = .true.
+            return
+        case default
+            if (index(arguments(1)%text, "-") == 1) then
+                call refuse(quoted(arguments(1)%text)//": unknown option"//suggestion(arguments(1)%text, global_option), &
+                    status)
+            else
+                call refuse(quoted(arguments(1)%text)//": unknown command (expected inverse or explain)"// &
+                    suggestion(arguments(1)%text, command_name), status)
+            end if
+            return
+        end select
+        i = 2
+        do while (i <= size(arguments) .and. status%is_ok())
+            call take_word(arguments, i, config, status)
+        end do
+        if (status%is_ok() .and. .not. config%help .and. .not. allocated(config%scene)) &
+            call refuse("no scene given (expected a file, e.g. scene.toml)", status)
+    contains
+        subroutine refuse(message, status)
+            character(len=*), intent(in) :: message
+            type(status_type), intent(inout) :: status
+
+            call fail(status, status_bad_input, "linkdyn: "//message)
+        end subroutine refuse
+    end subroutine parse_arguments
+
+    !> One option with its value, or the name of the scene.
+    subroutine take_word(arguments, i, config, status)
+        type(argument_type), intent(in) :: arguments(:)
+        integer, intent(inout) :: i                   !! current word; moved past what is taken
+        type(command_line), intent(inout) :: config
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: option, value
+        integer :: equals
+
+        option = arguments(i)%text
+        i = i + 1
+        if (index(option, "-") /= 1) then
+            if (allocated(config%scene)) then
+                call refuse(quoted(option)//": a second scene (expected one)")
+            else
+                config%scene = option
+            end if
+            return
+        end if
+        equals = index(option, "=")
+        if (index(option, "--") == 1 .and. equals > 0) then
+            value = option(equals + 1:)
+            option = option(:equals - 1)
+        end if
+        if (option == "--help" .or. option == "-h") then
+            config%help = .true.
+            return
+        end if
+        if (config%command /= command_inverse) then
+            call refuse(quoted(option)//": unknown option"//suggestion(option, other_option))
+            return
+        end if
+        select case (option)
+        case ("--csv", "--quiet", "-q", "--compress")
+            if (allocated(value)) then
+                call refuse(option//": takes no value")
+                return
+            end if
+            if (option == "--csv") config%csv = .true.
+            if (option == "--compress") config%deflate = 1
+            if (option == "--quiet" .or. option == "-q") config%quiet = .true.
+        case ("-o", "--output", "--solver", "--want", "--threads")
+            if (.not. allocated(value)) then
+                if (i > size(arguments)) then
+                    call refuse(option//": value missing")
+                    return
+                end if
+                value = arguments(i)%text
+                i = i + 1
+            end if
+            call take_value(option, value)
+        case default
+            call refuse(quoted(option)//": unknown option"//suggestion(option, inverse_option))
+        end select
+    contains
+        subroutine take_value(option, value)
+            character(len=*), intent(in) :: option, value
+            type(status_type) :: outcome
+
+            select case (option)
+            case ("-o", "--output")
+                if (len_trim(value) == 0) call refuse(option//": empty file name")
+                config%output = value
+            case ("--solver")
+                config%solver = value
+                call choose_solver(value, config%options%solver, outcome)
+                if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, solver_name))
+            case ("--want")
+                call choose_wanted(value, config%wanted, outcome)
+                if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message))
+            case ("--threads")
+                config%options%threads = whole_number(value)
+                if (config%options%threads < 1) &
+                    call refuse("--threads: "//quoted(value)//" (expected a whole number from 1 on)")
+            end select
+        end subroutine take_value
+
+        subroutine refuse(message)
+            character(len=*), intent(in) :: message
+
+            call fail(status, status_bad_input, "linkdyn: "//message)
+        end subroutine refuse
+    end subroutine take_word
+
+    !> The number, or -1 if the text is none.
+    pure integer function whole_number(text)
+        character(len=*), intent(in) :: text
+        integer :: code
+
+        whole_number = -1
+        if (len(text) == 0 .or. len(text) > 9 .or. verify(text, "0123456789") > 0) return
+        read (text, *, iostat=code) whole_number
+        if (code /= 0) whole_number = -1
+    end function whole_number
+
+    !> Help on the command, or in general.
+    subroutine print_help(command, unit)
+        integer, intent(in) :: command               !! one of `command_*`
+        integer, intent(in) :: unit
+
+        select case (command)
+        case (command_inverse)
+            call print_inverse_help(unit)
+        case (command_explain)
+            write (unit, "(a)") &
+                "linkdyn explain SCENE", &
+                "", &
+                "Says what is modelled: links, joints, equations and unknowns, the order of computation,", &
+                "and what was left out."
+        case default
+            write (unit, "(a)") &
+                "linkdyn: forces and motion of link mechanisms", &
+                "", &
+                "  linkdyn inverse SCENE [options]   driving forces and joint reactions along a motion", &
+                "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
+                "", &
+                "  linkdyn COMMAND --help            options of a command", &
+                "  linkdyn --version", &
+                "", &
+                "Exit status: 0 done; 2 bad input or a file that cannot be written (one line says which", &
+                "and why); 3 done, but some samples failed: they are flagged and NaN in the results."
+        end select
+    end subroutine print_help
+
+    subroutine print_inverse_help(unit)
+        integer, intent(in) :: unit
+
+        write (unit, "(a)") &
+            "linkdyn inverse SCENE [options]", &
+            "", &
+            "Driving forces and joint reactions along the motion that the scene file gives.", &
+            "", &
+            "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
+            "  --csv               a CSV table instead of netCDF-4", &
+            "  --want LIST         driving_force, reaction, joint_variable, power, checks, or all", &
+            "                      (default), with commas between; the rest is not computed", &
+            "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced", &
+            "  --threads N         threads to compute with; default 1", &
+            "  --compress          compress the netCDF file", &
+            "  -q, --quiet         no table and no progress", &
+            "  -h, --help          this text"
+    end subroutine print_inverse_help
+end module linkdyn_cli

@@ -1,0 +1,283 @@
+!> `linkdyn inverse`: run along the scene's motion in blocks of samples, so that memory does not grow
+!> with the length of the run.
+module linkdyn_drive_inverse
+    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit, int64, real64
+    use linkdyn_builder, only: build_model
+    use linkdyn_cli, only: command_line
+    use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv, abandon_csv
+    use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_motion, only: evaluate_motion, sample_times
+    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf, &
+        abandon_netcdf
+    use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
+        find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
+        result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
+        result_error, result_growth, result_power_imbalance
+    use linkdyn_scene, only: scene_type
+    use linkdyn_scene_reader, only: read_scene
+    use linkdyn_status, only: status_type
+    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
+    use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
+    use linkdyn_version, only: version
+    implicit none (type, external)
+    private
+    public :: drive_inverse, load_model
+
+    integer, parameter :: block_length = 16384       !! samples computed and written at a time
+    integer, parameter :: exit_done = 0, exit_bad_input = 2, exit_samples_failed = 3
+
+    !> One of the two kinds of output.
+    type :: output_type
+        logical :: is_csv = .false.
+        character(len=:), allocatable :: name
+        type(netcdf_writer) :: netcdf
+        type(csv_writer) :: csv
+    end type output_type
+
+    !> Values that are computed but not stored.
+    type :: scratch_type
+        real(wp), allocatable :: load(:, :, :)            !! (6, n_load, block_length)
+        real(wp), allocatable :: driving_force(:, :)      !! for the power, when it is not stored itself
+        real(wp), allocatable :: joint_rate(:, :)         !! likewise
+    end type scratch_type
+
+contains
+
+    !> Compute and report; the exit status says how it went.
+    subroutine drive_inverse(config, exit_status)
+        type(command_line), intent(in) :: config
+        integer, intent(out) :: exit_status
+        type(model_type) :: model
+        type(inverse_solver) :: solver
+        type(layout_type) :: layout
+        type(output_type) :: output
+        type(summary_type) :: summary
+        type(status_type) :: status
+        real(wp), allocatable :: t(:)
+        real(real64) :: seconds
+
+        exit_status = exit_bad_input
+        call load_model(config%scene, model, status)
+        if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
+        if (status%is_ok()) then
+            call describe_results(model%scene, config%wanted, .true., layout)
+            call sample_times(model, t)
+            call open_results(config, model, layout, size(t), output, status)
+        end if
+        if (status%is_ok()) call run_blocks(config, model, solver, layout, t, output, summary, seconds, status)
+        if (.not. status%is_ok()) then
+            write (error_unit, "(a)") trim(status%message)
+            return
+        end if
+        if (.not. config%quiet) call print_summary(model%scene, layout, summary, config%solver, &
+            config%options%threads, seconds, output%name, output_unit)
+        exit_status = exit_done
+        if (summary%n_failed == 0) return
+        exit_status = exit_samples_failed
+        write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
+    end subroutine drive_inverse
+
+    !> Read and plan a scene; messages start with the file's name.
+    subroutine load_model(file, model, status)
+        character(len=*), intent(in) :: file
+        type(model_type), intent(out) :: model
+        type(status_type), intent(inout) :: status
+        type(scene_type) :: scene
+
+        call read_scene(file, scene, status)
+        if (status%is_ok()) call build_model(scene, model, status)
+        if (.not. status%is_ok() .and. index(status%message, file//":") /= 1) &
+            status%message = file//": "//trim(status%message)
+    end subroutine load_model
+
+    !> Compute, store and sum up block by block.
+    subroutine run_blocks(config, model, solver, layout, t, output, summary, seconds, status)
+        type(command_line), intent(in) :: config
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(layout_type), intent(in) :: layout
+        real(wp), intent(in) :: t(:)                  !! instants [s]
+        type(output_type), intent(inout) :: output
+        type(summary_type), intent(out) :: summary
+        real(real64), intent(out) :: seconds          !! spent computing
+        type(status_type), intent(inout) :: status
+        type(block_type) :: block
+        type(scratch_type) :: scratch
+        type(progress_type) :: progress
+        integer(int64) :: start
+        integer :: first, n, n_fallback
+
+        n = min(block_length, size(t))
+        call prepare_block(layout, n, block)
+        call prepare_scratch(config, model, n, scratch)
+        call start_summary(layout, summary)
+        call start_progress(config%quiet, progress)
+        seconds = 0
+        do first = 1, size(t), block_length
+            n = min(block_length, size(t) - first + 1)
+            call system_clock(start)
+            call compute_block(model, solver, layout, t(first:first + n - 1), block, scratch, n_fallback)
+            seconds = seconds + seconds_since(start)
+            call put_results(layout, block, first, n, output, status)
+            if (.not. status%is_ok()) exit
+            call add_to_summary(layout, block, n, n_fallback, summary)
+            call show_progress(first + n - 1, size(t), progress)
+        end do
+        call end_progress(progress)
+        call close_results(output, status)
+    end subroutine run_blocks
+
+    !> Room for what the run needs beside what it stores.
+    subroutine prepare_scratch(config, model, n, scratch)
+        type(command_line), intent(in) :: config
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        type(scratch_type), intent(out) :: scratch
+
+        allocate (scratch%load(6, model%n_load, n))
+        if (.not. config%wanted%power) return
+        if (.not. config%wanted%driving_force) allocate (scratch%driving_force(model%n_actuator, n))
+        if (.not. config%wanted%joint_variable) allocate (scratch%joint_rate(model%n_variable, n))
+    end subroutine prepare_scratch
+
+    !> Motion, loads and inverse dynamics of some instants.
+    subroutine compute_block(model, solver, layout, t, block, scratch, n_fallback)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(layout_type), intent(in) :: layout
+        real(wp), intent(in) :: t(:)                  !! [s]
+        type(block_type), intent(inout), target :: block
+        type(scratch_type), intent(inout), target :: scratch
+        integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
+        type(inverse_results) :: results
+        real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
+        integer :: n
+
+        n = size(t)
+        call view_values(layout, result_time, n, block, time)
+        call view_values(layout, result_q, n, block, q)
+        call view_values(layout, result_qd, n, block, qd)
+        call view_values(layout, result_qdd, n, block, qdd)
+        call view_values(layout, result_driving_speed, n, block, speed)
+        call view_values(layout, result_driving_power, n, block, power)
+        call view_values(layout, result_status, n, block, results%status)
+        call view_values(layout, result_driving_force, n, block, results%driving_force)
+        call view_values(layout, result_reaction, n, block, results%reaction)
+        call view_values(layout, result_joint_variable, n, block, results%joint_variable)
+        call view_values(layout, result_joint_rate, n, block, results%joint_rate)
+        call view_values(layout, result_rcond, n, block, results%rcond)
+        call view_values(layout, result_error, n, block, results%error)
+        call view_values(layout, result_growth, n, block, results%growth)
+        call view_values(layout, result_power_imbalance, n, block, results%power_imbalance)
+        if (allocated(scratch%driving_force)) results%driving_force => scratch%driving_force(:, :n)
+        if (allocated(scratch%joint_rate)) results%joint_rate => scratch%joint_rate(:, :n)
+        time = t
+        call evaluate_motion(model, t, q, qd, qdd, scratch%load(:, :, :n))
+        call run_prepared(model, solver, q, qd, qdd, scratch%load(:, :, :n), results)
+        n_fallback = results%n_fallback
+        if (associated(power)) &
+            call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)
+    end subroutine compute_block
+
+    subroutine open_results(config, model, layout, n_sample, output, status)
+        type(command_line), intent(in) :: config
+        type(model_type), intent(in) :: model
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: n_sample
+        type(output_type), intent(out) :: output
+        type(status_type), intent(inout) :: status
+        type(attributes_type) :: attributes
+
+        output%is_csv = config%csv
+        if (allocated(config%output)) then
+            output%name = config%output
+        else
+            output%name = default_name(config%scene)//trim(merge(".csv", ".nc ", config%csv))
+        end if
+        if (config%csv) then
+            call create_csv(output%name, layout, output%csv, status)
+            if (.not. status%is_ok()) call abandon_csv(output%csv)
+            return
+        end if
+        attributes%title = trim(model%scene%title)
+        attributes%version = version
+        attributes%solver = config%solver
+        attributes%scene = ""
+        if (allocated(model%scene%text)) attributes%scene = model%scene%text
+        attributes%history = timestamp()//" "//command_text()
+        attributes%gravity = model%scene%gravity
+        call create_netcdf(output%name, layout, n_sample, attributes, config%deflate, output%netcdf, status)
+        if (.not. status%is_ok()) call abandon_netcdf(output%netcdf)
+    end subroutine open_results
+
+    subroutine put_results(layout, block, first, n, output, status)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(in) :: block
+        integer, intent(in) :: first, n
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (output%is_csv) then
+            call put_csv(layout, block, n, output%csv, status)
+        else
+            call put_netcdf(layout, block, first, n, output%netcdf, status)
+        end if
+    end subroutine put_results
+
+    subroutine close_results(output, status)
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (output%is_csv) then
+            call close_csv(output%csv, status)
+        else
+            call close_netcdf(output%netcdf, status)
+        end if
+    end subroutine close_results
+
+    !> Name of the results: the scene's stem; of its folder when the scene is just called "scene".
+    function default_name(scene_file) result(name)
+        character(len=*), intent(in) :: scene_file
+        character(len=:), allocatable :: name, folder
+        character(len=4096) :: here
+        integer :: slash, dot
+
+        slash = index(scene_file, "/", back=.true.)
+        name = scene_file(slash + 1:)
+        dot = index(name, ".", back=.true.)
+        if (dot > 1) name = name(:dot - 1)
+        if (name /= "scene") return
+        if (slash > 1) then
+            folder = scene_file(:slash - 1)
+        else
+            call get_environment_variable("PWD", here)
+            folder = trim(here)
+        end if
+        folder = folder(index(folder, "/", back=.true.) + 1:)
+        if (verify(folder, ".") > 0) name = folder
+    end function default_name
+
+    !> The command as it was given.
+    function command_text() result(text)
+        character(len=:), allocatable :: text
+        integer :: length
+
+        call get_command(length=length)
+        allocate (character(len=length) :: text)
+        call get_command(text)
+        text = text(index(text(:scan(text//" ", " ")), "/", back=.true.) + 1:)
+    end function command_text
+
+    !> Date and time, ISO 8601.
+    function timestamp() result(text)
+        character(len=:), allocatable :: text
+        character(len=8) :: date
+        character(len=10) :: time
+        character(len=5) :: zone
+
+        call date_and_time(date, time, zone)
+        text = date(:4)//"-"//date(5:6)//"-"//date(7:8)//"T"//time(:2)//":"//time(3:4)//":"//time(5:6)//zone
+    end function timestamp
+end module linkdyn_drive_inverse

@@ -1,0 +1,236 @@
+!> What the engineer wants to know first: peaks and rms of the driving forces, the largest reaction,
+!> how many samples failed, how long it took.
+module linkdyn_summary
+    use, intrinsic :: iso_fortran_env, only: real64
+    use linkdyn_kinds, only: wp
+    use linkdyn_results, only: layout_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
+        result_time, result_driving_force, result_reaction, result_status
+    use linkdyn_scene, only: scene_type
+    use linkdyn_status, only: sample_ok, sample_status_name
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: summary_type, start_summary, add_to_summary, print_summary, failure_text, significant
+
+    !> A largest value with its place.
+    type :: peak_type
+        real(wp) :: value = 0
+        real(wp) :: time = 0
+        integer :: place = 0     !! joint
+        logical :: is_set = .false.
+    end type peak_type
+
+    !> Figures gathered block by block.
+    type :: summary_type
+        integer :: n_sample = 0
+        integer :: n_failed = 0
+        integer :: n_fallback = 0
+        integer :: first_failure = sample_ok
+        real(wp) :: first_failure_time = 0
+        logical :: has_force = .false., has_reaction = .false.
+        type(peak_type), allocatable :: lowest(:), highest(:)   !! driving force (n_actuator)
+        real(wp), allocatable :: sum_of_squares(:)              !! (n_actuator)
+        type(peak_type) :: force, moment                        !! largest reaction
+    end type summary_type
+
+contains
+
+    subroutine start_summary(layout, summary)
+        type(layout_type), intent(in) :: layout
+        type(summary_type), intent(out) :: summary
+
+        allocate (summary%lowest(layout%dimension(dim_actuator)%size))
+        allocate (summary%highest(layout%dimension(dim_actuator)%size))
+        allocate (summary%sum_of_squares(layout%dimension(dim_actuator)%size))
+        summary%sum_of_squares = 0
+    end subroutine start_summary
+
+    !> Take a block in. Failed samples count as such and nowhere else.
+    subroutine add_to_summary(layout, block, n, n_fallback, summary)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(in), target :: block
+        integer, intent(in) :: n                     !! samples
+        integer, intent(in) :: n_fallback            !! of them solved by the dense solver
+        type(summary_type), intent(inout) :: summary
+        real(wp), pointer :: time(:), force(:, :), reaction(:, :, :)
+        integer, pointer :: code(:)
+        integer :: i, k, n_force
+
+        call view_values(layout, result_time, n, block, time)
+        call view_values(layout, result_status, n, block, code)
+        call view_values(layout, result_driving_force, n, block, force)
+        call view_values(layout, result_reaction, n, block, reaction)
+        summary%has_force = associated(force)
+        summary%has_reaction = associated(reaction)
+        summary%n_fallback = summary%n_fallback + n_fallback
+        n_force = merge(2, 3, layout%planar)
+        do i = 1, n
+            summary%n_sample = summary%n_sample + 1
+            if (code(i) /= sample_ok) then
+                if (summary%n_failed == 0) summary%first_failure = code(i)
+                if (summary%n_failed == 0) summary%first_failure_time = time(i)
+                summary%n_failed = summary%n_failed + 1
+                cycle
+            end if
+            if (summary%has_force) then
+                do k = 1, size(force, 1)
+                    call raise_peak(-force(k, i), time(i), k, summary%lowest(k))
+                    call raise_peak(force(k, i), time(i), k, summary%highest(k))
+                    summary%sum_of_squares(k) = summary%sum_of_squares(k) + force(k, i)**2
+                end do
+            end if
+            if (.not. summary%has_reaction) cycle
+            do k = 1, size(reaction, 2)
+                call raise_peak(norm2(reaction(:n_force, k, i)), time(i), k, summary%force)
+                call raise_peak(norm2(reaction(n_force + 1:, k, i)), time(i), k, summary%moment)
+            end do
+        end do
+    end subroutine add_to_summary
+
+    pure subroutine raise_peak(value, time, place, peak)
+        real(wp), intent(in) :: value, time
+        integer, intent(in) :: place
+        type(peak_type), intent(inout) :: peak
+
+        if (peak%is_set .and. .not. value > peak%value) return
+        peak = peak_type(value, time, place, .true.)
+    end subroutine raise_peak
+
+    !> The table.
+    subroutine print_summary(scene, layout, summary, solver, threads, seconds, output, unit)
+        type(scene_type), intent(in) :: scene
+        type(layout_type), intent(in) :: layout
+        type(summary_type), intent(in) :: summary
+        character(len=*), intent(in) :: solver
+        integer, intent(in) :: threads
+        real(real64), intent(in) :: seconds          !! spent computing
+        character(len=*), intent(in) :: output       !! file written
+        integer, intent(in) :: unit
+
+        if (len_trim(scene%title) > 0) write (unit, "(a)") trim(scene%title)
+        write (unit, "(a)") "  "//to_text(summary%n_sample)//" samples, "//gravity_text(scene)//", solver "//solver// &
+            ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
+        if (summary%has_force) call print_forces(layout, summary, unit)
+        if (summary%has_reaction) then
+            write (unit, "(a)") ""
+            call print_reaction("largest reaction force ", "N  ", summary%force)
+            call print_reaction("largest reaction moment", "N m", summary%moment)
+        end if
+        write (unit, "(a)") ""
+        write (unit, "(a)") "  failed samples   "//failure_text(summary)
+        if (summary%n_fallback > 0) write (unit, "(a)") "  dense solver     took over "// &
+            to_text(summary%n_fallback)//" samples whose residual was too large"
+        write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*real(seconds, wp)/summary%n_sample)// &
+            " us per sample, "//significant(real(seconds, wp))//" s in all"
+        write (unit, "(a)") "  results          "//output
+    contains
+        subroutine print_reaction(what, unit_name, peak)
+            character(len=*), intent(in) :: what, unit_name
+            type(peak_type), intent(in) :: peak
+
+            if (.not. peak%is_set) return
+            write (unit, "(a)") "  "//what//"  "//right(significant(peak%value), 12)//" "//unit_name//"  at "// &
+                trim(layout%dimension(dim_joint)%label(peak%place))//", t = "//significant(peak%time)//" s"
+        end subroutine print_reaction
+    end subroutine print_summary
+
+    subroutine print_forces(layout, summary, unit)
+        type(layout_type), intent(in) :: layout
+        type(summary_type), intent(in) :: summary
+        integer, intent(in) :: unit
+        integer, parameter :: number_width = 12, time_width = 10
+        character(len=label_len + 8), allocatable :: name(:)
+        integer :: k, width, n_solved
+
+        associate (actuator => layout%dimension(dim_actuator))
+            allocate (name(actuator%size))
+            do k = 1, size(name)
+                name(k) = trim(actuator%label(k))//" ["//trim(actuator%unit(k))//"]"
+            end do
+        end associate
+        width = max(len("driving force"), maxval(len_trim(name)))
+        n_solved = max(1, summary%n_sample - summary%n_failed)
+        write (unit, "(a)") ""
+        write (unit, "(a)") "  "//left("driving force", width)//right("lowest", number_width)// &
+            right("at t [s]", time_width)//right("highest", number_width)//right("at t [s]", time_width)// &
+            right("rms", number_width)
+        do k = 1, size(name)
+            if (.not. summary%highest(k)%is_set) then
+                write (unit, "(a)") "  "//left(name(k), width)//right("none", number_width)
+                cycle
+            end if
+            write (unit, "(a)") "  "//left(name(k), width)// &
+                right(significant(-summary%lowest(k)%value), number_width)// &
+                right(significant(summary%lowest(k)%time), time_width)// &
+                right(significant(summary%highest(k)%value), number_width)// &
+                right(significant(summary%highest(k)%time), time_width)// &
+                right(significant(sqrt(summary%sum_of_squares(k)/n_solved)), number_width)
+        end do
+    end subroutine print_forces
+
+    !> "none", or how many and where first.
+    function failure_text(summary) result(text)
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+
+        text = "none"
+        if (summary%n_failed > 0) text = to_text(summary%n_failed)//" of "//to_text(summary%n_sample)// &
+            ", first at t = "//significant(summary%first_failure_time)//" s: "// &
+            trim(sample_status_name(summary%first_failure))
+    end function failure_text
+
+    function gravity_text(scene) result(text)
+        type(scene_type), intent(in) :: scene
+        character(len=:), allocatable :: text
+        integer :: i
+
+        if (all(scene%gravity == 0)) then
+            text = "no gravity"
+            return
+        end if
+        text = "gravity"
+        do i = 1, merge(2, 3, scene%planar)
+            text = text//" "//to_text(scene%gravity(i))
+        end do
+        text = text//" m/s2"
+    end function gravity_text
+
+    !> Six significant digits, as a plain number where that is readable.
+    pure function significant(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=32) :: buffer, form
+        integer :: exponent
+
+        buffer = "0"
+        if (value /= 0) then
+            exponent = floor(log10(abs(value)))
+            if (exponent >= -4 .and. exponent < 7) then
+                write (form, "('(f32.', i0, ')')") max(0, 5 - exponent)
+                write (buffer, form) value
+            else
+                write (buffer, "(es32.5)") value
+            end if
+        end if
+        text = trim(adjustl(buffer))
+        if (index(text, ".") == len(text)) text = text(:len(text) - 1)
+        if (index(text, ".") == 1) text = "0"//text
+        if (index(text, "-.") == 1) text = "-0"//text(2:)
+    end function significant
+
+    pure function right(text, width) result(padded)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: width
+        character(len=max(width, len(text) + 1)) :: padded
+
+        padded = repeat(" ", len(padded) - len(text))//text
+    end function right
+
+    pure function left(text, width) result(padded)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: width
+        character(len=width) :: padded
+
+        padded = text
+    end function left
+end module linkdyn_summary
