@@ -4,13 +4,12 @@ module linkdyn_drive_inverse
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit, int64, real64
     use linkdyn_builder, only: build_model
     use linkdyn_cli, only: command_line
-    use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv, abandon_csv
+    use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, sample_times
-    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf, &
-        abandon_netcdf
+    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
         find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
         result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
@@ -198,7 +197,6 @@ contains
         end if
         if (config%csv) then
             call create_csv(output%name, layout, output%csv, status)
-            if (.not. status%is_ok()) call abandon_csv(output%csv)
             return
         end if
         attributes%title = trim(model%scene%title)
@@ -209,7 +207,6 @@ contains
         attributes%history = timestamp()//" "//command_text()
         attributes%gravity = model%scene%gravity
         call create_netcdf(output%name, layout, n_sample, attributes, config%deflate, output%netcdf, status)
-        if (.not. status%is_ok()) call abandon_netcdf(output%netcdf)
     end subroutine open_results
 
     subroutine put_results(layout, block, first, n, output, status)

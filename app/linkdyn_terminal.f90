@@ -74,16 +74,13 @@ contains
         seconds_since = real(now - start, real64)/real(rate, real64)
     end function seconds_since
 
-    !> End with an exit status. What was printed must have arrived; libraries' exit handlers are left
-    !> out: after a full disk netCDF's would try once more and complain in its own words.
+    !> End with an exit status. Libraries' exit handlers are left out: after a full disk netCDF's would
+    !> try once more and complain in its own words.
     subroutine leave_program(status)
         integer, intent(in) :: status
-        integer :: code
-        character(len=128) :: reason
 
-        flush (output_unit, iostat=code, iomsg=reason)
-        if (code /= 0) write (error_unit, "(2a)") "linkdyn: standard output cannot be written: ", trim(reason)
+        flush (output_unit)
         flush (error_unit)
-        call linkdyn_leave(merge(status, 2, code == 0))
+        call linkdyn_leave(status)
     end subroutine leave_program
 end module linkdyn_terminal

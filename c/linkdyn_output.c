@@ -52,6 +52,40 @@ int linkdyn_path_kind(const char *path, int path_len)
     return S_ISDIR(entry.st_mode) ? linkdyn_path_directory : linkdyn_path_other;
 }
 
+int linkdyn_open_write(const char *path, int path_len, char *reason, int reason_len)
+{
+    char c_path[path_capacity];
+
+    if (to_c_path(path, path_len, c_path) != 0) {
+        return fail_with(errno, reason, reason_len);
+    }
+    int descriptor = open(c_path, O_WRONLY | O_CREAT | O_TRUNC, 0666);
+    return descriptor >= 0 ? descriptor : fail_with(errno, reason, reason_len);
+}
+
+int linkdyn_write_text(int descriptor, const char *text, int text_len, char *reason, int reason_len)
+{
+    size_t left = (size_t)text_len;
+
+    while (left > 0) {
+        ssize_t written = write(descriptor, text, left);
+        if (written < 0) {
+            if (errno == EINTR) {
+                continue;
+            }
+            return fail_with(errno, reason, reason_len);
+        }
+        text += written;
+        left -= (size_t)written;
+    }
+    return 0;
+}
+
+int linkdyn_close_write(int descriptor, char *reason, int reason_len)
+{
+    return close(descriptor) == 0 ? 0 : fail_with(errno, reason, reason_len);
+}
+
 int linkdyn_probe_write(const char *path, int path_len, char *reason, int reason_len)
 {
     static const char zeros[probe_size];

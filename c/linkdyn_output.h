@@ -12,6 +12,15 @@ enum linkdyn_path_kind {
 
 int linkdyn_path_kind(const char *path, int path_len);
 
+/* A file for writing, emptied if it is there: its descriptor, or -1 with the system's reason, blank padded. */
+int linkdyn_open_write(const char *path, int path_len, char *reason, int reason_len);
+
+/* The whole text; 0, or -1 with the reason. libgfortran does not report a full disk, so it does not write here. */
+int linkdyn_write_text(int descriptor, const char *text, int text_len, char *reason, int reason_len);
+
+/* 0, or -1 with the reason. */
+int linkdyn_close_write(int descriptor, char *reason, int reason_len);
+
 /* Append a few kilobytes and send them to the disk; 0, or -1 with the system's reason, blank padded. */
 int linkdyn_probe_write(const char *path, int path_len, char *reason, int reason_len);
 

@@ -2,21 +2,21 @@
 !>
 !> Numbers have 17 significant digits, so reading them back gives the same doubles.
 module linkdyn_csv_writer
-    use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, writing_failed
+    use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, open_text, write_text, &
+        close_text
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width
     use linkdyn_status, only: status_type, sample_status_name
     implicit none (type, external)
     private
-    public :: csv_writer, create_csv, put_csv, close_csv, abandon_csv
+    public :: csv_writer, create_csv, put_csv, close_csv
 
     character(len=*), parameter :: number_form = "(es24.16e3)"
+    integer, parameter :: number_length = 24
 
     !> An open file.
     type :: csv_writer
         private
         type(output_file) :: file
-        integer :: unit = 0
-        logical :: is_open = .false.
     end type csv_writer
 
 contains
@@ -27,20 +27,11 @@ contains
         type(layout_type), intent(in) :: layout
         type(csv_writer), intent(out) :: writer
         type(status_type), intent(inout) :: status   !! input or output error: file and reason
-        character(len=256) :: reason
-        integer :: code
 
         call open_output(target, .true., writer%file, status)
-        if (.not. status%is_ok()) return
-        open (newunit=writer%unit, file=trim(writer%file%part), access="stream", form="formatted", &
-            action="write", status=merge("old    ", "replace", writer%file%is_direct), iostat=code, iomsg=reason)
-        if (code /= 0) then
-            call writing_failed(writer%file, reason, status)
-            return
-        end if
-        writer%is_open = .true.
-        write (writer%unit, "(a)", iostat=code, iomsg=reason) header(layout)
-        if (code /= 0) call writing_failed(writer%file, reason, status)
+        if (status%is_ok()) call open_text(writer%file, status)
+        call write_text(writer%file, header(layout)//new_line("a"), status)
+        if (.not. status%is_ok()) call abandon_csv(writer)
     end subroutine create_csv
 
     !> Append one block of samples.
@@ -50,58 +41,69 @@ contains
         integer, intent(in) :: n                     !! samples in the block
         type(csv_writer), intent(inout) :: writer
         type(status_type), intent(inout) :: status
-        character(len=256) :: reason
         character(len=:), allocatable :: row
-        integer :: i, k, j, width, code
+        integer :: i, length
 
-        if (.not. status%is_ok()) return
+        length = longest_row(layout)
+        allocate (character(len=length) :: row)
         do i = 1, n
-            row = ""
-            do k = 1, size(layout%variable)
-                if (layout%variable(k)%is_integer) then
-                    row = row//","//trim(sample_status_name(block%of(k)%integer(i)))
-                    cycle
-                end if
-                width = samples_width(layout, layout%variable(k))
-                do j = (i - 1)*width + 1, i*width
-                    row = row//","//number(k, j)
-                end do
-            end do
-            write (writer%unit, "(a)", iostat=code, iomsg=reason) row(2:)
-            if (code /= 0) then
-                call writing_failed(writer%file, reason, status)
-                return
-            end if
+            call fill_row(layout, block, i, row, length)
+            call write_text(writer%file, row(:length), status)
+            if (.not. status%is_ok()) return
         end do
-    contains
-        function number(variable, place) result(text)
-            integer, intent(in) :: variable, place
-            character(len=:), allocatable :: text
-            character(len=24) :: buffer
-
-            write (buffer, number_form) block%of(variable)%real(place)
-            text = trim(adjustl(buffer))
-        end function number
     end subroutine put_csv
+
+    !> Numbers of one sample, with commas between and a line end.
+    subroutine fill_row(layout, block, sample, row, length)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(in) :: block
+        integer, intent(in) :: sample
+        character(len=*), intent(inout) :: row
+        integer, intent(out) :: length               !! characters used
+        character(len=number_length) :: number
+        integer :: k, j, width
+
+        length = 0
+        do k = 1, size(layout%variable)
+            if (layout%variable(k)%is_integer) then
+                call append(sample_status_name(block%of(k)%integer(sample)))
+                cycle
+            end if
+            width = samples_width(layout, layout%variable(k))
+            do j = (sample - 1)*width + 1, sample*width
+                write (number, number_form) block%of(k)%real(j)
+                call append(adjustl(number))
+            end do
+        end do
+        row(length:length) = new_line("a")           ! in place of the last comma
+    contains
+        subroutine append(text)
+            character(len=*), intent(in) :: text
+            integer :: n
+
+            n = len_trim(text)
+            row(length + 1:length + n) = text(:n)
+            row(length + n + 1:length + n + 1) = ","
+            length = length + n + 1
+        end subroutine append
+    end subroutine fill_row
+
+    pure integer function longest_row(layout) result(length)
+        type(layout_type), intent(in) :: layout
+        integer :: k
+
+        length = 0
+        do k = 1, size(layout%variable)
+            length = length + samples_width(layout, layout%variable(k))*(number_length + 1)
+        end do
+    end function longest_row
 
     !> Finish the file and put it in its place. After a failure nothing is left behind.
     subroutine close_csv(writer, status)
         type(csv_writer), intent(inout) :: writer
         type(status_type), intent(inout) :: status
-        character(len=256) :: reason
-        integer :: code
 
-        if (status%is_ok()) then
-            flush (writer%unit, iostat=code, iomsg=reason)
-            if (code /= 0) call writing_failed(writer%file, reason, status)
-        end if
-        if (.not. status%is_ok()) then
-            call abandon_csv(writer)
-            return
-        end if
-        close (writer%unit, iostat=code, iomsg=reason)
-        writer%is_open = .false.
-        if (code /= 0) call writing_failed(writer%file, reason, status)
+        call close_text(writer%file, status)
         if (status%is_ok()) then
             call commit_output(writer%file, status)
         else
@@ -112,11 +114,10 @@ contains
     !> Give up: nothing is left behind.
     subroutine abandon_csv(writer)
         type(csv_writer), intent(inout) :: writer
-        integer :: code
+        type(status_type) :: ignored
 
+        call close_text(writer%file, ignored)
         call discard_output(writer%file)
-        if (writer%is_open) close (writer%unit, iostat=code)
-        writer%is_open = .false.
     end subroutine abandon_csv
 
     !> "time [s],q platform.x [m],...,reaction leg1.S Fx [N],..."

@@ -15,7 +15,7 @@ module linkdyn_netcdf_writer
         nf90_int, nf90_global, nf90_noerr, nf90_unlimited
     implicit none (type, external)
     private
-    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf, abandon_netcdf
+    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf
 
     integer, parameter :: chunk_values = 131072   !! values in a compressed chunk at most: 1 MiB
     integer, parameter :: longest_chunk = 16384   !! samples in a chunk at most
@@ -55,7 +55,10 @@ contains
         call open_output(target, .false., writer%file, status)
         if (.not. status%is_ok()) return
         call check(nf90_create(trim(writer%file%part), ior(nf90_netcdf4, nf90_clobber), writer%id), writer, status)
-        if (.not. status%is_ok()) return
+        if (.not. status%is_ok()) then
+            call abandon_netcdf(writer)
+            return
+        end if
         writer%is_open = .true.
         call check(nf90_def_dim(writer%id, trim(layout%dimension(dim_sample)%name), &
             merge(nf90_unlimited, n_sample, n_sample == 0), dimension_id(dim_sample)), writer, status)
@@ -71,6 +74,7 @@ contains
         end do
         call put_attributes(layout, attributes, writer, status)
         call put_labels(layout, dimension_id, writer, status)
+        if (.not. status%is_ok()) call abandon_netcdf(writer)
     end subroutine create_netcdf
 
     !> Store one block of samples.

@@ -7,6 +7,7 @@ module linkdyn_output_file
     implicit none (type, external)
     private
     public :: output_file, open_output, commit_output, discard_output, writing_failed
+    public :: open_text, write_text, close_text
 
     integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2   !! of linkdyn_output.h
 
@@ -15,6 +16,7 @@ module linkdyn_output_file
         character(len=path_len) :: target = ""    !! as the user gave it
         character(len=path_len) :: part = ""      !! what is written to
         logical :: is_direct = .false.            !! a device or pipe: nothing to rename
+        integer :: descriptor = -1                !! of a text file while it is open
     end type output_file
 
     interface
@@ -42,6 +44,33 @@ module linkdyn_output_file
             integer(c_int), value :: reason_len
             integer(c_int) :: outcome
         end function linkdyn_replace_file
+
+        function linkdyn_open_write(path, path_len, reason, reason_len) result(descriptor) bind(c)
+            import :: c_char, c_int
+            character(kind=c_char), intent(in) :: path(*)
+            integer(c_int), value :: path_len
+            character(kind=c_char), intent(inout) :: reason(*)
+            integer(c_int), value :: reason_len
+            integer(c_int) :: descriptor
+        end function linkdyn_open_write
+
+        function linkdyn_write_text(descriptor, text, text_len, reason, reason_len) result(outcome) bind(c)
+            import :: c_char, c_int
+            integer(c_int), value :: descriptor
+            character(kind=c_char), intent(in) :: text(*)
+            integer(c_int), value :: text_len
+            character(kind=c_char), intent(inout) :: reason(*)
+            integer(c_int), value :: reason_len
+            integer(c_int) :: outcome
+        end function linkdyn_write_text
+
+        function linkdyn_close_write(descriptor, reason, reason_len) result(outcome) bind(c)
+            import :: c_char, c_int
+            integer(c_int), value :: descriptor
+            character(kind=c_char), intent(inout) :: reason(*)
+            integer(c_int), value :: reason_len
+            integer(c_int) :: outcome
+        end function linkdyn_close_write
 
         subroutine linkdyn_remove_file(path, path_len) bind(c)
             import :: c_char, c_int
@@ -91,6 +120,38 @@ contains
         if (status%is_ok()) call linkdyn_guard_file(file%part, len_trim(file%part))
     end subroutine open_output
 
+    !> Start writing text to it.
+    subroutine open_text(file, status)
+        type(output_file), intent(inout) :: file
+        type(status_type), intent(inout) :: status
+        character(len=128) :: reason
+
+        file%descriptor = linkdyn_open_write(file%part, len_trim(file%part), reason, len(reason))
+        if (file%descriptor < 0) call writing_failed(file, reason, status)
+    end subroutine open_text
+
+    !> Append text as it is.
+    subroutine write_text(file, text, status)
+        type(output_file), intent(in) :: file
+        character(len=*), intent(in) :: text
+        type(status_type), intent(inout) :: status
+        character(len=128) :: reason
+
+        if (.not. status%is_ok()) return
+        if (linkdyn_write_text(file%descriptor, text, len(text), reason, len(reason)) /= 0) &
+            call writing_failed(file, reason, status)
+    end subroutine write_text
+
+    subroutine close_text(file, status)
+        type(output_file), intent(inout) :: file
+        type(status_type), intent(inout) :: status
+        character(len=128) :: reason
+
+        if (file%descriptor < 0) return
+        if (linkdyn_close_write(file%descriptor, reason, len(reason)) /= 0) call writing_failed(file, reason, status)
+        file%descriptor = -1
+    end subroutine close_text
+
     !> Put the finished file in its place.
     subroutine commit_output(file, status)
         type(output_file), intent(in) :: file
@@ -115,13 +176,13 @@ contains
         call linkdyn_guard_file("", 0)
     end subroutine discard_output
 
-    !> Report a failed write with the system's reason, or with `fallback` if the system has none.
+    !> Report a failed write with the system's reason: `fallback` where that is known already or cannot be found out.
     subroutine writing_failed(file, fallback, status)
         type(output_file), intent(in) :: file
-        character(len=*), intent(in) :: fallback     !! what the library said
+        character(len=*), intent(in) :: fallback     !! what the system or the library said
         type(status_type), intent(inout) :: status
 
-        if (.not. file%is_direct) call probe(file, status)
+        if (.not. file%is_direct .and. file%descriptor < 0) call probe(file, status)
         call fail(status, status_io_error, trim(file%target)//": cannot be written: "//trim(fallback))
     end subroutine writing_failed
 

@@ -1,0 +1,37 @@
+"""Forces and motion of link mechanisms.
+
+>>> import linkdyn
+>>> scene = linkdyn.load("examples/stewart_drilling/scene.toml")
+>>> run = scene.inverse()                                   # xarray.Dataset
+>>> run.driving_force.sel(actuator="leg1.P").max()          # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ._bind import version as _version
+from .errors import ClosedSceneError, FileError, InputError, LinkdynError, SceneError, UnavailableError
+from .scene import Poses, Scene, load
+
+__all__ = [
+    "ClosedSceneError",
+    "FileError",
+    "InputError",
+    "LinkdynError",
+    "Poses",
+    "Scene",
+    "SceneError",
+    "UnavailableError",
+    "load",
+    "plot",
+]
+__version__ = _version()
+
+
+def __getattr__(name: str) -> Any:
+    if name == "plot":  # matplotlib takes its time to load: only who plots waits for it
+        import importlib
+
+        return importlib.import_module(".plot", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

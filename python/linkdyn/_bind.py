@@ -1,0 +1,208 @@
+"""Calls into the engine: arrays are checked in our words, codes become exceptions, nothing is copied needlessly."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _engine
+from .errors import ClosedSceneError, FileError, InputError, LinkdynError, SceneError, UnavailableError
+
+_api = _engine.linkdyn_f2py_api
+
+BAD_INPUT, IO_ERROR, UNAVAILABLE, STALE_HANDLE = 2, 4, 5, 7
+_ERRORS: dict[int, type[LinkdynError]] = {
+    BAD_INPUT: InputError,
+    IO_ERROR: FileError,
+    UNAVAILABLE: UnavailableError,
+    STALE_HANDLE: ClosedSceneError,
+}
+_NOTHING = np.zeros(1)
+_TEXT_ROOM = 65536
+LOAD_WIDTH = 6
+"""Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
+
+Floats = NDArray[np.float64]
+
+
+def version() -> str:
+    """Version of the engine."""
+    return _api.api_version().decode().strip()
+
+
+def check(code: int, message: bytes, bad_input: type[LinkdynError] = InputError) -> None:
+    """Raise the exception that belongs to a code of the engine.
+
+    Raises
+    ------
+    LinkdynError
+        One of its subclasses, with the engine's message.
+    """
+    if code == 0:
+        return
+    text = message.decode("utf-8", errors="replace").strip()
+    raise bad_input(text) if code == BAD_INPUT else _ERRORS.get(code, LinkdynError)(text)
+
+
+def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str) -> Floats:
+    """Values as a C-ordered float64 array; no copy if they are one already.
+
+    Parameters
+    ----------
+    name
+        Argument's name, for the message.
+    values
+        Numbers: int or float, nothing else.
+    shape
+        Expected shape; None stands for any length.
+    says
+        The expected shape in words, e.g. "(N, 6)".
+
+    Raises
+    ------
+    InputError
+        Complex, bool, object or text values; a wrong shape.
+    """
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from error
+    if array.dtype.kind not in "fiu" or array.dtype.itemsize > np.dtype(np.float64).itemsize:
+        raise InputError(f"{name}: expected real numbers (float64), got dtype {array.dtype}")
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape)):
+        raise InputError(f"{name}: expected shape {says}, got {_shape_text(array.shape)}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def _shape_text(shape: tuple[int, ...]) -> str:
+    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+
+
+def open_scene(text: bytes, file: str, folder: str) -> int:
+    """Read and plan a scene; returns its handle.
+
+    Raises
+    ------
+    SceneError
+        With the reader's message.
+    """
+    handle, code, message = _api.api_open(_to_codes(text), _to_codes(file), _to_codes(folder))
+    check(code, message, SceneError)
+    return handle
+
+
+def add_loads(handle: int, markers: Sequence[str]) -> int:
+    """A second scene with loads at more markers ("link.marker"); returns its handle."""
+    new_handle, code, message = _api.api_add_loads(handle, _to_codes("\n".join(markers)))
+    check(code, message)
+    return new_handle
+
+
+def close_scene(handle: int) -> None:
+    """Forget a scene; closing twice does no harm."""
+    _api.api_close(handle)
+
+
+def describe_scene(handle: int) -> dict[str, Any]:
+    """Names, units, links, joints, loads of the scene."""
+    return json.loads(_read_text(_api.api_describe_scene, handle))
+
+
+def describe_results(handle: int, want: str, has_time: bool) -> dict[str, Any]:
+    """Dimensions and variables of the results."""
+    return json.loads(_read_text(_api.api_describe_results, handle, want, int(has_time)))
+
+
+def explain(handle: int) -> str:
+    """The report of ``linkdyn explain``."""
+    return _read_text(_api.api_explain, handle)
+
+
+def motion(handle: int, t: Floats, n_q: int, n_load: int) -> tuple[Floats, Floats, Floats, Floats]:
+    """The scene's own motion and loads.
+
+    Returns
+    -------
+    q, qd, qdd
+        (n, n_q) [m, rad] and rates.
+    load
+        (n, n_load, 6) [N, N m].
+    """
+    q, qd, qdd = (np.empty((len(t), n_q)) for _ in range(3))
+    load = np.zeros((len(t), n_load, LOAD_WIDTH))
+    check(*_api.api_motion(handle, t, _flat(q), _flat(qd), _flat(qdd), _flat(load)))
+    return q, qd, qdd, load
+
+
+def inverse(
+    handle: int,
+    solver: str,
+    threads: int,
+    first: int,
+    inputs: tuple[Floats, Floats, Floats, Floats],
+    outputs: dict[str, NDArray[Any]],
+) -> None:
+    """Inverse dynamics of some samples, into the arrays given.
+
+    Parameters
+    ----------
+    first
+        Number of the first sample, for messages.
+    inputs
+        q, qd, qdd (n, n_q) and load (n, n_load, 6).
+    outputs
+        Result arrays by name, C-ordered, sample first; what is not there is not computed. "status" must be.
+    """
+    groups = (("driving_force",), ("driving_speed", "driving_power"), ("reaction",), ("joint_variable", "joint_rate"),
+              ("rcond", "error", "growth", "power_imbalance"))
+    wanted = np.array([group[0] in outputs for group in groups], dtype=np.intc)
+    arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for group in groups for name in group]
+    check(*_api.api_inverse(handle, solver, threads, first, wanted, *map(_flat, inputs), *arrays, outputs["status"]))
+
+
+def poses(handle: int, q: Floats, n_link: int) -> tuple[Floats, Floats, NDArray[np.intc]]:
+    """Poses of the moving links.
+
+    Returns
+    -------
+    position
+        (n, n_link, 3) [m], of the links' origins.
+    rotation
+        (n, n_link, 3, 3), from link to world axes.
+    status
+        (n,), codes of the samples.
+    """
+    n = len(q)
+    position = np.empty((n, n_link, 3))
+    columns = np.empty((n, n_link, 3, 3))
+    status = np.zeros(n, dtype=np.intc)
+    if n > 0:
+        check(*_api.api_poses(handle, _flat(q), _flat(position), _flat(columns), status))
+    return position, columns.swapaxes(-1, -2), status
+
+
+def _flat(array: NDArray[Any]) -> NDArray[Any]:
+    """The array as one row, without a copy; an empty one as one element, because f2py refuses none."""
+    return array.reshape(-1) if array.size else _NOTHING
+
+
+def _to_codes(text: str | bytes) -> NDArray[np.intc]:
+    """Bytes of a text as integers; an empty text as one blank."""
+    data = text if isinstance(text, bytes) else text.encode("utf-8", errors="surrogateescape")
+    return np.frombuffer(data or b" ", dtype=np.uint8).astype(np.intc)
+
+
+def _read_text(call: Any, *arguments: Any) -> str:
+    """Text of unknown length: once more with enough room if need be."""
+    room = np.zeros(_TEXT_ROOM, dtype=np.intc)
+    length, code, message = call(*arguments, room)
+    check(code, message)
+    if length > room.size:
+        room = np.zeros(length, dtype=np.intc)
+        length, code, message = call(*arguments, room)
+        check(code, message)
+    return room[:length].astype(np.uint8).tobytes().decode("utf-8", errors="replace")

@@ -1,0 +1,81 @@
+"""Results as an xarray.Dataset with the layout of the executable's netCDF files.
+
+Names, units and dimensions come from the engine's own description, so the two cannot differ.
+"""
+
+from __future__ import annotations
+
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from . import _bind
+
+__all__ = ["result_arrays", "to_dataset"]
+
+INPUTS = ("time", "q", "qd", "qdd")
+"""Variables that are given, not computed."""
+
+
+def result_arrays(schema: dict[str, Any], n: int) -> dict[str, NDArray[Any]]:
+    """Uninitialised arrays for everything that is computed, by name, sample first."""
+    sizes = {dimension["name"]: len(dimension.get("labels", ())) for dimension in schema["dimensions"]}
+    sizes["sample"] = n
+    return {
+        variable["name"]: np.empty(
+            [sizes[name] for name in variable["dims"]], dtype=np.intc if variable["is_integer"] else np.float64
+        )
+        for variable in schema["variables"]
+        if variable["name"] not in INPUTS
+    }
+
+
+def to_dataset(
+    schema: dict[str, Any], arrays: dict[str, NDArray[Any]], scene: dict[str, Any], scene_text: str, solver: str
+) -> xr.Dataset:
+    """The Dataset of a run.
+
+    Parameters
+    ----------
+    schema
+        Dimensions and variables, from the engine.
+    arrays
+        Values by name, sample first; not copied.
+    scene
+        The scene's description, from the engine.
+    scene_text
+        The scene file, kept as an attribute.
+    solver
+        Name of the solver used.
+    """
+    used = {name for variable in schema["variables"] for name in variable["dims"]}
+    coordinates: dict[str, Any] = {}
+    for dimension in schema["dimensions"]:
+        name = dimension["name"]
+        if name in used and "labels" in dimension:
+            coordinates[name] = (name, dimension["labels"])
+            if "units" in dimension:
+                coordinates[f"{name}_unit"] = (name, dimension["units"])
+    variables = {}
+    for variable in schema["variables"]:
+        attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
+        if variable["is_integer"]:
+            attributes["flag_values"] = np.arange(len(schema["status"]), dtype=np.intc)
+            attributes["flag_meanings"] = " ".join(schema["status"])
+        target = coordinates if variable["name"] == "time" else variables
+        target[variable["name"]] = (variable["dims"], arrays[variable["name"]], attributes)
+    attributes = {
+        "title": scene["title"],
+        "linkdyn_version": _bind.version(),
+        "space": "planar" if scene["planar"] else "spatial",
+        "solver": solver,
+        "gravity": np.array(scene["gravity"][: 2 if scene["planar"] else 3]),
+        "scene": scene_text,
+        "history": f"{datetime.now().astimezone().isoformat(timespec='seconds')} {Path(sys.argv[0] or 'python').name}",
+    }
+    return xr.Dataset(variables, coordinates, attributes)
