@@ -146,21 +146,21 @@ contains
         do i = 1, n_column
             last = field_end(text, first, separator)
             if (i < n_column .and. last == len(text)) then
-                call refuse_row("has "//to_text(i)//" fields (expected "//to_text(n_column)//")")
+                call refuse_row("has "//to_text(i)//" of "//to_text(n_column)//" fields (expected all)")
                 return
             end if
             call parse_field(text(first:last), value, n_used)
             if (n_used == 0) then
-                call refuse_value(quoted(text(first:last))//" is not a number")
+                call refuse_value(quoted(adjustl(text(first:last)))//" is not a number (expected one)")
                 return
             else if (.not. abs(value) <= huge(value)) then
-                call refuse_value(quoted(text(first:last))//" is not a finite number")
+                call refuse_value(quoted(adjustl(text(first:last)))//" is not a finite number (expected one)")
                 return
             end if
             table%value(row, i) = value
             first = last + 2
         end do
-        if (last < len(text)) call refuse_row("has more than "//to_text(n_column)//" fields")
+        if (last < len(text)) call refuse_row("has more than "//to_text(n_column)//" fields (expected no more)")
 
     contains
 

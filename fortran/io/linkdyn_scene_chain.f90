@@ -9,7 +9,7 @@ module linkdyn_scene_chain
     use linkdyn_scene, only: scene_type, link_spec, joint_spec, marker_spec, name_len, frame_link, &
         joint_universal, joint_prismatic, joint_spherical
     use linkdyn_toml, only: toml_node, toml_array, toml_table
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
         require_table, table_list, direction_of, get_name, get_word, get_flag, require_name
     use linkdyn_scene_names, only: find_marker
     use linkdyn_scene_links, only: read_mass_properties, new_marker, add_marker
@@ -108,7 +108,7 @@ contains
         else if (list%kind() /= toml_array) then
             call refuse_value(place, key, list, "is "//list%kind_text()//" (expected a list of markers, one a leg)", status)
         else if (n_leg >= 0 .and. list%count() /= n_leg) then
-            call refuse_value(place, key, list, "has "//to_text(list%count())//" markers (expected "//to_text(n_leg)// &
+            call refuse_value(place, key, list, "has "//counted(list%count(), "marker")//" (expected "//to_text(n_leg)// &
                 ", as many as 'base')", status)
         else if (list%count() == 0) then
             call refuse_value(place, key, list, "is empty (expected a marker for each leg)", status)
@@ -132,7 +132,7 @@ contains
         if (.not. status%is_ok()) return
         list = place%node%get("names")
         if (list%is_present() .and. list%count() /= n_leg) call refuse_value(place, "names", list, "has "// &
-            to_text(list%count())//" elements (expected "//to_text(n_leg)//", one a leg)", status)
+            counted(list%count(), "element")//" (expected "//to_text(n_leg)//", one a leg)", status)
         do i = 1, n_leg
             text = trim(chain_name)//to_text(i)
             if (list%is_present()) then
@@ -238,7 +238,7 @@ contains
         end if
         if (node%kind() == toml_array) then
             if (node%count() /= base%count()) then
-                call refuse_value(place, key, node, "has "//to_text(node%count())//" elements (expected one table, or "// &
+                call refuse_value(place, key, node, "has "//counted(node%count(), "element")//" (expected one table, or "// &
                     to_text(base%count())//", one a leg)", status)
                 return
             end if

@@ -9,7 +9,7 @@ module linkdyn_scene_forces
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
         damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, counted, &
         table_list, get_quantity, get_name, get_word, get_text, require_table
     use linkdyn_scene_names, only: find_marker, find_joint, find_variable
     use linkdyn_scene_joints, only: require_two_links, variable_quantity
@@ -304,7 +304,7 @@ contains
         select case (node%kind())
         case (toml_array)
             if (node%count() /= n) then
-                call refuse_value(place, key, node, "has "//to_text(node%count())//" elements (expected "//to_text(n)// &
+                call refuse_value(place, key, node, "has "//counted(node%count(), "element")//" (expected "//to_text(n)// &
                     ", each "//trim(quantity%name)//" or a law)", status)
                 return
             end if
@@ -439,8 +439,9 @@ contains
                 if (actuator(i)%joint /= actuator(j)%joint .or. actuator(i)%variable /= actuator(j)%variable) cycle
                 place = root
                 place%what = "actuator "//quoted(actuator(i)%name)
-                call refuse(place, "this joint variable is already driven on line "//to_text(actuator(j)%line)// &
-                    " (expected one actuator for each)", status, actuator(j)%line)
+                call refuse(place, "this joint variable is already driven on line "// &
+                    to_text(min(actuator(i)%line, actuator(j)%line))//" (expected one actuator for each)", &
+                    status, max(actuator(i)%line, actuator(j)%line))
                 return
             end do
         end do

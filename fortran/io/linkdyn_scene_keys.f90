@@ -14,7 +14,7 @@ module linkdyn_scene_keys
     public :: scene_place, place_at, refuse, refuse_value, refuse_missing
     public :: allow_keys, require_table, table_list
     public :: get_quantity, quantity_of, get_vector, vector_of, list_of, get_direction, direction_of
-    public :: get_text, get_name, get_word, get_flag, get_integer, require_name
+    public :: get_text, get_name, get_word, get_flag, get_integer, require_name, counted
 
     !> A table of the scene file and how to call it.
     type :: scene_place
@@ -226,7 +226,7 @@ contains
             call refuse_value(place, key, node, "is "//node%kind_text()//" (expected "// &
                 vector_text(quantity, size(values))//")", status)
         else if (node%count() /= size(values)) then
-            call refuse_value(place, key, node, "has "//count_text(node%count())//" (expected "// &
+            call refuse_value(place, key, node, "has "//counted(node%count(), "element")//" (expected "// &
                 vector_text(quantity, size(values))//")", status)
         else
             do i = 1, size(values)
@@ -462,13 +462,15 @@ contains
         text = "a list of "//to_text(n)//", each "//expected_text(quantity)
     end function vector_text
 
-    pure function count_text(n) result(text)
+    !> "1 element", "3 elements"
+    pure function counted(n, noun) result(text)
         integer, intent(in) :: n
+        character(len=*), intent(in) :: noun
         character(len=:), allocatable :: text
 
-        text = to_text(n)//" elements"
-        if (n == 1) text = "1 element"
-    end function count_text
+        text = to_text(n)//" "//noun
+        if (n /= 1) text = text//"s"
+    end function counted
 
     !> A text on one line.
     pure function printable(text) result(line)

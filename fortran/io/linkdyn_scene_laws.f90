@@ -10,7 +10,7 @@ module linkdyn_scene_laws
     use linkdyn_units, only: quantity_type, per_second, unit_factor, time_span, angle, angular_rate
     use linkdyn_input, only: path_in_folder
     use linkdyn_csv, only: read_csv, column_of
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
         get_quantity, quantity_of, list_of, get_text, get_word
     implicit none (type, external)
     private
@@ -127,7 +127,7 @@ contains
             if (size(law%time) < 2) then
                 call refuse_value(place, "times", times, "has fewer than two elements (expected two or more)", status)
             else if (size(law%knot) /= size(law%time)) then
-                call refuse_value(place, "values", values, "has "//to_text(size(law%knot))//" elements (expected "// &
+                call refuse_value(place, "values", values, "has "//counted(size(law%knot), "element")//" (expected "// &
                     to_text(size(law%time))//", as many as 'times')", status)
             end if
             do i = 2, size(law%time)

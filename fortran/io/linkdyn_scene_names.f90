@@ -109,7 +109,7 @@ contains
             if (scene%joint(i)%name == name) joint = i
         end do
         if (joint == no_index) call refuse_value(place, "joint", place%node%get("joint"), "= "//quoted(name)// &
-            ": there is no such joint (expected the name of a joint)"//suggestion(name, scene%joint%name), status)
+            ": there is no such joint (expected the name of a joint)"//suggestion(name, (scene%joint%name)), status)
     end subroutine find_joint
 
     !> The variable of a joint that the key `variable` names; a joint with one needs no key.
@@ -154,7 +154,7 @@ contains
         type(scene_type), intent(in) :: scene
         type(status_type), intent(inout) :: status
 
-        call refuse_doubles(root, "link", scene%link%name, scene%link%line, status)
+        call refuse_doubles(root, "link", (scene%link%name), (scene%link%line), status)
     end subroutine refuse_double_links
 
     !> Two joints of one name.
@@ -163,7 +163,7 @@ contains
         type(scene_type), intent(in) :: scene
         type(status_type), intent(inout) :: status
 
-        call refuse_doubles(root, "joint", scene%joint%name, scene%joint%line, status)
+        call refuse_doubles(root, "joint", (scene%joint%name), (scene%joint%line), status)
     end subroutine refuse_double_joints
 
     subroutine refuse_doubles(root, what, names, lines, status)

@@ -11,7 +11,8 @@ module linkdyn_scene_reader
     use linkdyn_toml, only: toml_document, parse_toml, free_toml
     use linkdyn_units, only: acceleration
     use linkdyn_input, only: read_file_text, folder_of
-    use linkdyn_scene_keys, only: scene_place, refuse, allow_keys, table_list, get_text, get_word, get_vector
+    use linkdyn_scene_keys, only: scene_place, refuse, allow_keys, table_list, get_text, get_word, get_vector, &
+        counted
     use linkdyn_scene_links, only: read_frame, read_links
     use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
     use linkdyn_scene_joints, only: read_joints
@@ -80,17 +81,6 @@ contains
             trim(merge("too few actuators: ", "too many actuators:", n_actuator < n_coordinate))//" "// &
             counted(n_actuator, "actuator")//" for "//counted(n_coordinate, "coordinate")// &
             " (expected as many actuators as coordinates for inverse dynamics)")
-
-    contains
-
-        pure function counted(n, noun) result(phrase)
-            integer, intent(in) :: n
-            character(len=*), intent(in) :: noun
-            character(len=:), allocatable :: phrase
-
-            phrase = to_text(n)//" "//noun
-            if (n /= 1) phrase = phrase//"s"
-        end function counted
     end subroutine check_actuators
 
     !> The tables of a scene, in the order in which they refer to one another.

@@ -16,7 +16,7 @@ contains
 
         text = ""
         best = 0
-        nearest = 1 + len_trim(word)/3
+        nearest = 1 + len_trim(word)/4
         do i = 1, size(words)
             if (len_trim(words(i)) == 0) cycle
             if (abs(len_trim(words(i)) - len_trim(word)) > nearest) cycle
