@@ -202,15 +202,14 @@ contains
         integer, intent(inout) :: next            !! where to go on
         integer, intent(inout) :: line            !! number of the line found
         integer, intent(out) :: first, last
-        integer :: length_of_line
+        integer :: line_end
 
         do while (next <= len(text))
             line = line + 1
             first = next
-            length_of_line = index(text(next:), newline) - 1
-            if (length_of_line < 0) length_of_line = len(text) - next + 1
-            next = first + length_of_line + 1
-            last = first + length_of_line - 1
+            line_end = field_end(text, first, newline)
+            next = line_end + 2
+            last = line_end
             do while (last >= first)
                 if (scan(text(last:last), " "//tab//return_sign) == 0) exit
                 last = last - 1
