@@ -350,14 +350,15 @@ contains
 
         if (.not. status%is_ok()) return
         if (len(text) == 0) then
-            call refuse(place, "a name is empty", status, line)
+            call refuse(place, "a name is empty (expected 1 to "//to_text(name_len)//" letters)", status, line)
         else if (len(text) > name_len) then
-            call refuse(place, "the name "//quoted(text(:24)//"...")//" is longer than "//to_text(name_len)// &
-                " letters", status, line)
+            call refuse(place, "the name "//quoted(text(:24)//"...")//" is too long (expected 1 to "// &
+                to_text(name_len)//" letters)", status, line)
         else
             do i = 1, len(text)
                 if (iachar(text(i:i)) > 32 .and. iachar(text(i:i)) /= 127) cycle
-                call refuse(place, "the name "//quoted(text)//" holds a blank or control character", status, line)
+                call refuse(place, "the name "//quoted(text)//" holds a blank or control character "// &
+                    "(expected letters, digits, signs)", status, line)
                 return
             end do
         end if
