@@ -18,7 +18,7 @@ module linkdyn_equations
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
-    use linkdyn_scene, only: coordinate_pose
+    use linkdyn_reactions, only: solution_type, unknown
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, sample_singular
     use linkdyn_text, only: to_text
@@ -49,12 +49,14 @@ module linkdyn_equations
         real(wp), allocatable :: lane_matrix(:, :), lane_right(:)
         type(dense_workspace) :: dense
         ! ---- RESULTS
-        real(wp), allocatable :: solution(:, :)         !! (lane, unknown)
+        type(solution_type) :: solution                 !! points into the slots
         real(wp), allocatable :: driving_force(:, :)    !! (lane, n_actuator)
         integer :: status(lanes) = sample_ok
         real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
         integer :: n_fallback = 0                       !! lanes that the plan handed to the dense solver
+    contains
+        procedure :: free
     end type equation_workspace
 
 contains
@@ -206,12 +208,9 @@ contains
 
         n = equations%formulation%n_unknown
         call prepare_kinematics(model, merge(model%n_q, 0, equations%solver == solver_reduced), workspace%state)
-        call make_slots(max(equations%formulation%n_slot + model%n_row, equations%plan%n_slot), workspace%slot)
-        if (equations%plan%is_complete) call load_constants(equations%plan, workspace%slot%value)
-        allocate (workspace%load(lanes, 6, model%n_load), workspace%solution(lanes, n), &
-                  workspace%driving_force(lanes, model%n_actuator))
+        call place_solution(model, equations, workspace)
+        allocate (workspace%load(lanes, 6, model%n_load), workspace%driving_force(lanes, model%n_actuator))
         workspace%load = 0
-        workspace%solution = 0
         select case (equations%solver)
         case (solver_gauss_jordan)
             allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
@@ -222,6 +221,48 @@ contains
             allocate (workspace%matrix(lanes, model%n_q, model%n_actuator), workspace%right(lanes, model%n_q, 1))
         end select
     end subroutine prepare_workspace
+
+    !> Slots for entries, right-hand sides, the plan's intermediate values; the unknowns stand where the plan leaves
+    !> them, or behind everything else.
+    subroutine place_solution(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: n, n_given, k
+
+        n = equations%formulation%n_unknown
+        n_given = equations%formulation%n_slot + model%n_row
+        if (equations%plan%is_complete) then
+            call make_slots(max(n_given, equations%plan%n_slot), workspace%slot)
+            call load_constants(equations%plan, workspace%slot%value)
+            workspace%solution%slot = equations%plan%solution_slot
+            workspace%solution%sign = equations%plan%solution_sign
+        else
+            call make_slots(n_given + n, workspace%slot)
+            workspace%solution%slot = [(n_given + k, k=1, n)]
+            workspace%solution%sign = [(1.0_wp, k=1, n)]
+        end if
+        workspace%solution%value => workspace%slot%value
+    end subroutine place_solution
+
+    subroutine free(self)
+        class(equation_workspace), intent(inout) :: self
+
+        self%solution%value => null()
+        call self%slot%free()
+    end subroutine free
+
+    !> Store the dense solution of one lane.
+    subroutine store_lane(solution, lane, x)
+        type(solution_type), intent(inout) :: solution
+        integer, intent(in) :: lane
+        real(wp), intent(in) :: x(:)
+        integer :: k
+
+        do k = 1, size(x)
+            if (solution%slot(k) > 0) solution%value(lane, solution%slot(k)) = solution%sign(k)*x(k)
+        end do
+    end subroutine store_lane
 
     !> Kinematics, assembly and solution of the block whose coordinates and loads are in the workspace.
     subroutine solve_block(model, equations, workspace)
@@ -253,7 +294,7 @@ contains
                 call solve_by_plan(model, equations, workspace)
             end select
             do k = 1, model%n_actuator
-                workspace%driving_force(:, k) = workspace%solution(:, formulation%drive_column(k))
+                workspace%driving_force(:, k) = unknown(workspace%solution, formulation%drive_column(k))
             end do
         end associate
     end subroutine solve_block
@@ -262,25 +303,14 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        real(wp) :: alarm(lanes), total(lanes)
-        integer :: k, lane
+        real(wp) :: alarm(lanes)
+        integer :: lane
 
         alarm = huge(1.0_wp)
-        if (equations%plan%is_complete) then
-            call run_plan(equations%plan, workspace%slot%value, alarm)
-            total = 0
-            do k = 1, equations%formulation%n_unknown
-                associate (slot => equations%plan%solution_slot(k))
-                    if (slot == 0) cycle
-                    workspace%solution(:, k) = equations%plan%solution_sign(k)*workspace%slot%value(:, slot)
-                end associate
-                total = total + abs(workspace%solution(:, k))
-            end do
-            ! A sum that is not finite, or an alarm: the fixed pivots have failed on this lane.
-            where (.not. total <= huge(1.0_wp)) alarm = huge(1.0_wp)
-        end if
+        if (equations%plan%is_complete) call run_plan(equations%plan, workspace%slot%value, alarm)
         if (all(alarm <= 1)) return
         do lane = 1, lanes
+            ! Written so that a NaN counts as an alarm.
             if (alarm(lane) <= 1 .or. workspace%status(lane) /= sample_ok) cycle
             call solve_lane(model, equations%formulation, workspace, lane)
             workspace%n_fallback = workspace%n_fallback + 1
@@ -318,7 +348,7 @@ contains
         call solve_dense(workspace%dense, workspace%lane_matrix, workspace%lane_right, workspace%rcond(lane), &
                          workspace%error(lane), is_singular)
         if (is_singular) workspace%status(lane) = sample_singular
-        workspace%solution(lane, :) = workspace%lane_right
+        call store_lane(workspace%solution, lane, workspace%lane_right)
     end subroutine solve_lane
 
     subroutine solve_by_gauss_jordan(model, formulation, workspace)
@@ -343,7 +373,9 @@ contains
             if (formulation%has_right((k - 1)/6 + 1)) workspace%right(:, k, 1) = workspace%slot%value(:, formulation%n_slot + k)
         end do
         call solve_gauss_jordan(formulation%n_unknown, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
-        workspace%solution = workspace%right(:, :, 1)
+        do k = 1, formulation%n_unknown
+            workspace%slot%value(:, workspace%solution%slot(k)) = workspace%right(:, k, 1)
+        end do
         where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
     end subroutine solve_by_gauss_jordan
 

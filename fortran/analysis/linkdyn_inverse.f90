@@ -113,7 +113,7 @@ contains
             call scatter(block, workspace, reaction, variable, rate, imbalance)
         end do
         !$omp end do
-        call workspace%slot%free()
+        call workspace%free()
         !$omp end parallel
         results%n_fallback = n_fallback
 

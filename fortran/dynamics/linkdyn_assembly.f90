@@ -32,16 +32,16 @@ contains
 
         do i = 1, size(formulation%incidence)
             associate (incidence => formulation%incidence(i))
-                if (.not. incidence%is_active) cycle
+                if (.not. incidence%varies) cycle
                 o = model%link(incidence%link)%orientation
-                if (any(incidence%group%needs_arm)) then
+                if (incidence%needs_arm) then
                     arm = vec3_of(incidence%arm)
                     if (incidence%slides) arm = arm + state%slide(:, incidence%joint)*vec3_of(incidence%arm_slide)
                     if (.not. formulation%row_in_link(incidence%link)) arm = state%rotation(o).rotate.arm
                 end if
                 do g = 1, size(incidence%group)
                     associate (group => incidence%group(g))
-                        if (any(group%slide_slot > 0)) &
+                        if (group%slides) &
                             call put_slide(group, state%slide(:, incidence%joint), slot)
                         if (.not. group%needs_direction) cycle
                         direction = column_direction(model, formulation%column(group%column), state)

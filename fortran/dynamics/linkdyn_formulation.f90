@@ -13,7 +13,7 @@ module linkdyn_formulation
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     implicit none (type, external)
     private
-    public :: formulation_type, wrench_column, entry_group, incidence_type, matrix_entry
+    public :: formulation_type, wrench_column, entry_group, incidence_type, matrix_entry, reaction_part
     public :: build_formulation, style_lecture, style_sparse, n_force_of, n_moment_of
 
     integer, parameter :: style_lecture = 1, style_sparse = 2
@@ -47,6 +47,7 @@ module linkdyn_formulation
     type :: entry_group
         integer :: column = 0
         logical :: needs_direction = .false.   !! some slot needs the direction in row axes
+        logical :: slides = .false.            !! some slot needs the slide
         logical :: needs_arm = .false.         !! some slot needs arm x direction
         integer :: force_slot(3) = 0           !! direction into the force rows (or the moment rows of a moment)
         integer :: moment_slot(3) = 0          !! arm x direction into the moment rows
@@ -61,8 +62,19 @@ module linkdyn_formulation
         real(wp) :: arm(3) = 0                 !! from the moment point to the joint point, link axes
         real(wp) :: arm_slide(3) = 0           !! what a unit slide adds to it
         logical :: has_arm = .false., slides = .false., is_active = .false.
+        logical :: needs_arm = .false.         !! some group needs arm x direction
+        logical :: varies = .false.            !! some entry varies
         type(entry_group), allocatable :: group(:)
     end type incidence_type
+
+    !> Force or moment of a joint, ready to be collected: component k is the unknown `unit_column(k)` in the axes of
+    !> `orientation` (0: zero); a joint whose unknowns lie along other directions is not `is_plain`.
+    type :: reaction_part
+        logical :: is_plain = .true.
+        integer :: unit_column(3) = 0
+        integer :: orientation = 0
+        integer :: normal_column = 0           !! unknown along the normal of a universal joint; 0: none
+    end type reaction_part
 
     !> The equations of a model in one style.
     type :: formulation_type
@@ -78,6 +90,7 @@ module linkdyn_formulation
         type(wrench_column), allocatable :: column(:)      !!                                            (n_unknown)
         type(incidence_type), allocatable :: incidence(:)  !!                                            (2 n_joint)
         type(matrix_entry), allocatable :: entry(:)
+        type(reaction_part), allocatable :: part(:, :)     !! force and moment of each joint             (2, n_joint)
         logical, allocatable :: has_right(:)               !! right-hand side of a link's rows is not zero by rule (n_link)
     end type formulation_type
 
@@ -110,6 +123,7 @@ contains
         if (style == style_sparse) call choose_axes_and_points(model, formulation)
         call list_columns(model, formulation)
         call list_entries(model, formulation)
+        call list_parts(model, formulation)
     end subroutine build_formulation
 
     ! ---------------------------------------------------------------- unknowns
@@ -224,6 +238,32 @@ contains
         if (link > 0) orientation_of = model%link(link)%orientation
     end function orientation_of
 
+    !> How each joint's reaction is put together from the unknowns.
+    subroutine list_parts(model, formulation)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(inout) :: formulation
+        integer :: j, c
+
+        allocate (formulation%part(2, model%n_joint))
+        do j = 1, model%n_joint
+            do c = formulation%first_column(j) + 1, formulation%first_column(j + 1)
+                associate (column => formulation%column(c), &
+                           part => formulation%part(merge(2, 1, formulation%column(c)%is_moment), j))
+                    if (column%is_normal) then
+                        part%normal_column = c
+                        cycle
+                    end if
+                    part%orientation = column%orientation
+                    if (column%unit_axis == 0) then
+                        part%is_plain = .false.
+                    else
+                        part%unit_column(column%unit_axis) = c
+                    end if
+                end associate
+            end do
+        end do
+    end subroutine list_parts
+
     ! ---------------------------------------------------------------- entries
 
     !> A joint seen from its first (1) or second (2) link, its groups described, slots not yet numbered:
@@ -312,6 +352,7 @@ contains
                 group%slide_rate = incidence%sign*cross(incidence%arm_slide, column%direction)
                 do k = 1, 3
                     if (group%slide_rate(k) /= 0) then
+                        group%slides = .true.
                         group%slide_slot(k) = 1
                     else
                         value(3 + k) = group%slide_fixed(k)
@@ -354,6 +395,16 @@ contains
         c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
     end function cross
 
+    pure logical function any_varies(group)
+        type(entry_group), intent(in) :: group(:)
+        integer :: g
+
+        any_varies = .false.
+        do g = 1, size(group)
+            any_varies = any_varies .or. group(g)%needs_direction .or. group(g)%slides
+        end do
+    end function any_varies
+
     !> Number the varying entries and list all nonzeros.
     subroutine list_entries(model, formulation)
         type(model_type), intent(in) :: model
@@ -371,6 +422,8 @@ contains
                 call describe_incidence(model, formulation, j, side, formulation%incidence(i), value)
                 if (.not. formulation%incidence(i)%is_active) cycle
                 associate (incidence => formulation%incidence(i))
+                    incidence%needs_arm = any(incidence%group%needs_arm)
+                    incidence%varies = any_varies(incidence%group)
                     do g = 1, size(incidence%group)
                         call list_group(incidence%group(g), 6*(incidence%link - 1), &
                                         formulation%column(incidence%group(g)%column)%is_moment, value(:, g))

@@ -6,76 +6,82 @@ module linkdyn_reactions
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.), zero_vec3
+    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: collect_reactions
+    public :: solution_type, collect_reactions, unknown
+
+    !> Where the unknowns stand: unknown k is sign(k)*value(:, slot(k)); slot 0 is zero.
+    type :: solution_type
+        real(wp), pointer, contiguous :: value(:, :) => null()    !! (lane, slot)
+        integer, allocatable :: slot(:)                           !! (n_unknown)
+        real(wp), allocatable :: sign(:)                          !! (n_unknown)
+    end type solution_type
 
 contains
+
+    !> One unknown on all lanes.
+    pure function unknown(solution, k) result(x)
+        type(solution_type), intent(in) :: solution
+        integer, intent(in) :: k    !! 0: zero
+        real(wp) :: x(lanes)
+        integer :: slot
+
+        slot = 0
+        if (k > 0) slot = solution%slot(k)
+        if (slot == 0) then
+            x = 0
+        else
+            x = solution%sign(k)*solution%value(:, slot)
+        end if
+    end function unknown
 
     !> Reaction wrenches of all joints: what the first link exerts on the second, driving forces not included.
     subroutine collect_reactions(model, formulation, state, solution, reaction)
         type(model_type), intent(in) :: model
         type(formulation_type), intent(in) :: formulation
         type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: solution(lanes, *)        !! unknowns in the order of the columns
+        type(solution_type), intent(in) :: solution
         real(wp), intent(out) :: reaction(lanes, 6, *)    !! Fx Fy Fz Mx My Mz of each joint [N, N m]
-        type(vec3) :: force, moment
-        integer :: j
+        type(vec3) :: total
+        integer :: j, half
 
         do j = 1, model%n_joint
-            call joint_part(formulation, state, j, .false., solution, model, force)
-            call joint_part(formulation, state, j, .true., solution, model, moment)
-            reaction(:, 1, j) = force%x
-            reaction(:, 2, j) = force%y
-            reaction(:, 3, j) = force%z
-            reaction(:, 4, j) = moment%x
-            reaction(:, 5, j) = moment%y
-            reaction(:, 6, j) = moment%z
+            do half = 1, 2
+                associate (part => formulation%part(half, j))
+                    total%x = unknown(solution, part%unit_column(1))
+                    total%y = unknown(solution, part%unit_column(2))
+                    total%z = unknown(solution, part%unit_column(3))
+                    if (.not. part%is_plain) call add_slanted(formulation, solution, j, half == 2, total)
+                    if (part%orientation > 0) total = state%rotation(part%orientation).rotate.total
+                    if (part%normal_column > 0) total = total + unknown(solution, part%normal_column) &
+                        *column_direction(model, formulation%column(part%normal_column), state)
+                end associate
+                reaction(:, 3*half - 2, j) = total%x
+                reaction(:, 3*half - 1, j) = total%y
+                reaction(:, 3*half, j) = total%z
+            end do
         end do
     end subroutine collect_reactions
 
-    !> Sum of the forces (or of the moments) of one joint. Directions fixed in one link are summed in its axes and
-    !> turned once.
-    subroutine joint_part(formulation, state, j, is_moment, solution, model, total)
+    !> Unknowns along directions that are not axes of the link.
+    subroutine add_slanted(formulation, solution, j, is_moment, total)
         type(formulation_type), intent(in) :: formulation
-        type(kinematic_state), intent(in) :: state
+        type(solution_type), intent(in) :: solution
         integer, intent(in) :: j
         logical, intent(in) :: is_moment
-        real(wp), intent(in) :: solution(lanes, *)
-        type(model_type), intent(in) :: model
-        type(vec3), intent(out) :: total
-        type(vec3) :: normal_part
-        integer :: c, orientation
-        logical :: has_normal
+        type(vec3), intent(inout) :: total
+        real(wp) :: x(lanes)
+        integer :: c
 
-        total = zero_vec3()
-        orientation = 0
-        has_normal = .false.
         do c = formulation%first_column(j) + 1, formulation%first_column(j + 1)
             associate (column => formulation%column(c))
-                if (column%is_moment .neqv. is_moment) cycle
-                if (column%is_normal) then
-                    normal_part = solution(:, c)*column_direction(model, column, state)
-                    has_normal = .true.
-                    cycle
-                end if
-                orientation = column%orientation
-                select case (column%unit_axis)
-                case (1)
-                    total%x = total%x + solution(:, c)
-                case (2)
-                    total%y = total%y + solution(:, c)
-                case (3)
-                    total%z = total%z + solution(:, c)
-                case default
-                    total%x = total%x + solution(:, c)*column%direction(1)
-                    total%y = total%y + solution(:, c)*column%direction(2)
-                    total%z = total%z + solution(:, c)*column%direction(3)
-                end select
+                if ((column%is_moment .neqv. is_moment) .or. column%is_normal .or. column%unit_axis > 0) cycle
+                x = unknown(solution, c)
+                total%x = total%x + x*column%direction(1)
+                total%y = total%y + x*column%direction(2)
+                total%z = total%z + x*column%direction(3)
             end associate
         end do
-        if (orientation > 0) total = state%rotation(orientation).rotate.total
-        if (has_normal) total = total + normal_part
-    end subroutine joint_part
+    end subroutine add_slanted
 end module linkdyn_reactions

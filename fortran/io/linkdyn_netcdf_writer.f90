@@ -8,7 +8,7 @@ module linkdyn_netcdf_writer
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, writing_failed
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, &
-        dim_sample, n_dimension
+        variable_index, result_time, dim_sample, n_dimension
     use linkdyn_status, only: status_type, n_sample_status, sample_status_name
     use netcdf, only: nf90_create, nf90_def_dim, nf90_def_var, nf90_def_var_deflate, nf90_def_var_fill, nf90_put_att, &
         nf90_put_var, nf90_close, nf90_strerror, nf90_netcdf4, nf90_clobber, nf90_char, nf90_double, &
@@ -157,8 +157,28 @@ contains
         call check(nf90_def_var_fill(writer%id, id, no_fill, 0), writer, status)
         call check(nf90_put_att(writer%id, id, "long_name", trim(variable%long_name)), writer, status)
         call check(nf90_put_att(writer%id, id, "units", trim(variable%units)), writer, status)
+        if (len(companions(layout, variable)) > 0) &
+            call check(nf90_put_att(writer%id, id, "coordinates", companions(layout, variable)), writer, status)
         if (variable%is_integer) call put_flags(writer, id, status)
     end subroutine define_variable
+
+    !> Variables that say more about the entries of this one (CF's `coordinates`): the time, the units.
+    pure function companions(layout, variable) result(names)
+        type(layout_type), intent(in) :: layout
+        type(variable_type), intent(in) :: variable
+        character(len=:), allocatable :: names
+        integer :: k
+
+        names = ""
+        if (variable%id == result_time) return
+        if (variable_index(layout, result_time) > 0) names = " time"
+        do k = 2, variable%n_dim
+            associate (dimension => layout%dimension(variable%dim(k)))
+                if (allocated(dimension%unit)) names = names//" "//trim(dimension%name)//"_unit"
+            end associate
+        end do
+        names = names(2:)
+    end function companions
 
     !> Samples in a compressed chunk: a power of two, so that blocks of samples fill whole chunks.
     pure integer function chunk_length(width, n_sample) result(length)

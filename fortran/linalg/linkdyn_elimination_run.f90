@@ -20,8 +20,8 @@ contains
         end do
     end subroutine load_constants
 
-    !> Run the record. `alarm` above one on a lane says that a multiplier or an inverse pivot there is far larger than
-    !> at the representative poses: the fixed pivots are not to be trusted on it.
+    !> Run the record. `alarm` above one on a lane, or NaN, says that multipliers or inverse pivots there are far larger
+    !> than at the representative poses: the fixed pivots are not to be trusted on it.
     !>
     !> **Cost**: 2 n_term + n_scale flops and n_reciprocal divisions a lane; two vector loads a term.
     pure subroutine run_plan(plan, slot, alarm)
@@ -48,7 +48,8 @@ contains
             end if
             term = plan%last_plus(t)
             slot(:, plan%out(t)) = sum
-            if (plan%alarm(t) > 0) alarm = max(alarm, abs(sum)*plan%alarm(t))
+            ! A sum and not a maximum: it passes NaN on.
+            if (plan%alarm(t) > 0) alarm = alarm + abs(sum)*plan%alarm(t)
         end do
     end subroutine run_plan
 end module linkdyn_elimination_run
