@@ -16,7 +16,7 @@ module linkdyn_f2py_api
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_results, only: layout_type, wanted_type, describe_results, choose_wanted, find_driving_power
     use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link
-    use linkdyn_scene_reader, only: parse_scene
+    use linkdyn_scene_reader, only: parse_scene, check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input, status_internal
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: to_text, quoted
@@ -272,6 +272,7 @@ contains
         call find_model(handle, model, status)
         if (status%code == 0) then                         ! the first failure stays
             call choose_solver(trim(solver), options%solver, status)
+            call check_actuators(model%scene, status)
             call check_size("q", n_q_values, model%n_q*n, status)
             call check_size("load", n_load_values, max(1, 6*model%n_load*n), status)
             call check_size("driving_force", n_driving, model%n_actuator*n, status, wanted(1))

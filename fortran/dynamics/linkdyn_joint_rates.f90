@@ -1,7 +1,7 @@
 !> Joint variables and their rates, and the power balance, from the motion of the links.
 module linkdyn_joint_rates
     use linkdyn_assembly, only: link_wrench
-    use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis
+    use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -80,17 +80,16 @@ contains
         real(wp), intent(out) :: rate(lanes)
         type(joint_view) :: view
         type(vec3) :: axis
-        logical :: is_slide
 
-        associate (spec => model%scene%actuator(i))
+        associate (spec => model%scene%actuator(i), kind => model%joint(model%scene%actuator(i)%joint)%kind)
             call view_joint(model, state, spec%joint, velocity, omega, view)
-            call relative_axis(model%joint(spec%joint)%kind, spec%variable, view%frame(1), view%frame(2), axis, is_slide)
+            axis = relative_axis(kind, spec%variable, view%frame(1), view%frame(2))
+            if (is_slide(kind, spec%variable)) then
+                rate = view%slide_rate.dot.axis
+            else
+                rate = view%omega.dot.axis
+            end if
         end associate
-        if (is_slide) then
-            rate = view%slide_rate.dot.axis
-        else
-            rate = view%omega.dot.axis
-        end if
     end subroutine actuator_rate
 
     subroutine view_joint(model, state, j, link_velocity, link_omega, view)

@@ -4,7 +4,7 @@
 !> are computed only if the state was prepared for them.
 module linkdyn_kinematic_pass
     use linkdyn_kinds, only: wp
-    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, relative_axis
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, is_slide
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups
@@ -79,11 +79,10 @@ contains
         type(kinematic_state), intent(inout) :: state
         type(relative_motion) :: motion
         type(mat3) :: first
-        type(vec3) :: arm, point, axis, slide
+        type(vec3) :: arm, point, slide
         real(wp), dimension(lanes, 3) :: q, qd, qdd
         real(wp) :: sense
         integer :: from, to, known, link, o_known, o, i, k
-        logical :: is_slide
 
         associate (joint => model%joint(step%joint(1)))
             ! Walked backwards, the joint is the same joint with its variables reversed.
@@ -132,11 +131,10 @@ contains
                 point = point_column(state%acceleration(k, known), state%alpha(k, o_known), slide)
                 do i = 1, 3
                     if (step%coordinate(i) /= k) cycle
-                    call relative_axis(joint%kind, i, first, motion%frame, axis, is_slide)
-                    if (is_slide) then
-                        point = point + sense*axis
+                    if (is_slide(joint%kind, i)) then
+                        point = point + sense*motion%axis(i)
                     else
-                        state%alpha(k, o) = state%alpha(k, o) + sense*axis
+                        state%alpha(k, o) = state%alpha(k, o) + sense*motion%axis(i)
                     end if
                 end do
                 state%acceleration(k, link) = point_column(point, state%alpha(k, o), arm)

@@ -11,6 +11,8 @@ module linkdyn_output_file
 
     integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2   !! of linkdyn_output.h
 
+    integer, parameter :: probe_blocks = 256   !! 16 MiB are more than a library tried to write at once
+
     !> Where to write, and where the result goes.
     type :: output_file
         character(len=path_len) :: target = ""    !! as the user gave it
@@ -27,10 +29,10 @@ module linkdyn_output_file
             integer(c_int) :: kind
         end function linkdyn_path_kind
 
-        function linkdyn_probe_write(path, path_len, reason, reason_len) result(outcome) bind(c)
+        function linkdyn_probe_write(path, path_len, n_block, reason, reason_len) result(outcome) bind(c)
             import :: c_char, c_int
             character(kind=c_char), intent(in) :: path(*)
-            integer(c_int), value :: path_len
+            integer(c_int), value :: path_len, n_block
             character(kind=c_char), intent(inout) :: reason(*)
             integer(c_int), value :: reason_len
             integer(c_int) :: outcome
@@ -115,9 +117,9 @@ contains
                 trim(target)//": cannot be written: is a device or a pipe (expected a file name, or --csv)")
             return
         end select
-        call probe(file, status)
+        call linkdyn_guard_file(file%part, len_trim(file%part))
+        call probe(file, 1, status)
         call linkdyn_remove_file(file%part, len_trim(file%part))
-        if (status%is_ok()) call linkdyn_guard_file(file%part, len_trim(file%part))
     end subroutine open_output
 
     !> Start writing text to it.
@@ -182,16 +184,18 @@ contains
         character(len=*), intent(in) :: fallback     !! what the system or the library said
         type(status_type), intent(inout) :: status
 
-        if (.not. file%is_direct .and. file%descriptor < 0) call probe(file, status)
+        if (.not. file%is_direct .and. file%descriptor < 0) call probe(file, probe_blocks, status)
         call fail(status, status_io_error, trim(file%target)//": cannot be written: "//trim(fallback))
     end subroutine writing_failed
 
-    subroutine probe(file, status)
+    !> Write to the file and report why it fails.
+    subroutine probe(file, n_block, status)
         type(output_file), intent(in) :: file
+        integer, intent(in) :: n_block               !! of 64 KiB
         type(status_type), intent(inout) :: status
         character(len=128) :: reason
 
-        if (linkdyn_probe_write(file%part, len_trim(file%part), reason, len(reason)) /= 0) call fail(status, &
-            status_io_error, trim(file%target)//": cannot be written: "//trim(reason))
+        if (linkdyn_probe_write(file%part, len_trim(file%part), n_block, reason, len(reason)) /= 0) &
+            call fail(status, status_io_error, trim(file%target)//": cannot be written: "//trim(reason))
     end subroutine probe
 end module linkdyn_output_file

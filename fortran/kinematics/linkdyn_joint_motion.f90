@@ -14,7 +14,7 @@ module linkdyn_joint_motion
     implicit none (type, external)
     private
     public :: relative_motion, turn_frame, turn_frame_back
-    public :: relative_by_variables, variables_of_relative, relative_axis
+    public :: relative_by_variables, variables_of_relative, relative_axis, is_slide
     public :: kind_revolute, kind_prismatic, kind_cylindrical, kind_universal, kind_spherical
 
     ! The kinds of joints, as the scene numbers them; this layer does not know scenes.
@@ -29,6 +29,7 @@ module linkdyn_joint_motion
         type(vec3) :: slide_rate2  !! [m/s2]
         type(vec3) :: omega        !! relative angular velocity [rad/s]
         type(vec3) :: alpha        !! its derivative seen from the first link [rad/s2]
+        type(vec3) :: axis(3)      !! about or along which each joint variable moves the second link
     end type relative_motion
 
 contains
@@ -68,23 +69,27 @@ contains
         select case (kind)
         case (kind_revolute, kind_cylindrical)
             motion%frame = first*rotation_about_z(q(:, 1))
+            motion%axis = first%z
             motion%omega = qd(:, 1)*first%z
             motion%alpha = qdd(:, 1)*first%z
             if (kind == kind_cylindrical) call slide_along(first%z, q(:, 2), qd(:, 2), qdd(:, 2), motion)
         case (kind_prismatic)
             motion%frame = first
+            motion%axis = first%z
             motion%omega = motion%slide
             motion%alpha = motion%slide
             call slide_along(first%z, q(:, 1), qd(:, 1), qdd(:, 1), motion)
         case (kind_universal)
             motion%frame = universal_frame(first, q(:, 1), q(:, 2))
             second_axis = motion%frame%z
+            motion%axis = [first%z, second_axis, second_axis]
             motion%omega = qd(:, 1)*first%z + qd(:, 2)*second_axis
             motion%alpha = qdd(:, 1)*first%z + qdd(:, 2)*second_axis &
                            + (qd(:, 1)*qd(:, 2))*(first%z.cross.second_axis)
         case default
             call rotate_rpy(q(:, 1), q(:, 2), q(:, 3), turn)
             motion%frame = first*turn%r
+            motion%axis = [first%x, first.rotate.turn%pitch_axis, motion%frame%z]
             motion%omega = first.rotate.angular_velocity_rpy(turn, qd)
             motion%alpha = first.rotate.angular_acceleration_rpy(turn, qd, qdd)
         end select
@@ -115,17 +120,23 @@ contains
         frame = turned*rotation_about_z(angle2)
     end function universal_frame
 
-    !> Axis about or along which a joint variable moves the second link, world axes (zero for a spherical joint's angles).
-    pure subroutine relative_axis(kind, variable, first, second, axis, is_slide)
+    !> Is the joint variable a slide, not an angle?
+    pure logical function is_slide(kind, variable)
         integer, intent(in) :: kind, variable
-        type(mat3), intent(in) :: first, second   !! marker frames, world axes
-        type(vec3), intent(out) :: axis
-        logical, intent(out) :: is_slide
 
         is_slide = kind == kind_prismatic .or. (kind == kind_cylindrical .and. variable == 2)
+    end function is_slide
+
+    !> Axis about or along which the variable of an actuated joint moves the second link, world axes. A spherical joint
+    !> has no such axes at pitch = 90 degrees and is never actuated.
+    pure function relative_axis(kind, variable, first, second) result(axis)
+        integer, intent(in) :: kind, variable
+        type(mat3), intent(in) :: first, second   !! marker frames, world axes
+        type(vec3) :: axis
+
         axis = first%z
         if (kind == kind_universal .and. variable == 2) axis = second%z
-    end subroutine relative_axis
+    end function relative_axis
 
     !> Joint variables and rates from the motion of both links.
     !>

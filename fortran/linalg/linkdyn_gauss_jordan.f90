@@ -44,6 +44,7 @@ contains
                     row = i
                 end where
             end do
+            reached = max(reached, size_here)
             ! A NaN pivot is refused as well: the comparison is false for it.
             is_singular = is_singular .or. .not. size_here > 0
             do lane = 1, lanes

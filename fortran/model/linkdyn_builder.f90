@@ -37,6 +37,12 @@ contains
             call fail(status, status_bad_input, "planar scenes cannot be computed yet (expected space = ""spatial"")")
             return
         end if
+        if (allocated(scene%spring)) then
+            if (size(scene%spring) > 0) then
+                call fail(status, status_bad_input, "[[spring]] cannot be computed yet (expected a scene without springs)")
+                return
+            end if
+        end if
         allocate (model%link(model%n_link), model%joint(model%n_joint))
         do i = 1, model%n_link
             call take_link(scene%link(i), model%link(i))
