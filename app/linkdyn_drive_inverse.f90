@@ -15,7 +15,7 @@ module linkdyn_drive_inverse
         result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
         result_error, result_growth, result_power_imbalance
     use linkdyn_scene, only: scene_type
-    use linkdyn_scene_reader, only: read_scene
+    use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
     use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
@@ -58,7 +58,7 @@ contains
         real(real64) :: seconds
 
         exit_status = exit_bad_input
-        call load_model(config%scene, model, status)
+        call load_model(config%scene, .true., model, status)
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
             call describe_results(model%scene, config%wanted, .true., layout)
@@ -79,13 +79,15 @@ contains
     end subroutine drive_inverse
 
     !> Read and plan a scene; messages start with the file's name.
-    subroutine load_model(file, model, status)
+    subroutine load_model(file, is_inverse, model, status)
         character(len=*), intent(in) :: file
+        logical, intent(in) :: is_inverse             !! every coordinate needs its actuator
         type(model_type), intent(out) :: model
         type(status_type), intent(inout) :: status
         type(scene_type) :: scene
 
         call read_scene(file, scene, status)
+        if (status%is_ok() .and. is_inverse) call check_actuators(scene, status)
         if (status%is_ok()) call build_model(scene, model, status)
         if (.not. status%is_ok() .and. index(status%message, file//":") /= 1) &
             status%message = file//": "//trim(status%message)
@@ -275,6 +277,7 @@ contains
         character(len=5) :: zone
 
         call date_and_time(date, time, zone)
-        text = date(:4)//"-"//date(5:6)//"-"//date(7:8)//"T"//time(:2)//":"//time(3:4)//":"//time(5:6)//zone
+        text = date(:4)//"-"//date(5:6)//"-"//date(7:8)//"T"//time(:2)//":"//time(3:4)//":"//time(5:6)// &
+            zone(:3)//":"//zone(4:)
     end function timestamp
 end module linkdyn_drive_inverse

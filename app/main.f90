@@ -26,7 +26,7 @@ program linkdyn
         else if (config%command == command_version) then
             write (output_unit, "(a)") "linkdyn "//version
         else if (config%command == command_explain) then
-            call load_model(config%scene, model, status)
+            call load_model(config%scene, .false., model, status)
             if (status%is_ok()) call explain_model(model, output_unit)
         else if (config%command == command_inverse) then
             call drive_inverse(config, exit_status)

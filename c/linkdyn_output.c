@@ -86,30 +86,27 @@ int linkdyn_close_write(int descriptor, char *reason, int reason_len)
     return close(descriptor) == 0 ? 0 : fail_with(errno, reason, reason_len);
 }
 
-int linkdyn_probe_write(const char *path, int path_len, char *reason, int reason_len)
+int linkdyn_probe_write(const char *path, int path_len, int n_block, char *reason, int reason_len)
 {
     static const char zeros[probe_size];
     char c_path[path_capacity];
-    int code = 0;
+    int outcome = 0;
 
     if (to_c_path(path, path_len, c_path) != 0) {
         return fail_with(errno, reason, reason_len);
     }
-    int file = open(c_path, O_WRONLY | O_CREAT | O_APPEND, 0666);
-    if (file < 0) {
+    int descriptor = open(c_path, O_WRONLY | O_CREAT | O_APPEND, 0666);
+    if (descriptor < 0) {
         return fail_with(errno, reason, reason_len);
     }
-    ssize_t written = write(file, zeros, probe_size);
-    if (written < 0) {
-        code = errno;
-    } else if (written < probe_size) {    /* the rest is refused with the reason */
-        code = write(file, zeros, probe_size) < 0 ? errno : 0;
+    for (int i = 0; i < n_block && outcome == 0; i++) {
+        outcome = linkdyn_write_text(descriptor, zeros, probe_size, reason, reason_len);
     }
-    if (code == 0 && fsync(file) != 0 && errno != EINVAL) {
-        code = errno;
+    if (outcome == 0 && fsync(descriptor) != 0 && errno != EINVAL) {
+        outcome = fail_with(errno, reason, reason_len);
     }
-    close(file);
-    return code == 0 ? 0 : fail_with(code, reason, reason_len);
+    close(descriptor);
+    return outcome;
 }
 
 int linkdyn_replace_file(const char *from, int from_len, const char *to, int to_len, char *reason, int reason_len)

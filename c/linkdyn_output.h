@@ -21,8 +21,8 @@ int linkdyn_write_text(int descriptor, const char *text, int text_len, char *rea
 /* 0, or -1 with the reason. */
 int linkdyn_close_write(int descriptor, char *reason, int reason_len);
 
-/* Append a few kilobytes and send them to the disk; 0, or -1 with the system's reason, blank padded. */
-int linkdyn_probe_write(const char *path, int path_len, char *reason, int reason_len);
+/* Append so many blocks of 64 KiB and send them to the disk; 0, or -1 with the system's reason, blank padded. */
+int linkdyn_probe_write(const char *path, int path_len, int n_block, char *reason, int reason_len);
 
 /* Bring `from` to the disk and rename it to `to`; 0, or -1 with the system's reason. */
 int linkdyn_replace_file(const char *from, int from_len, const char *to, int to_len, char *reason, int reason_len);

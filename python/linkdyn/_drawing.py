@@ -154,7 +154,7 @@ def _draw_link(canvas: _Canvas, markers: dict[str, Points], jointed: set[str], c
         canvas.line(corners, **style)
     centre = corners.mean(axis=0)
     for name, point in markers.items():
-        if name not in jointed:
+        if name not in jointed and not np.isclose(corners, point).all(axis=1).any():
             canvas.line(np.array([centre, point]), color=colour, linewidth=0.9, linestyle=":", marker=".", markersize=4)
 
 

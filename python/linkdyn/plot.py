@@ -83,6 +83,9 @@ def reactions(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
                 axis.plot(x, magnitude.sel(joint=name), label=str(name), **_line(k))
             axis.set_ylabel(f"{quantity} [{plain_units(unit)}]")
             axis.set_ylim(bottom=0.0)
+            if not magnitude.sel(joint=names).any():
+                axis.text(0.5, 0.5, "none", transform=axis.transAxes, ha="center", va="center", color="0.4")
+                axis.set_yticks([0.0])
         row[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     for axis in axes[-1]:
         axis.set_xlabel(x_label)

@@ -1,0 +1,247 @@
+"""The executable: exit statuses, one-line messages, files written whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+import resource
+import signal
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+import xarray as xr
+
+import linkdyn
+from linkdyn.cli import executable
+
+BAD_SCENES = sorted((Path(__file__).parent / "bad_scenes").glob("*.toml"))
+DONE, BAD_INPUT, SAMPLES_FAILED = 0, 2, 3
+
+
+def run(*arguments, **options) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [executable(), *map(str, arguments)], capture_output=True, text=True, errors="replace", timeout=120, **options
+    )
+
+
+def refused(result: subprocess.CompletedProcess, *fragments: str) -> None:
+    """One line on standard error, nothing on standard output, exit status 2."""
+    assert result.returncode == BAD_INPUT, result
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1 and result.stderr.endswith("\n"), result.stderr
+    for fragment in fragments:
+        assert fragment in result.stderr
+
+
+@pytest.mark.parametrize("file", BAD_SCENES, ids=lambda file: file.stem)
+def test_bad_scene_is_refused_in_one_line(file, tmp_path):
+    first_line = file.read_bytes().split(b"\n", 1)[0].decode()
+    assert first_line.startswith("# expect: ")
+    fragment = first_line.removeprefix("# expect: ").strip()
+    refused(run("inverse", file, cwd=tmp_path), str(file), fragment)
+    assert list(tmp_path.iterdir()) == []
+    if "actuators" in file.stem:    # wrong for inverse dynamics only
+        with pytest.raises(linkdyn.LinkdynError):
+            linkdyn.load(file).inverse()
+        return
+    refused(run("explain", file, cwd=tmp_path), str(file), fragment)
+    with pytest.raises(linkdyn.SceneError, match=re.escape(fragment)):
+        linkdyn.load(file)
+
+
+def test_version_and_help():
+    version = run("--version")
+    assert version.returncode == DONE and version.stdout == f"linkdyn {linkdyn.__version__}\n"
+    general = run("--help")
+    assert general.returncode == DONE and "linkdyn inverse SCENE" in general.stdout
+    assert run().stdout == general.stdout
+    inverse = run("inverse", "--help")
+    assert inverse.returncode == DONE
+    for option in ("--output", "--csv", "--want", "--solver", "--threads", "--quiet", "--compress"):
+        assert option in inverse.stdout
+    assert run("explain", "--help").returncode == DONE
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fragments"),
+    [
+        (["inverze"], ["'inverze'", "did you mean 'inverse'"]),
+        (["--verson"], ["'--verson'", "did you mean '--version'"]),
+        (["inverse"], ["no scene given"]),
+        (["inverse", "SCENE", "--solvr", "lapack"], ["'--solvr'", "did you mean '--solver'"]),
+        (["inverse", "SCENE", "--solver", "lapak"], ["'lapak'", "did you mean 'lapack'"]),
+        (["inverse", "SCENE", "--solver"], ["--solver", "value missing"]),
+        (["inverse", "SCENE", "--want", "forces"], ["'forces'", "driving_force"]),
+        (["inverse", "SCENE", "--threads", "0"], ["--threads", "'0'"]),
+        (["inverse", "SCENE", "--threads=two"], ["--threads", "'two'"]),
+        (["inverse", "SCENE", "--csv=yes"], ["--csv", "takes no value"]),
+        (["inverse", "SCENE", "SCENE"], ["a second scene"]),
+        (["inverse", "SCENE", "--solver", "reduced"], ["reduced", "reaction"]),
+        (["explain", "SCENE", "--csv"], ["'--csv'", "unknown option"]),
+        (["inverse", "no_such_file.toml"], ["no_such_file.toml"]),
+        (["inverse", "/"], ["/"]),
+    ],
+)
+def test_wrong_command_line(arguments, fragments, tsai_file, tmp_path):
+    refused(run(*(str(tsai_file) if word == "SCENE" else word for word in arguments), cwd=tmp_path), *fragments)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_inverse_writes_netcdf_named_after_the_scene(tsai_file, tmp_path):
+    result = run("inverse", tsai_file, cwd=tmp_path)
+    assert result.returncode == DONE and result.stderr == ""
+    assert [file.name for file in tmp_path.iterdir()] == ["stewart_tsai.nc"]
+    other = tmp_path / "other.toml"
+    other.write_text(tsai_file.read_text())
+    assert run("inverse", other, cwd=tmp_path).returncode == DONE
+    assert (tmp_path / "other.nc").is_file()
+
+
+def test_summary_tells_peaks_rms_and_reactions(tsai_file, tmp_path):
+    result = run("inverse", tsai_file, "-o", tmp_path / "run.nc")
+    rows = {line.split()[0]: line.split() for line in result.stdout.splitlines() if line.startswith("  leg")}
+    run_data = linkdyn.load(tsai_file).inverse()
+    time = run_data.time.values
+    for name in run_data.actuator.values:
+        force = run_data.driving_force.sel(actuator=name).values
+        got = [float(word) for word in rows[name][2:]]
+        # six digits are printed; at equal peaks either instant will do
+        expected = [force.min(), time[force.argmin()], force.max(), time[force.argmax()], np.sqrt(np.mean(force**2))]
+        np.testing.assert_allclose(got[::2], expected[::2], rtol=1e-5)
+        for k in (1, 3):
+            at = np.abs(time - got[k]).argmin()
+            np.testing.assert_allclose(force[at], got[k - 1], rtol=1e-5)
+    largest = np.linalg.norm(run_data.reaction[..., :3], axis=-1).max()
+    words = next(line for line in result.stdout.splitlines() if "largest reaction force" in line).split()
+    np.testing.assert_allclose(float(words[3]), largest, rtol=1e-5)
+    assert "failed samples   none" in result.stdout
+    assert str(tmp_path / "run.nc") in result.stdout
+
+
+def test_quiet_prints_nothing(tsai_file, tmp_path):
+    result = run("inverse", tsai_file, "--quiet", "-o", tmp_path / "run.nc")
+    assert (result.returncode, result.stdout, result.stderr) == (DONE, "", "")
+
+
+@pytest.mark.parametrize("solver", ["gauss-jordan", "lapack", "elimination"])
+def test_solver_is_used_and_recorded(solver, tsai_file, tmp_path):
+    assert run("inverse", tsai_file, f"--solver={solver}", "-q", "-o", tmp_path / "run.nc").returncode == DONE
+    with xr.open_dataset(tmp_path / "run.nc") as data:
+        assert data.attrs["solver"] == solver
+        assert np.isfinite(data.growth).all() == (solver == "gauss-jordan")
+
+
+def test_threads_do_not_change_results(tsai_file, tmp_path):
+    for n in (1, 2):
+        assert run("inverse", tsai_file, "--threads", n, "-q", "-o", tmp_path / f"{n}.nc").returncode == DONE
+    with xr.open_dataset(tmp_path / "1.nc") as one, xr.open_dataset(tmp_path / "2.nc") as two:
+        xr.testing.assert_equal(one, two)
+
+
+def test_blocks_join_without_a_seam(tsai, tmp_path):
+    tsai["time"]["samples"] = 40001    # more than two blocks of 16384
+    (tmp_path / "long.toml").write_text(tomli_w.dumps(tsai))
+    result = run("inverse", tmp_path / "long.toml", "-q", "--want", "driving_force", "-o", tmp_path / "long.nc")
+    assert result.returncode == DONE
+    with xr.open_dataset(tmp_path / "long.nc") as data:
+        xr.testing.assert_equal(data.load(), linkdyn.Scene(tsai).inverse(want="driving_force"))
+
+
+def test_csv_reads_back_to_the_same_numbers(tsai_file, tmp_path):
+    assert run("inverse", tsai_file, "--csv", cwd=tmp_path).returncode == DONE
+    with open(tmp_path / "stewart_tsai.csv", newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header[0] == "time [s]" and header.count("reaction leg1.S Fx [N]") == 1
+    data = linkdyn.load(tsai_file).inverse()
+    for name, expected in (
+        ("driving_force leg2.P [N]", data.driving_force.sel(actuator="leg2.P")),
+        ("reaction leg3.U Mz [N m]", data.reaction.sel(joint="leg3.U", component="Mz")),
+        ("qdd platform.z [m/s2]", data.qdd.sel(coordinate="platform.z")),
+        ("joint_rate leg6.S.yaw [rad/s]", data.joint_rate.sel(variable="leg6.S.yaw")),
+    ):
+        column = header.index(name)
+        np.testing.assert_array_equal([float(row[column]) for row in rows], expected)
+    assert {row[header.index("status")] for row in rows} == {"ok"}
+
+
+@pytest.mark.parametrize("kind", ["nc", "csv"])
+def test_failed_samples_give_status_3(kind, crossing, tmp_path):
+    (tmp_path / "crossing.toml").write_text(tomli_w.dumps(crossing))
+    result = run("inverse", "crossing.toml", *(["--csv"] if kind == "csv" else []), cwd=tmp_path)
+    assert result.returncode == SAMPLES_FAILED
+    assert "1 of 5, first at t = 2" in result.stdout and "1 of 5, first at t = 2" in result.stderr
+    if kind == "csv":
+        rows = (tmp_path / "crossing.csv").read_text().splitlines()
+        assert [("NaN" in row) for row in rows[1:]].count(True) >= 1 and len(rows) == 6
+        return
+    with xr.open_dataset(tmp_path / "crossing.nc") as data:
+        np.testing.assert_array_equal(data.status != 0, [False, False, True, False, False])
+        np.testing.assert_array_equal(np.isnan(data.reaction).any(("joint", "component")), data.status != 0)
+
+
+def test_explain(tsai_file):
+    result = run("explain", tsai_file)
+    assert result.returncode == DONE and result.stderr == ""
+    assert result.stdout == linkdyn.load(tsai_file).explain()
+
+
+# ---- files that cannot be written
+
+
+@pytest.mark.parametrize("options", [[], ["--csv"]], ids=["nc", "csv"])
+def test_folder_that_is_not_there(options, tsai_file, tmp_path):
+    target = tmp_path / "nowhere" / "run.out"
+    refused(run("inverse", tsai_file, "-o", target, *options), f"{target}: cannot be written", "No such file")
+
+
+def test_output_is_a_folder(tsai_file, tmp_path):
+    refused(run("inverse", tsai_file, "-o", tmp_path), "is a folder")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_folder_without_permission(tsai_file, tmp_path):
+    tmp_path.chmod(0o500)
+    refused(run("inverse", tsai_file, "-o", tmp_path / "run.nc"), "Permission denied")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_full_device(tsai_file):
+    refused(run("inverse", tsai_file, "--csv", "-o", "/dev/full"), "/dev/full: cannot be written", "No space left")
+    refused(run("inverse", tsai_file, "-o", "/dev/full"), "/dev/full: cannot be written")
+    assert Path("/dev/full").is_char_device()
+
+
+@pytest.mark.parametrize("options", [[], ["--compress"], ["--csv"]], ids=["nc", "compressed", "csv"])
+@pytest.mark.parametrize("is_there", [False, True], ids=["new", "old"])
+def test_disk_that_takes_no_more(options, is_there, tsai_file, tmp_path):
+    """A limit on the size of files stands for the full disk: writing fails half-way, without root."""
+    target = tmp_path / "run.out"
+    if is_there:
+        target.write_text("earlier results")
+
+    def limit() -> None:
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+
+    refused(run("inverse", tsai_file, "-o", target, *options, preexec_fn=limit, restore_signals=False),
+            f"{target}: cannot be written", "File too large")
+    assert [file.read_text() for file in tmp_path.iterdir()] == (["earlier results"] if is_there else [])
+
+
+def test_interrupted_run_leaves_nothing(tsai, tmp_path):
+    tsai["time"]["samples"] = 3_000_001
+    (tmp_path / "long.toml").write_text(tomli_w.dumps(tsai))
+    process = subprocess.Popen([executable(), "inverse", "long.toml", "--csv"], cwd=tmp_path)
+    try:
+        while not list(tmp_path.glob("*.part")):
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=60) == -signal.SIGINT
+    finally:
+        process.kill()
+    assert [file.name for file in tmp_path.iterdir()] == ["long.toml"]

@@ -1,0 +1,242 @@
+"""Scenes and batches from Python: the doors in, what is refused and how, loads, failed samples."""
+
+from __future__ import annotations
+
+import gc
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import linkdyn
+
+SPREAD = np.array([0.1, -0.2, 1.2, 0.1, -0.05, 0.2])
+"""A pose away from all symmetries."""
+
+
+@pytest.fixture()
+def scene(tsai_file: Path) -> linkdyn.Scene:
+    return linkdyn.load(tsai_file)
+
+
+def batch(scene: linkdyn.Scene, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Poses with rates and accelerations that differ from sample to sample."""
+    shape = (n, len(scene.coordinates))
+    wave = np.sin(np.arange(n * shape[1])).reshape(shape)
+    return SPREAD + 0.05 * wave, 0.5 * wave, 2.0 * wave
+
+
+def test_names(scene):
+    assert scene.coordinates == tuple(f"platform.{name}" for name in ("x", "y", "z", "roll", "pitch", "yaw"))
+    assert scene.actuators == tuple(f"leg{i}.P" for i in range(1, 7))
+    assert len(scene.links) == 13 and len(scene.joints) == 18
+    assert not scene.planar
+    assert "Tsai" in scene.title
+
+
+def test_path_text_and_dict_are_one_scene(tsai_file, tsai):
+    runs = [linkdyn.Scene(source).inverse() for source in (tsai_file, str(tsai_file), tsai_file.read_text(), tsai)]
+    for run in runs[1:]:
+        xr.testing.assert_identical(runs[0].drop_attrs(), run.drop_attrs())
+
+
+def test_numpy_values_in_a_dict(tsai):
+    plain = linkdyn.Scene(tsai).inverse().driving_force
+    tsai["frame"]["markers"] = {name: np.array(at) for name, at in tsai["frame"]["markers"].items()}
+    tsai["link"][0]["mass"] = np.float64(tsai["link"][0]["mass"])
+    np.testing.assert_array_equal(linkdyn.Scene(tsai).inverse().driving_force, plain)
+
+
+def test_own_motion_is_a_batch_of_its_values(scene):
+    along, given = scene.inverse(), scene.inverse(*scene.motion())
+    assert "time" in along.coords and "time" not in given.coords
+    for name in ("driving_force", "reaction", "joint_rate"):
+        np.testing.assert_array_equal(along[name], given[name])
+
+
+def test_derivatives_default_to_zero(scene):
+    q, _, _ = batch(scene, 5)
+    zero = np.zeros_like(q)
+    np.testing.assert_array_equal(scene.inverse(q).driving_force, scene.inverse(q, zero, zero).driving_force)
+
+
+def test_layout_of_arrays_does_not_matter(scene):
+    q, qd, qdd = batch(scene, 40)
+    expected = scene.inverse(q, qd, qdd).reaction
+    np.testing.assert_array_equal(scene.inverse(np.asfortranarray(q), qd[:, :], qdd.tolist()).reaction, expected)
+    np.testing.assert_array_equal(scene.inverse(q[::-1], qd[::-1], qdd[::-1]).reaction[::-1], expected)
+
+
+def test_samples_do_not_depend_on_their_block_or_thread(scene, monkeypatch):
+    q, qd, qdd = batch(scene, 101)
+    w = np.sin(np.arange(606.0)).reshape(101, 6)
+    expected = scene.inverse(q, qd, qdd, wrench={"platform.center": w})
+    monkeypatch.setattr("linkdyn.scene.BLOCK", 17)
+    got = scene.inverse(q, qd, qdd, wrench={"platform.center": w}, threads=2)
+    for name in ("driving_force", "reaction"):
+        np.testing.assert_array_equal(got[name], expected[name])
+
+
+def test_only_what_is_wanted(scene):
+    q, qd, qdd = batch(scene, 3)
+    everything = scene.inverse(q, qd, qdd)
+    base = {"q", "qd", "qdd", "status"}
+    for want, names in (
+        ("driving_force", {"driving_force"}),
+        (["reaction"], {"reaction"}),
+        ("power", {"driving_speed", "driving_power"}),
+        (("driving_force", "joint_variable"), {"driving_force", "joint_variable", "joint_rate"}),
+        ("checks", {"rcond", "error", "growth", "power_imbalance"}),
+    ):
+        run = scene.inverse(q, qd, qdd, want=want)
+        assert set(run.data_vars) == base | names
+        for name in names - {"rcond", "error", "growth", "power_imbalance"}:
+            # another set of unknowns is eliminated in another order: a few hundred roundings of the largest value
+            scale = 1e3 * np.finfo(float).eps * float(np.abs(everything[name]).max())
+            np.testing.assert_allclose(run[name], everything[name], rtol=0, atol=scale)
+
+
+def test_power_is_force_times_speed(scene):
+    run = scene.inverse(*batch(scene, 4))
+    speed = run.joint_rate.sel(variable=[f"leg{i}.P.slide" for i in range(1, 7)]).values
+    np.testing.assert_array_equal(run.driving_speed, speed)
+    np.testing.assert_array_equal(run.driving_power, run.driving_force.values * speed)
+
+
+def test_wrench_acts_like_a_declared_load(scene, tsai):
+    q, qd, qdd = batch(scene, 3)
+    wrench = np.array([10.0, -20.0, 30.0, 4.0, 5.0, -6.0])
+    tsai["load"] = [{"on": "platform.P2", "force": wrench[:3], "moment": wrench[3:]}]
+    declared = linkdyn.Scene(tsai).inverse(q, qd, qdd)
+    for values in (wrench, np.tile(wrench, (3, 1))):
+        given = scene.inverse(q, qd, qdd, wrench={"platform.P2": values})
+        np.testing.assert_array_equal(given.driving_force, declared.driving_force)
+        np.testing.assert_array_equal(given.reaction, declared.reaction)
+    assert np.abs(declared.driving_force - scene.inverse(q, qd, qdd).driving_force).max() > 1.0
+
+
+def test_declared_loads_act_at_t(tsai):
+    tsai["load"] = [{"on": "platform.center", "force": [0.0, 0.0, {"law": "constant-rate", "start": 1.0, "rate": 2.0}]}]
+    scene = linkdyn.Scene(tsai)
+    q = np.tile(SPREAD, (3, 1))
+    force = scene.inverse(q, t=[0.0, 1.0, 2.0]).driving_force.values
+    np.testing.assert_array_equal(scene.inverse(q).driving_force.values, np.tile(force[0], (3, 1)))
+    # statics is linear in the load
+    np.testing.assert_allclose(force[2] - force[1], force[1] - force[0], rtol=1e-10)
+    assert np.abs(force[1] - force[0]).max() > 0.1
+
+
+def test_failed_sample_is_flagged_and_its_neighbours_are_untouched(crossing):
+    scene = linkdyn.Scene(crossing)
+    run = scene.inverse()
+    failed = run.status.values != 0
+    np.testing.assert_array_equal(failed, [False, False, True, False, False])
+    for name in ("driving_force", "reaction", "driving_power"):
+        values = run[name].values.reshape(5, -1)
+        np.testing.assert_array_equal(np.isnan(values).all(axis=1), failed)
+        np.testing.assert_array_equal(np.isnan(values).any(axis=1), failed)
+    q, qd, qdd = scene.motion()
+    alone = scene.inverse(q[~failed], qd[~failed], qdd[~failed])
+    np.testing.assert_array_equal(alone.reaction, run.reaction[~failed])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"q": np.zeros((6, 3))}, r"q: expected shape \(N, 6\), got \(6, 3\)"),
+        ({"q": np.zeros(6)}, r"q: expected shape \(N, 6\), got \(6,\)"),
+        ({"q": np.ones((2, 6)), "qd": np.zeros((3, 6))}, r"qd: expected shape \(2, 6\), got \(3, 6\)"),
+        ({"q": np.ones((2, 6)), "qdd": np.zeros((2, 5))}, r"qdd: expected shape \(2, 6\), got \(2, 5\)"),
+        ({"q": np.ones((2, 6), dtype=complex)}, "q: expected real numbers .*complex128"),
+        ({"q": np.ones((2, 6), dtype=bool)}, "q: expected real numbers .*bool"),
+        ({"q": np.ones((2, 6), dtype=object)}, "q: expected real numbers .*object"),
+        ({"q": [["a"] * 6]}, "q: expected real numbers"),
+        ({"q": [[1.0, 2.0], [1.0]]}, "q: expected an array of numbers"),
+        ({"qd": np.zeros((2, 6))}, "given without q"),
+        ({"q": np.ones((2, 6)), "wrench": {"platform.center": np.ones((2, 3))}}, r"wrench\['platform.center'\]: expected"),
+        ({"q": np.ones((2, 6)), "wrench": {"platform.centre": np.ones(6)}}, "no marker 'platform.centre'.*platform.center"),
+        ({"q": np.ones((2, 6)), "wrench": {3: np.ones(6)}}, "expected marker names"),
+        ({"q": np.ones((2, 6)), "want": "forces"}, "'forces' is not a result"),
+        ({"q": np.ones((2, 6)), "solver": "lapak"}, "lapak.*lapack"),
+        ({"q": np.ones((2, 6)), "threads": 0}, "threads: expected a whole number"),
+        ({"q": np.ones((2, 6)), "threads": True}, "threads: expected a whole number"),
+        ({"q": np.ones((2, 6)), "t": [0.0, 1.0, 2.0]}, r"t: expected one instant or shape \(2,\)"),
+        ({"t": [0.0, np.nan]}, r"t\[1\] is not a finite number"),
+    ],
+)
+def test_wrong_arguments_are_refused_by_name(scene, arguments, message):
+    with pytest.raises(linkdyn.InputError, match=message):
+        scene.inverse(**arguments)
+
+
+@pytest.mark.parametrize("name", ["q", "qd", "qdd"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_values_that_are_not_finite_are_refused_by_name_and_place(scene, monkeypatch, name, bad):
+    monkeypatch.setattr("linkdyn.scene.BLOCK", 4)
+    arguments = dict(zip(("q", "qd", "qdd"), batch(scene, 10)))
+    arguments[name][7, 2] = bad
+    with pytest.raises(linkdyn.InputError, match=rf"^{name}\[7, 2\] \(coordinate 'platform.z'\) is not a finite number"):
+        scene.inverse(**arguments)
+
+
+def test_wrench_that_is_not_finite(scene):
+    wrench = np.zeros((4, 6))
+    wrench[3, 1] = np.nan
+    with pytest.raises(linkdyn.InputError, match="'platform.center': sample 3"):
+        scene.inverse(np.tile(SPREAD, (4, 1)), wrench={"platform.center": wrench})
+
+
+def test_scene_errors_carry_the_readers_message(tsai, tmp_path):
+    del tsai["link"][0]["mass"]
+    with pytest.raises(linkdyn.SceneError, match=r":\d+: link 'platform': missing key 'mass'"):
+        linkdyn.Scene(tsai)
+    file = tmp_path / "wrong.toml"
+    file.write_text('title = "x"\nspace = "curved"\n')
+    with pytest.raises(linkdyn.SceneError, match=r"wrong\.toml:2: .*curved"):
+        linkdyn.load(file)
+
+
+def test_missing_file_and_wrong_source():
+    with pytest.raises(FileNotFoundError):
+        linkdyn.load("no_such_scene.toml")
+    with pytest.raises(linkdyn.InputError, match="expected a path, a text or a dict"):
+        linkdyn.Scene(3)
+
+
+def test_no_samples_at_all(scene):
+    run = scene.inverse(np.zeros((0, 6)))
+    assert run.sizes["sample"] == 0 and run.reaction.shape == (0, 18, 6)
+    assert scene.poses(np.zeros((0, 6))).position.shape == (0, 13, 3)
+
+
+def test_poses_put_the_platform_where_it_is_told(scene):
+    q = np.array([[0.5, -0.25, 1.25, 0.0, 0.0, np.pi / 2], SPREAD])
+    poses = scene.poses(q)
+    platform = scene.links.index("platform")
+    np.testing.assert_array_equal(poses.position[:, platform], q[:, :3])
+    # one rounding of cos(pi/2)
+    np.testing.assert_allclose(
+        poses.rotation[0, platform], [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=2 * np.finfo(float).eps
+    )
+    np.testing.assert_allclose(
+        poses.rotation @ poses.rotation.swapaxes(-1, -2), np.broadcast_to(np.eye(3), poses.rotation.shape), atol=1e-14
+    )
+    assert scene.poses(SPREAD).position.shape == (1, 13, 3)
+
+
+def test_explain_names_what_is_solved(scene):
+    text = scene.explain()
+    for name in (*scene.links, *scene.joints):
+        assert name in text
+
+
+def test_scenes_are_closed_with_their_objects(tsai_file):
+    from linkdyn import _bind
+
+    scene = linkdyn.load(tsai_file)
+    handle = scene._handle
+    del scene
+    gc.collect()
+    with pytest.raises(linkdyn.ClosedSceneError):
+        _bind.explain(handle)
