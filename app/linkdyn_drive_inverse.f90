@@ -1,7 +1,7 @@
 !> `linkdyn inverse`: run along the scene's motion in blocks of samples, so that memory does not grow
 !> with the length of the run.
 module linkdyn_drive_inverse
-    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit, int64, real64
+    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit, int64
     use linkdyn_builder, only: build_model
     use linkdyn_cli, only: command_line
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
@@ -55,7 +55,7 @@ contains
         type(summary_type) :: summary
         type(status_type) :: status
         real(wp), allocatable :: t(:)
-        real(real64) :: seconds
+        real(wp) :: seconds
 
         exit_status = exit_bad_input
         call load_model(config%scene, .true., model, status)
@@ -102,7 +102,7 @@ contains
         real(wp), intent(in) :: t(:)                  !! instants [s]
         type(output_type), intent(inout) :: output
         type(summary_type), intent(out) :: summary
-        real(real64), intent(out) :: seconds          !! spent computing
+        real(wp), intent(out) :: seconds          !! spent computing
         type(status_type), intent(inout) :: status
         type(block_type) :: block
         type(scratch_type) :: scratch

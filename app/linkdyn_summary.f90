@@ -1,7 +1,6 @@
 !> What the engineer wants to know first: peaks and rms of the driving forces, the largest reaction,
 !> how many samples failed, how long it took.
 module linkdyn_summary
-    use, intrinsic :: iso_fortran_env, only: real64
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_reaction, result_status
@@ -103,7 +102,7 @@ contains
         type(summary_type), intent(in) :: summary
         character(len=*), intent(in) :: solver
         integer, intent(in) :: threads
-        real(real64), intent(in) :: seconds          !! spent computing
+        real(wp), intent(in) :: seconds          !! spent computing
         character(len=*), intent(in) :: output       !! file written
         integer, intent(in) :: unit
 
@@ -120,8 +119,8 @@ contains
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
         if (summary%n_fallback > 0) write (unit, "(a)") "  dense solver     took over "// &
             to_text(summary%n_fallback)//" samples whose residual was too large"
-        write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*real(seconds, wp)/summary%n_sample)// &
-            " us per sample, "//significant(real(seconds, wp))//" s in all"
+        write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*seconds/summary%n_sample)// &
+            " us per sample, "//significant(seconds)//" s in all"
         write (unit, "(a)") "  results          "//output
     contains
         subroutine print_reaction(what, unit_name, peak)

@@ -8,6 +8,7 @@ module linkdyn_output_file
     private
     public :: output_file, open_output, commit_output, discard_output, writing_failed
     public :: open_text, write_text, close_text
+    public :: is_terminal, leave_process
 
     integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2   !! of linkdyn_output.h
 
@@ -90,6 +91,17 @@ module linkdyn_output_file
             import :: c_int
             integer(c_int) :: id
         end function linkdyn_process_id
+
+        function linkdyn_is_terminal(descriptor) result(answer) bind(c)
+            import :: c_int
+            integer(c_int), value :: descriptor
+            integer(c_int) :: answer
+        end function linkdyn_is_terminal
+
+        subroutine linkdyn_leave(status) bind(c)
+            import :: c_int
+            integer(c_int), value :: status
+        end subroutine linkdyn_leave
     end interface
 
 contains
@@ -187,6 +199,20 @@ contains
         if (.not. file%is_direct .and. file%descriptor < 0) call probe(file, probe_blocks, status)
         call fail(status, status_io_error, trim(file%target)//": cannot be written: "//trim(fallback))
     end subroutine writing_failed
+
+    !> True if the stream is read by a person: 1 standard output, 2 standard error.
+    logical function is_terminal(descriptor)
+        integer, intent(in) :: descriptor
+
+        is_terminal = linkdyn_is_terminal(int(descriptor, c_int)) /= 0
+    end function is_terminal
+
+    !> End the process without the exit handlers of libraries, which may try to write once more.
+    subroutine leave_process(status)
+        integer, intent(in) :: status                !! exit status
+
+        call linkdyn_leave(int(status, c_int))
+    end subroutine leave_process
 
     !> Write to the file and report why it fails.
     subroutine probe(file, n_block, status)
