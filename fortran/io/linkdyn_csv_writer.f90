@@ -1,7 +1,8 @@
 !> Results into a CSV file: one row a sample, one column a number, names with units in the first row.
 !>
-!> Numbers have 17 significant digits, so reading them back gives the same doubles.
+!> Numbers have as many digits as reading them back to the same value takes: 17, in quadruple precision 36.
 module linkdyn_csv_writer
+    use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, open_text, write_text, &
         close_text
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width
@@ -10,8 +11,9 @@ module linkdyn_csv_writer
     private
     public :: csv_writer, create_csv, put_csv, close_csv
 
-    character(len=*), parameter :: number_form = "(es24.16e3)"
-    integer, parameter :: number_length = 24
+    integer, parameter :: n_digit = ceiling(1 + digits(1.0_wp)*log10(2.0_wp))
+    integer, parameter :: exponent_length = 4
+    integer, parameter :: number_length = n_digit + exponent_length + 4   !! sign, point, E and its sign
 
     !> An open file.
     type :: csv_writer
@@ -61,8 +63,10 @@ contains
         character(len=*), intent(inout) :: row
         integer, intent(out) :: length               !! characters used
         character(len=number_length) :: number
+        character(len=16) :: number_form
         integer :: k, j, width
 
+        write (number_form, "('(es', i0, '.', i0, 'e', i0, ')')") number_length, n_digit - 1, exponent_length
         length = 0
         do k = 1, size(layout%variable)
             if (layout%variable(k)%is_integer) then
