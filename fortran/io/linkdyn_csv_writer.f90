@@ -12,7 +12,7 @@ module linkdyn_csv_writer
     public :: csv_writer, create_csv, put_csv, close_csv
 
     integer, parameter :: n_digit = ceiling(1 + digits(1.0_wp)*log10(2.0_wp))
-    integer, parameter :: exponent_length = 4
+    integer, parameter :: exponent_length = ceiling(log10(real(range(1.0_wp), wp)))
     integer, parameter :: number_length = n_digit + exponent_length + 4   !! sign, point, E and its sign
 
     !> An open file.
