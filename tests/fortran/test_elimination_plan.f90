@@ -1,0 +1,426 @@
+!> Elimination plan and its execution: planned on some values, run on others, against the dense solver.
+module test_elimination_plan
+    use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
+    use linkdyn_elimination_run, only: run_plan, load_constants
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_slots, only: slot_store, make_slots
+    use linkdyn_test_numbers, only: random_stream, eps, condition_number, dense_solution
+    use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: collect_elimination_plan
+
+    integer, parameter :: n_pose = 8    !! representative poses
+
+    !> A system with its values on the lanes.
+    type :: lane_system
+        type(sparse_system) :: sparse
+        real(wp), allocatable :: matrix(:, :, :)    !! (lane, n, n)
+        real(wp), allocatable :: right(:, :)        !! (lane, n)
+    end type lane_system
+
+contains
+
+    subroutine collect_elimination_plan(tests)
+        type(unit_test), allocatable, intent(out) :: tests(:)
+
+        tests = [ &
+            new_test("random systems", test_random), &
+            new_test("wanted unknowns only", test_wanted), &
+            new_test("right-hand sides that are zero", test_zero_right), &
+            new_test("constants are folded", test_constants), &
+            new_test("zero diagonal", test_zero_diagonal), &
+            new_test("bad pivots on one lane", test_alarm), &
+            new_test("a value that is not a number", test_nan), &
+            new_test("structurally singular", test_singular), &
+            new_test("singular for all values", test_dependent)]
+    end subroutine collect_elimination_plan
+
+    !> A random sparse system: a varying permuted diagonal that dominates, other entries 1, -1, another constant or
+    !> varying. Values on the lanes and on the representative poses differ.
+    subroutine make_system(stream, n, fill, system)
+        type(random_stream), intent(inout) :: stream
+        integer, intent(in) :: n
+        real(wp), intent(in) :: fill    !! share of nonzeros off the permuted diagonal
+        type(lane_system), intent(out) :: system
+        logical :: is_nonzero(n, n)
+        integer :: permutation(n), i, j, k, n_entry, n_slot, kept
+        real(wp) :: fixed, kind
+
+        permutation = [(i, i=1, n)]
+        do i = n, 2, -1
+            j = 1 + int(i*(0.5_wp*(stream%next() + 1)))
+            j = min(max(j, 1), i)
+            kept = permutation(i)
+            permutation(i) = permutation(j)
+            permutation(j) = kept
+        end do
+        is_nonzero = .false.
+        do j = 1, n
+            do i = 1, n
+                is_nonzero(i, j) = i == permutation(j) .or. 0.5_wp*(stream%next() + 1) < fill
+            end do
+        end do
+        n_entry = count(is_nonzero)
+        allocate (system%sparse%row(n_entry), system%sparse%column(n_entry), system%sparse%slot(n_entry))
+        allocate (system%sparse%value(n_pose, n_entry), system%sparse%right_slot(n), system%sparse%is_wanted(n))
+        allocate (system%matrix(lanes, n, n), system%right(lanes, n))
+        system%sparse%n = n
+        system%sparse%is_wanted = .true.
+        system%matrix = 0
+        n_entry = 0
+        n_slot = 0
+        do j = 1, n
+            do i = 1, n
+                if (.not. is_nonzero(i, j)) cycle
+                n_entry = n_entry + 1
+                system%sparse%row(n_entry) = i
+                system%sparse%column(n_entry) = j
+                system%sparse%slot(n_entry) = 0
+                kind = stream%next()
+                if (i == permutation(j)) then
+                    ! Dominant with a sign of its own, so that the same pivots serve all values.
+                    n_slot = n_slot + 1
+                    system%sparse%slot(n_entry) = n_slot
+                    fixed = sign(4.0_wp, stream%next())
+                    system%sparse%value(:, n_entry) = fixed*(1 + 0.3_wp*stream%vector(n_pose))
+                    system%matrix(:, i, j) = fixed*(1 + 0.3_wp*stream%vector(lanes))
+                else if (kind < -0.3_wp) then
+                    n_slot = n_slot + 1
+                    system%sparse%slot(n_entry) = n_slot
+                    system%sparse%value(:, n_entry) = stream%vector(n_pose)
+                    system%matrix(:, i, j) = stream%vector(lanes)
+                else
+                    fixed = sign(1.0_wp, stream%next())
+                    if (kind > 0.6_wp) fixed = stream%next()
+                    system%sparse%value(:, n_entry) = fixed
+                    system%matrix(:, i, j) = fixed
+                end if
+            end do
+        end do
+        do k = 1, n
+            n_slot = n_slot + 1
+            system%sparse%right_slot(k) = n_slot
+            system%right(:, k) = stream%vector(lanes)
+        end do
+    end subroutine make_system
+
+    !> Run the plan on the lanes' values; unknowns that are not wanted come out zero.
+    subroutine run(plan, system, x, alarm)
+        type(elimination_plan), intent(in) :: plan
+        type(lane_system), intent(in) :: system
+        real(wp), intent(out) :: x(:, :)
+        real(wp), intent(out) :: alarm(lanes)
+        type(slot_store) :: slot
+        integer :: k
+
+        call make_slots(plan%n_slot, slot)
+        ! Twice, as a workspace is used again: the first run must not spoil the constants.
+        call load_constants(plan, slot%value)
+        do k = 1, 2
+            call fill_slots(system, slot%value)
+            call run_plan(plan, slot%value, alarm)
+        end do
+        x = 0
+        do k = 1, system%sparse%n
+            if (plan%solution_slot(k) > 0) x(:, k) = plan%solution_sign(k)*slot%value(:, plan%solution_slot(k))
+        end do
+        call slot%free()
+    end subroutine run
+
+    subroutine fill_slots(system, value)
+        type(lane_system), intent(in) :: system
+        real(wp), intent(inout) :: value(:, :)
+        integer :: k
+
+        associate (sparse => system%sparse)
+            do k = 1, size(sparse%row)
+                if (sparse%slot(k) > 0) value(:, sparse%slot(k)) = system%matrix(:, sparse%row(k), sparse%column(k))
+            end do
+            do k = 1, sparse%n
+                if (sparse%right_slot(k) > 0) value(:, sparse%right_slot(k)) = system%right(:, k)
+            end do
+        end associate
+    end subroutine fill_slots
+
+    !> Every wanted unknown against the dense solver.
+    subroutine compare(error, system, plan, what)
+        type(test_error), intent(inout) :: error
+        type(lane_system), intent(in) :: system
+        type(elimination_plan), intent(in) :: plan
+        character(len=*), intent(in) :: what
+        real(wp) :: x(lanes, system%sparse%n), alarm(lanes), want(system%sparse%n)
+        integer :: l
+
+        call check(error, plan%is_complete, what//": complete")
+        if (.not. plan%is_complete) return
+        call run(plan, system, x, alarm)
+        call check(error, all(alarm <= 1), what//": no alarm")
+        ! A few lanes are enough: the arithmetic is the same on all.
+        do l = 1, lanes, max(1, lanes/3)
+            want = dense_solution(system%matrix(l, :, :), system%right(l, :))
+            where (.not. system%sparse%is_wanted) want = 0
+            call check_close(error, x(l, :), want, 100*eps*condition_number(system%matrix(l, :, :))*maxval(abs(want)), &
+                             what//", lane "//to_text(l))
+        end do
+        associate (sparse => system%sparse)
+            call check(error, plan%n_nonzero == size(sparse%row), what//": nonzeros counted")
+            call check(error, plan%n_fill >= 0 .and. plan%n_fill <= sparse%n**2 - plan%n_nonzero, what//": fill")
+            call check(error, plan%n_operation >= 0 .and. plan%n_scale >= 0 .and. plan%n_reciprocal >= 0, what//": counts")
+            call check(error, plan%n_term == size(plan%left) .and. plan%n_slot >= maxval([0, sparse%slot]), what//": sizes")
+        end associate
+    end subroutine compare
+
+    subroutine test_random(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        integer, parameter :: sizes(6) = [1, 5, 6, 12, 30, 60]
+        integer :: i, repeat
+
+        do i = 1, size(sizes)
+            do repeat = 1, merge(2, 10, sizes(i) > 20)
+                call make_system(stream, sizes(i), min(0.5_wp, 2.0_wp/sizes(i)), system)
+                call make_plan(system%sparse, plan)
+                call compare(error, system, plan, "n = "//to_text(sizes(i)))
+            end do
+        end do
+    end subroutine test_random
+
+    !> A subset of the unknowns has the same numbers and costs no more.
+    subroutine test_wanted(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan, plan_of_all
+        integer :: repeat, k
+
+        do repeat = 1, 5
+            call make_system(stream, 20, 0.1_wp, system)
+            call make_plan(system%sparse, plan_of_all)
+            system%sparse%is_wanted = [(modulo(k, 7) == 3, k=1, 20)]
+            call make_plan(system%sparse, plan)
+            call compare(error, system, plan, "wanted")
+            call check(error, all((plan%solution_slot > 0) .eqv. system%sparse%is_wanted), "these and no others")
+            call check(error, plan%n_operation < plan_of_all%n_operation, "with fewer operations")
+        end do
+    end subroutine test_wanted
+
+    !> Zero by rule: no slot, and fewer operations. All zero: the solution is zero.
+    subroutine test_zero_right(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan, full
+        real(wp) :: x(lanes, 15), alarm(lanes)
+        integer :: repeat
+
+        do repeat = 1, 5
+            call make_system(stream, 15, 0.15_wp, system)
+            call make_plan(system%sparse, full)
+            system%sparse%right_slot(:12) = 0
+            system%right(:, :12) = 0
+            call make_plan(system%sparse, plan)
+            call compare(error, system, plan, "zero by rule")
+            call check(error, plan%n_term < full%n_term, "with fewer terms")
+        end do
+        system%sparse%right_slot = 0
+        system%right = 0
+        call make_plan(system%sparse, plan)
+        call run(plan, system, x, alarm)
+        call check(error, maxval(abs(x)) <= 0, "nothing right, nothing left")
+        call check(error, plan%n_operation == 0, "without any operation")
+    end subroutine test_zero_right
+
+    !> A matrix of constants alone: no division is left, and a permutation of +-1 needs no operation at all.
+    subroutine test_constants(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        integer, parameter :: n = 9
+        integer :: k, repeat
+
+        do repeat = 1, 5
+            call make_system(stream, n, 0.2_wp, system)
+            system%sparse%slot = 0
+            do k = 1, size(system%sparse%row)
+                associate (i => system%sparse%row(k), j => system%sparse%column(k))
+                    system%sparse%value(:, k) = system%sparse%value(1, k)
+                    system%matrix(:, i, j) = system%sparse%value(1, k)
+                end associate
+            end do
+            call make_plan(system%sparse, plan)
+            call compare(error, system, plan, "constants")
+            call check(error, plan%n_reciprocal == 0, "no division")
+        end do
+
+        call make_system(stream, n, 0.0_wp, system)
+        system%sparse%slot = 0
+        do k = 1, n
+            associate (i => system%sparse%row(k), j => system%sparse%column(k))
+                system%sparse%value(:, k) = merge(1, -1, modulo(k, 2) == 0)
+                system%matrix(:, i, j) = merge(1, -1, modulo(k, 2) == 0)
+            end associate
+        end do
+        call make_plan(system%sparse, plan)
+        call compare(error, system, plan, "permutation")
+        call check(error, plan%n_operation == 0, "a permutation costs nothing")
+    end subroutine test_constants
+
+    !> Saddle point: the planner must step aside from the zero block.
+    subroutine test_zero_diagonal(error)
+        type(test_error), intent(inout) :: error
+        type(lane_system) :: system
+        type(random_stream) :: stream
+        type(elimination_plan) :: plan
+        integer, parameter :: n = 3, row(6) = [1, 1, 2, 2, 3, 3], column(6) = [2, 3, 1, 3, 1, 2]
+        integer :: k
+
+        call make_system(stream, n, 0.0_wp, system)
+        system%sparse%row = row
+        system%sparse%column = column
+        system%sparse%slot = [1, 0, 2, 3, 0, 4]
+        system%sparse%right_slot = [5, 6, 7]
+        deallocate (system%sparse%value)
+        allocate (system%sparse%value(n_pose, 6))
+        system%matrix = 0
+        do k = 1, 6
+            system%sparse%value(:, k) = 1
+            if (system%sparse%slot(k) > 0) system%sparse%value(:, k) = 2 + 0.3_wp*stream%vector(n_pose)
+            system%matrix(:, row(k), column(k)) = 1
+            if (system%sparse%slot(k) > 0) system%matrix(:, row(k), column(k)) = 2 + 0.3_wp*stream%vector(lanes)
+        end do
+        call make_plan(system%sparse, plan)
+        call compare(error, system, plan, "zero diagonal")
+    end subroutine test_zero_diagonal
+
+    !> Two unknowns whose order the plan has fixed: on one lane the pivot (nearly) vanishes though the matrix is regular.
+    subroutine test_alarm(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        real(wp), parameter :: small(2) = [0.0_wp, 1.0e-9_wp]
+        real(wp) :: x(lanes, 2), alarm(lanes), want(2)
+        integer :: bad, l, k
+
+        do k = 1, 2
+            call make_system(stream, 2, 0.0_wp, system)
+            system%sparse%row = [1, 2, 1, 2]
+            system%sparse%column = [1, 1, 2, 2]
+            system%sparse%slot = [1, 2, 3, 4]
+            system%sparse%right_slot = [5, 6]
+            system%sparse%value = spread([3.0_wp, 1.0_wp, 1.0_wp, 4.0_wp], 1, n_pose)
+            do l = 1, lanes
+                system%matrix(l, :, :) = reshape([3.0_wp, 1.0_wp, 1.0_wp, 4.0_wp], [2, 2]) &
+                                         + 0.1_wp*reshape(stream%vector(4), [2, 2])
+            end do
+            bad = (lanes + 1)/2
+            system%matrix(bad, 1, 1) = small(k)
+            system%matrix(bad, 2, 2) = small(k)
+            call make_plan(system%sparse, plan)
+            call run(plan, system, x, alarm)
+            call check(error, .not. alarm(bad) <= 1, "alarm on the bad lane")
+            call check(error, count(alarm <= 1) == lanes - 1, "and on no other")
+            do l = 1, lanes
+                if (l == bad) cycle
+                want = dense_solution(system%matrix(l, :, :), system%right(l, :))
+                call check_close(error, x(l, :), want, 100*eps*maxval(abs(want)), "neighbours")
+            end do
+        end do
+    end subroutine test_alarm
+
+    !> A lane that is not a number says so: by the alarm or by its solution; its neighbours keep every bit.
+    subroutine test_nan(error)
+        use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_nan
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        real(wp) :: good(lanes, 12), x(lanes, 12), alarm(lanes)
+        integer :: l
+
+        call make_system(stream, 12, 0.2_wp, system)
+        call make_plan(system%sparse, plan)
+        call run(plan, system, good, alarm)
+        system%right(lanes, :) = ieee_value(1.0_wp, ieee_quiet_nan)
+        call run(plan, system, x, alarm)
+        call check(error, any(ieee_is_nan(x(lanes, :))), "no numbers")
+        do l = 1, lanes - 1
+            call check_close(error, x(l, :), good(l, :), 0.0_wp, "neighbours")
+        end do
+    end subroutine test_nan
+
+    subroutine test_singular(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        integer, parameter :: n = 8
+        integer :: n_entry
+
+        ! An empty column.
+        call make_system(stream, n, 0.3_wp, system)
+        n_entry = count(system%sparse%column /= 3)
+        call keep(system%sparse%column /= 3)
+        call make_plan(system%sparse, plan)
+        call check(error, .not. plan%is_complete, "empty column")
+
+        ! Two columns that meet one row only: no column is empty, but two unknowns share an equation.
+        call make_system(stream, n, 0.3_wp, system)
+        n_entry = count(system%sparse%column > 2 .or. system%sparse%row == 1)
+        call keep(system%sparse%column > 2 .or. system%sparse%row == 1)
+        call make_plan(system%sparse, plan)
+        call check(error, .not. plan%is_complete, "two unknowns in one equation")
+
+    contains
+
+        subroutine keep(mask)
+            logical, intent(in) :: mask(:)
+            real(wp), allocatable :: value(:, :)
+            integer :: k
+
+            allocate (value(n_pose, n_entry))
+            do k = 1, n_pose
+                value(k, :) = pack(system%sparse%value(k, :), mask)
+            end do
+            call move_alloc(value, system%sparse%value)
+            system%sparse%slot = pack(system%sparse%slot, mask)
+            system%sparse%row = pack(system%sparse%row, mask)
+            system%sparse%column = pack(system%sparse%column, mask)
+        end subroutine keep
+    end subroutine test_singular
+
+    !> Regular by pattern, but one column is the sum of two others whatever the values: what is left of a pivot is
+    !> rounding, and to divide by it would pass for a solution.
+    subroutine test_dependent(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        integer, parameter :: n = 5
+        real(wp) :: x(lanes, n), alarm(lanes), value(n_pose, n, n)
+        integer :: i, j, k
+
+        call make_system(stream, n, 0.0_wp, system)
+        system%sparse%row = [((i, i=1, n), j=1, n)]
+        system%sparse%column = [((j, i=1, n), j=1, n)]
+        system%sparse%slot = [(k, k=1, n*n)]
+        system%sparse%right_slot = [(n*n + k, k=1, n)]
+        value = reshape(stream%vector(size(value)), shape(value))
+        value(:, :, 2) = value(:, :, 1) + value(:, :, 4)
+        deallocate (system%sparse%value)
+        allocate (system%sparse%value(n_pose, n*n))
+        system%sparse%value = reshape(value, [n_pose, n*n])
+        system%matrix = reshape(stream%vector(size(system%matrix)), shape(system%matrix))
+        system%matrix(:, :, 2) = system%matrix(:, :, 1) + system%matrix(:, :, 4)
+        call make_plan(system%sparse, plan)
+        if (.not. plan%is_complete) return
+        call run(plan, system, x, alarm)
+        call check(error, .not. any(alarm <= 1), "no plan, or an alarm on every lane")
+    end subroutine test_dependent
+end module test_elimination_plan
