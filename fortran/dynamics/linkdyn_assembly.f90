@@ -44,9 +44,8 @@ contains
                         if (group%slides) &
                             call put_slide(group, state%slide(:, incidence%joint), slot)
                         if (.not. group%needs_direction) cycle
-                        direction = column_direction(model, formulation%column(group%column), state)
-                        if (formulation%row_in_link(incidence%link)) &
-                            direction = state%rotation(o).unrotate.direction
+                        direction = direction_in_rows(model, formulation, incidence, &
+                                                      formulation%column(group%column), state)
                         if (incidence%sign < 0) direction = -direction
                         call put(group%force_slot, direction, slot)
                         if (group%needs_arm) call put(group%moment_slot, arm.cross.direction, slot)
@@ -55,6 +54,33 @@ contains
             end associate
         end do
     end subroutine assemble_matrix
+
+    !> Direction of an unknown in the axes of a link's equations.
+    pure function direction_in_rows(model, formulation, incidence, column, state) result(direction)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(incidence_type), intent(in) :: incidence
+        type(wrench_column), intent(in) :: column
+        type(kinematic_state), intent(in) :: state
+        type(vec3) :: direction, axis
+
+        if (.not. formulation%row_in_link(incidence%link)) then
+            direction = column_direction(model, column, state)
+            return
+        end if
+        associate (r => state%rotation(model%link(incidence%link)%orientation), joint => model%joint(incidence%joint))
+            if (.not. column%is_normal) then
+                direction = r.unrotate.column_direction(model, column, state)
+            else if (incidence%link == joint%link(2)) then
+                ! The link's own axis is fixed in it: only the other one need be turned.
+                axis = r.unrotate.universal_axis(model, incidence%joint, 1, state)
+                direction = axis.cross.joint%frame(:, 3, 2)
+            else
+                axis = r.unrotate.universal_axis(model, incidence%joint, 2, state)
+                direction = -(axis.cross.joint%frame(:, 3, 1))
+            end if
+        end associate
+    end function direction_in_rows
 
     !> Direction of an unknown in world axes.
     pure function column_direction(model, column, state) result(direction)
@@ -89,20 +115,25 @@ contains
         integer, intent(in) :: j
         type(kinematic_state), intent(in) :: state
         type(vec3) :: normal
-        type(vec3) :: axis(2)
-        integer :: side
+
+        normal = universal_axis(model, j, 1, state).cross.universal_axis(model, j, 2, state)
+    end function universal_normal
+
+    !> Axis of a joint on its first or second link, world axes.
+    pure function universal_axis(model, j, side, state) result(axis)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, side
+        type(kinematic_state), intent(in) :: state
+        type(vec3) :: axis
 
         associate (joint => model%joint(j))
-            do side = 1, 2
-                if (joint%link(side) == 0) then
-                    axis(side) = vec3_of(joint%frame(:, 3, side))
-                else
-                    axis(side) = state%rotation(model%link(joint%link(side))%orientation).rotate.joint%frame(:, 3, side)
-                end if
-            end do
+            if (joint%link(side) == 0) then
+                axis = vec3_of(joint%frame(:, 3, side))
+            else
+                axis = state%rotation(model%link(joint%link(side))%orientation).rotate.joint%frame(:, 3, side)
+            end if
         end associate
-        normal = axis(1).cross.axis(2)
-    end function universal_normal
+    end function universal_axis
 
     pure subroutine put(where_to, v, slot)
         integer, intent(in) :: where_to(3)

@@ -34,16 +34,18 @@ contains
         type(vec3), intent(in) :: axis         !! first axis u of the universal joint, world axes, unit
         type(ups_leg), intent(inout) :: leg
         type(vec3) :: across
-        real(wp) :: inverse_sine(lanes)
+        real(wp) :: across_length(lanes), inverse_product(lanes)
 
+        ! One division serves both lengths.
         leg%length = sqrt(span.dot.span)
-        leg%inverse_length = 1/leg%length
+        across = span.cross.axis
+        across_length = sqrt(across.dot.across)
+        inverse_product = 1/(leg%length*across_length)
+        leg%inverse_length = across_length*inverse_product
         leg%axes%z = leg%inverse_length*span
-        across = leg%axes%z.cross.axis
-        inverse_sine = 1/sqrt(across.dot.across)
-        leg%axes%y = inverse_sine*across
+        leg%axes%y = (leg%length*inverse_product)*across
         leg%axes%x = leg%axes%y.cross.leg%axes%z
-        leg%tilt = inverse_sine*(leg%axes%z.dot.axis)
+        leg%tilt = (leg%length*inverse_product)*(span.dot.axis)
     end subroutine locate_ups_leg
 
     !> Velocity: rate of the length and angular velocity of both links. With a moving base give its angular velocity.

@@ -1,10 +1,28 @@
 !> Sine and cosine on lanes, together: one argument reduction serves both.
+!>
+!> In double precision the lanes go through one branch-free sequence, several times as fast as a library call a lane:
+!> reduction by multiples of pi/2 held in three pieces (Cody and Waite), then Taylor series on [-pi/4, pi/4], whose
+!> first neglected terms are below 1e-18. Errors stay below 1.5 units in the last place (tested). Arguments beyond the
+!> reach of the reduction, and other kinds of real, use the library.
 module linkdyn_trigonometry
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     implicit none (type, external)
     private
     public :: sine_cosine
+
+    ! pi/2 = piece1 + piece2 + piece3; the first two have 33 bits, so that whole multiples up to 2**20 are exact.
+    real(wp), parameter :: piece1 = 1.5707963267341256_wp, piece2 = 6.077100506303966e-11_wp
+    real(wp), parameter :: piece3 = 2.022266248795951e-21_wp
+    real(wp), parameter :: two_over_pi = 0.63661977236758134307553505349005744813783858296_wp
+    real(wp), parameter :: reach = 1.6e6_wp             !! just below 2**20 pi/2
+    real(wp), parameter :: to_whole = 1.5_wp*2.0_wp**52 !! adding and subtracting it rounds a double to a whole number
+
+    logical, parameter :: is_double = digits(1.0_wp) == 53
+    integer :: i
+    !> (-1)**k/(2k+1)! and (-1)**k/(2k)! for k = 1, 2, ...
+    real(wp), parameter :: sine_term(8) = [((-1)**i/gamma(2.0_wp*i + 2), i=1, 8)]
+    real(wp), parameter :: cosine_term(9) = [((-1)**i/gamma(2.0_wp*i + 1), i=1, 9)]
 
 contains
 
@@ -13,10 +31,42 @@ contains
         real(wp), intent(out) :: sine(lanes), cosine(lanes)
         integer :: lane
 
-        ! In one loop body, so that the compiler calls the library's sincos once instead of sin and cos.
-        do lane = 1, lanes
-            sine(lane) = sin(angle(lane))
-            cosine(lane) = cos(angle(lane))
-        end do
+        if (is_double .and. all(abs(angle) < reach)) then
+            call sine_cosine_series(angle, sine, cosine)
+        else
+            do lane = 1, lanes
+                sine(lane) = sin(angle(lane))
+                cosine(lane) = cos(angle(lane))
+            end do
+        end if
     end subroutine sine_cosine
+
+    pure subroutine sine_cosine_series(angle, sine, cosine)
+        real(wp), intent(in) :: angle(lanes)
+        real(wp), intent(out) :: sine(lanes), cosine(lanes)
+        real(wp), dimension(lanes) :: turns, rest, high, x, x2, s, c
+        integer :: quarter(lanes), k
+
+        turns = (angle*two_over_pi + to_whole) - to_whole
+        quarter = iand(int(turns), 3)
+        ! The first difference is exact; what the second rounds off is put back with the third piece.
+        rest = angle - turns*piece1
+        high = rest - turns*piece2
+        x = high + (((rest - high) - turns*piece2) - turns*piece3)
+        x2 = x*x
+        s = sine_term(8)
+        do k = 7, 1, -1
+            s = s*x2 + sine_term(k)
+        end do
+        s = x + x*(x2*s)
+        c = cosine_term(9)
+        do k = 8, 2, -1
+            c = c*x2 + cosine_term(k)
+        end do
+        c = 1 + (x2*cosine_term(1) + x2*(x2*c))
+        sine = merge(s, c, iand(quarter, 1) == 0)
+        cosine = merge(c, s, iand(quarter, 1) == 0)
+        sine = merge(sine, -sine, quarter < 2)
+        cosine = merge(cosine, -cosine, quarter == 0 .or. quarter == 3)
+    end subroutine sine_cosine_series
 end module linkdyn_trigonometry
