@@ -665,7 +665,8 @@ contains
                              100*eps/want%rcond(k)*size_of(want, k), to_text(k)//": reaction")
             if (allocated(error%message)) return
             rest = [unbalanced(model, batch, want, k), unbalanced(model, batch, got, k)]
-            call check(error, rest(2) <= 10*rest(1) + 100*eps, to_text(k)//": balance "//to_text(rest(2)/eps)//" eps, LAPACK " &
+            ! LAPACK leaves a few eps; fixed pivots may leave what they are allowed in a regular pose, and no more.
+            call check(error, rest(2) <= 10*rest(1) + 1000*eps, to_text(k)//": balance "//to_text(rest(2)/eps)//" eps, LAPACK " &
                        //to_text(rest(1)/eps)//" eps")
         end do
         call check(error, size_of(want, 8) > 1.0e5_wp*size_of(want, 1), "the forces do grow")
