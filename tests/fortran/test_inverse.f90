@@ -514,7 +514,7 @@ contains
         if (allocated(error%message)) return
         call make_batch(model, lanes + 3, batch)
         spoilt = batch
-        k = (lanes + 1)/2
+        k = max(1, lanes - 1)
         spoilt%q(1:3, k) = model%joint(1)%point(:, 1) - model%joint(3)%point(:, 2)
         spoilt%q(4:6, k) = 0
         call compare_spoilt(error, model, batch, spoilt, k, .true.)
@@ -618,7 +618,7 @@ contains
         call plan(error, scene, model)
         if (allocated(error%message)) return
         call make_batch(model, lanes, batch)
-        k = (lanes + 1)/2
+        k = max(1, lanes - 1)
         batch%q(:, k) = [0.0_wp, 0.0_wp, 1.1_wp, 0.0_wp, 0.0_wp, pi/2]
         do solver = solver_gauss_jordan, solver_elimination
             call solve(error, model, batch, solver, results)
