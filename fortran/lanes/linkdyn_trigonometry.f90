@@ -41,32 +41,34 @@ contains
         end if
     end subroutine sine_cosine
 
+    !> One loop over lanes with scalars inside: so the compiler keeps it one vector stream.
     pure subroutine sine_cosine_series(angle, sine, cosine)
         real(wp), intent(in) :: angle(lanes)
         real(wp), intent(out) :: sine(lanes), cosine(lanes)
-        real(wp), dimension(lanes) :: turns, rest, high, x, x2, s, c
-        integer :: quarter(lanes), k
+        real(wp) :: turns, rest, high, x, x2, s, c, swapped
+        integer :: lane, quarter
 
-        turns = (angle*two_over_pi + to_whole) - to_whole
-        quarter = iand(int(turns), 3)
-        ! The first difference is exact; what the second rounds off is put back with the third piece.
-        rest = angle - turns*piece1
-        high = rest - turns*piece2
-        x = high + (((rest - high) - turns*piece2) - turns*piece3)
-        x2 = x*x
-        s = sine_term(8)
-        do k = 7, 1, -1
-            s = s*x2 + sine_term(k)
+        !$omp simd private(turns, rest, high, x, x2, s, c, swapped, quarter)
+        do lane = 1, lanes
+            turns = (angle(lane)*two_over_pi + to_whole) - to_whole
+            quarter = int(turns)
+            ! The first difference is exact; what the second rounds off is put back with the third piece.
+            rest = angle(lane) - turns*piece1
+            high = rest - turns*piece2
+            x = high + (((rest - high) - turns*piece2) - turns*piece3)
+            x2 = x*x
+            associate (t => sine_term)
+                s = t(1) + x2*(t(2) + x2*(t(3) + x2*(t(4) + x2*(t(5) + x2*(t(6) + x2*(t(7) + x2*t(8)))))))
+            end associate
+            associate (t => cosine_term)
+                c = t(2) + x2*(t(3) + x2*(t(4) + x2*(t(5) + x2*(t(6) + x2*(t(7) + x2*(t(8) + x2*t(9)))))))
+                c = 1 + x2*(t(1) + x2*c)
+            end associate
+            s = x + x*(x2*s)
+            swapped = merge(s, c, iand(quarter, 1) == 0)
+            c = merge(c, s, iand(quarter, 1) == 0)
+            sine(lane) = merge(swapped, -swapped, iand(quarter, 2) == 0)
+            cosine(lane) = merge(c, -c, iand(quarter + 1, 2) == 0)
         end do
-        s = x + x*(x2*s)
-        c = cosine_term(9)
-        do k = 8, 2, -1
-            c = c*x2 + cosine_term(k)
-        end do
-        c = 1 + (x2*cosine_term(1) + x2*(x2*c))
-        sine = merge(s, c, iand(quarter, 1) == 0)
-        cosine = merge(c, s, iand(quarter, 1) == 0)
-        sine = merge(sine, -sine, quarter < 2)
-        cosine = merge(cosine, -cosine, quarter == 0 .or. quarter == 3)
     end subroutine sine_cosine_series
 end module linkdyn_trigonometry

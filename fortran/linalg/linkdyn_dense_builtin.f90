@@ -5,7 +5,7 @@ module linkdyn_dense
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: dense_workspace, solve_dense, dense_name
+    public :: dense_workspace, solve_dense, dense_name, hold_blas_threads, release_blas_threads
 
     character(len=*), parameter :: dense_name = "built-in elimination"
 
@@ -19,6 +19,13 @@ module linkdyn_dense
     end type dense_workspace
 
 contains
+
+    !> No BLAS here.
+    subroutine hold_blas_threads()
+    end subroutine hold_blas_threads
+
+    subroutine release_blas_threads()
+    end subroutine release_blas_threads
 
     !> Make room for n unknowns.
     pure subroutine prepare(self, n)
@@ -100,10 +107,13 @@ contains
         integer :: k, n
 
         n = size(b)
+        ! Whole rows were exchanged, multipliers included: so all exchanges come before the elimination.
         do k = 1, n
             kept = b(pivot(k))
             b(pivot(k)) = b(k)
             b(k) = kept
+        end do
+        do k = 1, n
             b(k + 1:) = b(k + 1:) - a(k + 1:, k)*b(k)
         end do
         do k = n, 1, -1

@@ -46,7 +46,8 @@ module linkdyn_elimination_plan
     end type elimination_plan
 
     real(wp), parameter :: threshold = 0.05_wp      !! a pivot is at least this fraction of its column, rows scaled
-    real(wp), parameter :: alarm_factor = 1.0e3_wp  !! multipliers may exceed those at the representative poses by this
+    real(wp), parameter :: smallest = 1.0e5_wp*epsilon(1.0_wp)  !! a pivot below this, rows scaled, may be pure rounding
+    real(wp), parameter :: alarm_factor = 1.0e2_wp  !! multipliers may exceed those at the representative poses by this
     integer, parameter :: reciprocal_cost = 8       !! of a division, in multiply-adds
 
     !> A value known to the planner: a constant, or the result of an operation, or given. References are signed:
@@ -352,7 +353,7 @@ contains
             end do
         end associate
         pivot_quality = 0
-        if (any(largest <= tiny(1.0_wp))) return
+        if (any(p%row_scale(p%entry(e)%row)*abs(p%entry(e)%value) <= smallest)) return
         pivot_quality = minval(p%row_scale(p%entry(e)%row)*abs(p%entry(e)%value)/largest)
     end function pivot_quality
 
@@ -365,7 +366,7 @@ contains
         type(pivot_type), intent(out) :: pivot
         integer, allocatable :: left(:), upper(:), left_ref(:), upper_ref(:)
         integer :: row, column, head, inverse, right, i, j
-        real(wp) :: inverse_value, pivot_value(p%n_pose)
+        real(wp) :: inverse_value, pivot_value(p%n_pose), largest
         logical :: fixed_pivot, scale_row
 
         row = p%entry(e)%row
@@ -391,12 +392,19 @@ contains
             else if (scale_row) then
                 left_ref(i) = settle(p, left(i), 0, .false.)
             else
-                left_ref(i) = settle(p, left(i), inverse, .true., maxval(abs(p%entry(left(i))%value/pivot_value)))
+                ! A multiplier that happens to vanish at the representative poses may grow to one, rows scaled.
+                largest = max(maxval(abs(p%entry(left(i))%value/pivot_value)), &
+                              p%row_scale(row)/p%row_scale(p%entry(left(i))%row))
+                left_ref(i) = settle(p, left(i), inverse, .true., largest)
             end if
+        end do
+        largest = 0
+        do j = 1, size(upper)
+            largest = max(largest, maxval(abs(p%entry(upper(j))%value/pivot_value)))
         end do
         do j = 1, size(upper)
             if (scale_row) then
-                upper_ref(j) = settle(p, upper(j), inverse, .true., maxval(abs(p%entry(upper(j))%value/pivot_value)))
+                upper_ref(j) = settle(p, upper(j), inverse, .true., largest)
             else
                 upper_ref(j) = settle(p, upper(j), 0, .false.)
             end if
@@ -606,6 +614,7 @@ contains
         do k = 1, size(left)
             one_left = left(k)
             one_right = right(k)
+            if (is_zero(p, one_left) .or. is_zero(p, one_right)) cycle
             if (is_fixed(p, one_left) .and. is_fixed(p, one_right)) then
                 fixed = fixed - fixed_value(p, one_left)*fixed_value(p, one_right)
                 cycle
