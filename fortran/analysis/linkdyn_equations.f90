@@ -90,7 +90,7 @@ contains
         equations%solver = solver
         equations%wants_reactions = wants_reactions
         if (solver == solver_reduced .and. wants_reactions) then
-            call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected want = driving_force)")
+            call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")
             return
         end if
         call build_formulation(model, merge(style_sparse, style_lecture, solver == solver_elimination), &
@@ -174,7 +174,7 @@ contains
             call evaluate_motion(model, t, q, qd, qdd, load)
             do k = 1, model%n_q
                 state%q(lane, k) = q(k, 1)
-                if (modulo(lane, 2) == 1) cycle
+                if (modulo((block - 1)*lanes + lane, 2) == 1) cycle
                 step = turn_step
                 if (model%scene%coordinate(k)%unit == "m") step = length_step*scene_size(model)
                 state%q(lane, k) = q(k, 1) + step*(2*modulo(number*golden*(k + 1) + 0.37_wp*k, 1.0_wp) - 1)
@@ -278,11 +278,14 @@ contains
         workspace%status = merge(sample_unreachable, sample_ok, workspace%state%unreachable)
         if (equations%solver == solver_reduced) then
             call solve_reduced(model, workspace)
+            call flag_not_finite(workspace%driving_force, workspace%status)
             return
         end if
         associate (formulation => equations%formulation)
             call assemble_matrix(model, formulation, workspace%state, workspace%slot%value)
             call assemble_right(model, formulation, workspace%state, workspace%load, formulation%n_slot, workspace%slot%value)
+            call flag_not_finite(workspace%slot%value(:, formulation%n_slot + 1:formulation%n_slot + model%n_row), &
+                                 workspace%status)
             select case (equations%solver)
             case (solver_gauss_jordan)
                 call solve_by_gauss_jordan(model, formulation, workspace)
@@ -298,6 +301,20 @@ contains
             end do
         end associate
     end subroutine solve_block
+
+    !> A motion or load that is not finite has no forces.
+    pure subroutine flag_not_finite(value, status)
+        real(wp), intent(in) :: value(:, :)          !! (lane, any)
+        integer, intent(inout) :: status(lanes)
+        real(wp) :: total(lanes)
+        integer :: k
+
+        total = 0
+        do k = 1, size(value, 2)
+            total = total + abs(value(:, k))
+        end do
+        where (status == sample_ok .and. .not. total <= huge(1.0_wp)) status = sample_unreachable
+    end subroutine flag_not_finite
 
     subroutine solve_by_plan(model, equations, workspace)
         type(model_type), intent(in) :: model
