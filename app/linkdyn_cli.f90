@@ -1,7 +1,7 @@
 !> The command line as a typed value, and the help texts.
 module linkdyn_cli
     use linkdyn_inverse, only: inverse_options, choose_solver
-    use linkdyn_results, only: wanted_type, choose_wanted
+    use linkdyn_results, only: wanted_type, choose_wanted, all_wanted
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: quoted
@@ -15,8 +15,8 @@ module linkdyn_cli
     integer, parameter :: command_explain = 2
     integer, parameter :: command_version = 3
     character(len=8), parameter :: command_name(2) = [character(len=8) :: "inverse", "explain"]
-    character(len=10), parameter :: inverse_option(9) = [character(len=10) :: &
-        "--output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
+    character(len=11), parameter :: inverse_option(10) = [character(len=11) :: &
+        "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
     character(len=10), parameter :: other_option(1) = [character(len=10) :: "--help"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
     character(len=12), parameter :: solver_name(4) = [character(len=12) :: &
@@ -33,11 +33,13 @@ module linkdyn_cli
         logical :: help = .false.                     !! of the command, or in general
         character(len=:), allocatable :: scene        !! file name
         character(len=:), allocatable :: output       !! file name; not allocated: from the scene's
+        logical :: no_output = .false.                !! the summary is all
         logical :: csv = .false.
         logical :: quiet = .false.
         integer :: deflate = 0                        !! compression of netCDF output
         character(len=:), allocatable :: solver       !! its name
         type(inverse_options) :: options
+        character(len=:), allocatable :: want         !! not allocated: all that the solver gives and the run keeps
         type(wanted_type) :: wanted
     end type command_line
 
@@ -96,8 +98,11 @@ contains
         do while (i <= size(arguments) .and. status%is_ok())
             call take_word(arguments, i, config, status)
         end do
-        if (status%is_ok() .and. .not. config%help .and. .not. allocated(config%scene)) &
-            call refuse("no scene given (expected a file, e.g. scene.toml)", status)
+        if (.not. status%is_ok() .or. config%help) return
+        if (.not. allocated(config%scene)) call refuse("no scene given (expected a file, e.g. scene.toml)", status)
+        if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) call refuse( &
+            "--no-output: nothing is written (expected no --output, --csv or --compress beside it)", status)
+        if (.not. allocated(config%want)) config%wanted = default_wanted(config)
     contains
         subroutine refuse(message, status)
             character(len=*), intent(in) :: message
@@ -106,6 +111,15 @@ contains
             call fail(status, status_bad_input, "linkdyn: "//message)
         end subroutine refuse
     end subroutine parse_arguments
+
+    !> What is computed if the user does not say: all that the solver gives; without output, what the summary shows.
+    pure function default_wanted(config) result(wanted)
+        type(command_line), intent(in) :: config
+        type(wanted_type) :: wanted
+
+        wanted = all_wanted(config%options%solver)
+        if (config%no_output) wanted = wanted_type(.true., wanted%reaction, .false., .false., .false.)
+    end function default_wanted
 
     !> One option with its value, or the name of the scene.
     subroutine take_word(arguments, i, config, status)
@@ -140,12 +154,13 @@ contains
             return
         end if
         select case (option)
-        case ("--csv", "--quiet", "-q", "--compress")
+        case ("--csv", "--no-output", "--quiet", "-q", "--compress")
             if (allocated(value)) then
                 call refuse(option//": takes no value")
                 return
             end if
             if (option == "--csv") config%csv = .true.
+            if (option == "--no-output") config%no_output = .true.
             if (option == "--compress") config%deflate = 1
             if (option == "--quiet" .or. option == "-q") config%quiet = .true.
         case ("-o", "--output", "--solver", "--want", "--threads")
@@ -175,6 +190,7 @@ contains
                 call choose_solver(value, config%options%solver, outcome)
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, solver_name))
             case ("--want")
+                config%want = value
                 call choose_wanted(value, config%wanted, outcome)
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message))
             case ("--threads")
@@ -241,9 +257,11 @@ contains
             "", &
             "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
             "  --csv               a CSV table instead of netCDF-4", &
+            "  --no-output         keep nothing but the summary: for runs of any length", &
             "  --want LIST         driving_force, reaction, joint_variable, power, checks, or all", &
             "                      (default), with commas between; the rest is not computed", &
-            "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced", &
+            "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced, which", &
+            "                      gives all but the reactions", &
             "  --threads N         threads to compute with; default 1", &
             "  --compress          compress the netCDF file", &
             "  -q, --quiet         no table and no progress", &

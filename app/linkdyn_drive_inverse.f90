@@ -1,14 +1,15 @@
 !> `linkdyn inverse`: run along the scene's motion in blocks of samples, so that memory does not grow
-!> with the length of the run.
+!> with the length of the run. Results that are written are computed block by block, each by all threads; where
+!> only the summary is kept, threads take groups of blocks and meet at the end only.
 module linkdyn_drive_inverse
-    use, intrinsic :: iso_fortran_env, only: error_unit, output_unit, int64
+    use, intrinsic :: iso_fortran_env, only: error_unit, int64
     use linkdyn_builder, only: build_model
     use linkdyn_cli, only: command_line
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_motion, only: evaluate_motion, sample_times
+    use linkdyn_motion, only: evaluate_motion, sample_count, sample_times
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
         find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
@@ -17,18 +18,21 @@ module linkdyn_drive_inverse
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_status, only: status_type
-    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
+    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text
     use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
     use linkdyn_version, only: version
     implicit none (type, external)
     private
     public :: drive_inverse, load_model
 
-    integer, parameter :: block_length = 16384       !! samples computed and written at a time
+    integer, parameter :: written_block = 16384      !! samples computed and written at a time
+    integer, parameter :: passing_block = 2048       !! samples whose results stay in the cache until they are summed up
+    integer, parameter :: most_groups = 1024         !! of blocks: every group has a summary of its own
     integer, parameter :: exit_done = 0, exit_bad_input = 2, exit_samples_failed = 3
 
-    !> One of the two kinds of output.
+    !> Where results go, if anywhere.
     type :: output_type
+        logical :: is_none = .false.                  !! only the summary is wanted
         logical :: is_csv = .false.
         character(len=:), allocatable :: name
         type(netcdf_writer) :: netcdf
@@ -37,7 +41,7 @@ module linkdyn_drive_inverse
 
     !> Values that are computed but not stored.
     type :: scratch_type
-        real(wp), allocatable :: load(:, :, :)            !! (6, n_load, block_length)
+        real(wp), allocatable :: load(:, :, :)            !! (6, n_load, n)
         real(wp), allocatable :: driving_force(:, :)      !! for the power, when it is not stored itself
         real(wp), allocatable :: joint_rate(:, :)         !! likewise
     end type scratch_type
@@ -45,8 +49,9 @@ module linkdyn_drive_inverse
 contains
 
     !> Compute and report; the exit status says how it went.
-    subroutine drive_inverse(config, exit_status)
+    subroutine drive_inverse(config, unit, exit_status)
         type(command_line), intent(in) :: config
+        integer, intent(in) :: unit                   !! for the summary
         integer, intent(out) :: exit_status
         type(model_type) :: model
         type(inverse_solver) :: solver
@@ -54,7 +59,6 @@ contains
         type(output_type) :: output
         type(summary_type) :: summary
         type(status_type) :: status
-        real(wp), allocatable :: t(:)
         real(wp) :: seconds
 
         exit_status = exit_bad_input
@@ -62,16 +66,16 @@ contains
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
             call describe_results(model%scene, config%wanted, .true., layout)
-            call sample_times(model, t)
-            call open_results(config, model, layout, size(t), output, status)
+            call open_results(config, model, layout, sample_count(model), output, status)
         end if
-        if (status%is_ok()) call run_blocks(config, model, solver, layout, t, output, summary, seconds, status)
+        if (status%is_ok()) call run_blocks(config, model, solver, layout, output, summary, seconds, status)
+        call solver%free()
         if (.not. status%is_ok()) then
             write (error_unit, "(a)") trim(status%message)
             return
         end if
         if (.not. config%quiet) call print_summary(model%scene, layout, summary, config%solver, &
-            config%options%threads, seconds, output%name, output_unit)
+            config%options%threads, seconds, output%name, unit)
         exit_status = exit_done
         if (summary%n_failed == 0) return
         exit_status = exit_samples_failed
@@ -94,40 +98,84 @@ contains
     end subroutine load_model
 
     !> Compute, store and sum up block by block.
-    subroutine run_blocks(config, model, solver, layout, t, output, summary, seconds, status)
+    subroutine run_blocks(config, model, solver, layout, output, summary, seconds, status)
         type(command_line), intent(in) :: config
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         type(layout_type), intent(in) :: layout
-        real(wp), intent(in) :: t(:)                  !! instants [s]
         type(output_type), intent(inout) :: output
         type(summary_type), intent(out) :: summary
-        real(wp), intent(out) :: seconds          !! spent computing
+        real(wp), intent(out) :: seconds              !! spent computing, mean of the threads
         type(status_type), intent(inout) :: status
-        type(block_type) :: block
-        type(scratch_type) :: scratch
         type(progress_type) :: progress
-        integer(int64) :: start
-        integer :: first, n, n_fallback
+        type(summary_type), allocatable :: part(:)    !! of each group: joined in order, whichever thread made it
+        integer :: n_sample, length, n_block, n_group, n_taker, n_helper, n_done, k
 
-        n = min(block_length, size(t))
-        call prepare_block(layout, n, block)
-        call prepare_scratch(config, model, n, scratch)
-        call start_summary(layout, summary)
-        call start_progress(config%quiet, progress)
+        n_sample = sample_count(model)
+        length = merge(passing_block, written_block, output%is_none)
+        n_block = (n_sample - 1)/length + 1
+        n_group = min(n_block, most_groups)
+        n_taker = merge(min(config%options%threads, n_group), 1, output%is_none)
+        n_helper = merge(1, config%options%threads, output%is_none)
+        allocate (part(n_group))
+        n_done = 0
         seconds = 0
-        do first = 1, size(t), block_length
-            n = min(block_length, size(t) - first + 1)
-            call system_clock(start)
-            call compute_block(model, solver, layout, t(first:first + n - 1), block, scratch, n_fallback)
-            seconds = seconds + seconds_since(start)
-            call put_results(layout, block, first, n, output, status)
-            if (.not. status%is_ok()) exit
-            call add_to_summary(layout, block, n, n_fallback, summary)
-            call show_progress(first + n - 1, size(t), progress)
-        end do
+        call start_progress(config%quiet, progress)
+        !$omp parallel num_threads(n_taker) default(shared)
+        call take_groups()
+        !$omp end parallel
         call end_progress(progress)
         call close_results(output, status)
+        seconds = seconds/n_taker
+        call start_summary(layout, summary)
+        do k = 1, n_group
+            if (status%is_ok()) call join_summaries(part(k), summary)
+        end do
+
+    contains
+
+        !> What one thread does: group k has the blocks from just behind (k-1)/n_group of all to k/n_group of all.
+        subroutine take_groups()
+            type(block_type) :: block
+            type(scratch_type) :: scratch
+            integer :: k, i, first, n
+
+            n = min(length, n_sample)
+            call prepare_block(layout, n, block)
+            call prepare_scratch(config, model, n, scratch)
+            !$omp do schedule(dynamic, 1)
+            do k = 1, n_group
+                call start_summary(layout, part(k))
+                do i = int(int(k - 1, int64)*n_block/n_group), int(int(k, int64)*n_block/n_group) - 1
+                    first = i*length + 1
+                    n = min(length, n_sample - first + 1)
+                    call take_block(first, n, block, scratch, part(k))
+                end do
+            end do
+            !$omp end do
+        end subroutine take_groups
+
+        subroutine take_block(first, n, block, scratch, part)
+            integer, intent(in) :: first, n           !! number of the first sample, and how many
+            type(block_type), intent(inout) :: block
+            type(scratch_type), intent(inout) :: scratch
+            type(summary_type), intent(inout) :: part
+            integer(int64) :: start
+            real(wp) :: elapsed
+            integer :: n_fallback
+
+            if (.not. status%is_ok()) return
+            call system_clock(start)
+            call compute_block(model, solver, n_helper, layout, first, n, block, scratch, n_fallback)
+            elapsed = seconds_since(start)
+            if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
+            call add_to_summary(layout, block, n, n_fallback, part)
+            !$omp critical (linkdyn_progress)
+            seconds = seconds + elapsed
+            n_done = n_done + n
+            call show_progress(n_done, n_sample, progress)
+            !$omp end critical (linkdyn_progress)
+        end subroutine take_block
     end subroutine run_blocks
 
     !> Room for what the run needs beside what it stores.
@@ -144,19 +192,18 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, layout, t, block, scratch, n_fallback)
+    subroutine compute_block(model, solver, threads, layout, first, n, block, scratch, n_fallback)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: threads
         type(layout_type), intent(in) :: layout
-        real(wp), intent(in) :: t(:)                  !! [s]
+        integer, intent(in) :: first, n               !! number of the first sample, and how many
         type(block_type), intent(inout), target :: block
         type(scratch_type), intent(inout), target :: scratch
         integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
         type(inverse_results) :: results
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
-        integer :: n
 
-        n = size(t)
         call view_values(layout, result_time, n, block, time)
         call view_values(layout, result_q, n, block, q)
         call view_values(layout, result_qd, n, block, qd)
@@ -174,9 +221,9 @@ contains
         call view_values(layout, result_power_imbalance, n, block, results%power_imbalance)
         if (allocated(scratch%driving_force)) results%driving_force => scratch%driving_force(:, :n)
         if (allocated(scratch%joint_rate)) results%joint_rate => scratch%joint_rate(:, :n)
-        time = t
-        call evaluate_motion(model, t, q, qd, qdd, scratch%load(:, :, :n))
-        call run_prepared(model, solver, q, qd, qdd, scratch%load(:, :, :n), results)
+        call sample_times(model, first, time)
+        call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n))
+        call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results)
         n_fallback = results%n_fallback
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)
@@ -191,7 +238,12 @@ contains
         type(status_type), intent(inout) :: status
         type(attributes_type) :: attributes
 
+        output%is_none = config%no_output
         output%is_csv = config%csv
+        if (output%is_none) then
+            output%name = "not kept"
+            return
+        end if
         if (allocated(config%output)) then
             output%name = config%output
         else
@@ -229,6 +281,7 @@ contains
         type(output_type), intent(inout) :: output
         type(status_type), intent(inout) :: status
 
+        if (output%is_none) return
         if (output%is_csv) then
             call close_csv(output%csv, status)
         else

@@ -1,6 +1,7 @@
 !> What the engineer wants to know first: peaks and rms of the driving forces, the largest reaction,
 !> how many samples failed, how long it took.
 module linkdyn_summary
+    use linkdyn_inverse, only: solver_name, solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_reaction, result_status
@@ -9,7 +10,7 @@ module linkdyn_summary
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: summary_type, start_summary, add_to_summary, print_summary, failure_text, significant
+    public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, significant
 
     !> A largest value with its place.
     type :: peak_type
@@ -29,7 +30,7 @@ module linkdyn_summary
         logical :: has_force = .false., has_reaction = .false.
         type(peak_type), allocatable :: lowest(:), highest(:)   !! driving force (n_actuator)
         real(wp), allocatable :: sum_of_squares(:)              !! (n_actuator)
-        type(peak_type) :: force, moment                        !! largest reaction
+        type(peak_type) :: force, moment                        !! largest reaction, its square
     end type summary_type
 
 contains
@@ -61,10 +62,10 @@ contains
         call view_values(layout, result_reaction, n, block, reaction)
         summary%has_force = associated(force)
         summary%has_reaction = associated(reaction)
+        summary%n_sample = summary%n_sample + n
         summary%n_fallback = summary%n_fallback + n_fallback
         n_force = merge(2, 3, layout%planar)
         do i = 1, n
-            summary%n_sample = summary%n_sample + 1
             if (code(i) /= sample_ok) then
                 if (summary%n_failed == 0) summary%first_failure = code(i)
                 if (summary%n_failed == 0) summary%first_failure_time = time(i)
@@ -80,11 +81,40 @@ contains
             end if
             if (.not. summary%has_reaction) cycle
             do k = 1, size(reaction, 2)
-                call raise_peak(norm2(reaction(:n_force, k, i)), time(i), k, summary%force)
-                call raise_peak(norm2(reaction(n_force + 1:, k, i)), time(i), k, summary%moment)
+                call raise_peak(sum(reaction(:n_force, k, i)**2), time(i), k, summary%force)
+                call raise_peak(sum(reaction(n_force + 1:, k, i)**2), time(i), k, summary%moment)
             end do
         end do
     end subroutine add_to_summary
+
+    !> Add the figures of later samples to those of all before them.
+    subroutine join_summaries(part, whole)
+        type(summary_type), intent(in) :: part
+        type(summary_type), intent(inout) :: whole
+        integer :: k
+
+        whole%has_force = part%has_force
+        whole%has_reaction = part%has_reaction
+        if (whole%n_failed == 0) whole%first_failure = part%first_failure
+        if (whole%n_failed == 0) whole%first_failure_time = part%first_failure_time
+        whole%n_sample = whole%n_sample + part%n_sample
+        whole%n_failed = whole%n_failed + part%n_failed
+        whole%n_fallback = whole%n_fallback + part%n_fallback
+        whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
+        do k = 1, size(whole%lowest)
+            call join(part%lowest(k), whole%lowest(k))
+            call join(part%highest(k), whole%highest(k))
+        end do
+        call join(part%force, whole%force)
+        call join(part%moment, whole%moment)
+    contains
+        subroutine join(later, peak)
+            type(peak_type), intent(in) :: later
+            type(peak_type), intent(inout) :: peak
+
+            if (later%is_set) call raise_peak(later%value, later%time, later%place, peak)
+        end subroutine join
+    end subroutine join_summaries
 
     pure subroutine raise_peak(value, time, place, peak)
         real(wp), intent(in) :: value, time
@@ -114,6 +144,9 @@ contains
             write (unit, "(a)") ""
             call print_reaction("largest reaction force ", "N  ", summary%force)
             call print_reaction("largest reaction moment", "N m", summary%moment)
+        else if (solver == trim(solver_name(solver_reduced))) then
+            write (unit, "(a)") ""
+            write (unit, "(a)") "  no reactions: the solver does without them"
         end if
         write (unit, "(a)") ""
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
@@ -128,7 +161,7 @@ contains
             type(peak_type), intent(in) :: peak
 
             if (.not. peak%is_set) return
-            write (unit, "(a)") "  "//what//"  "//right(significant(peak%value), 12)//" "//unit_name//"  at "// &
+            write (unit, "(a)") "  "//what//"  "//right(significant(sqrt(peak%value)), 12)//" "//unit_name//"  at "// &
                 trim(layout%dimension(dim_joint)%label(peak%place))//", t = "//significant(peak%time)//" s"
         end subroutine print_reaction
     end subroutine print_summary

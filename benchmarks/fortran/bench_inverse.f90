@@ -88,7 +88,7 @@ contains
         flops = 2*planned%equations%plan%n_term + planned%equations%plan%n_scale + planned%equations%plan%n_reciprocal
         write (output_unit, "(a,',',a,',',a,',',f0.4,',',i0,',',i0)") file, trim(solver_name(solver)), &
             trim(merge("all          ", "driving_force", wants_reactions)), 1.0e6_wp*best/n_pose, flops, results%n_fallback
-
+        call planned%free()
     end subroutine measure_solver
 
     !> Wall time of some passes over the batch.
@@ -103,7 +103,7 @@ contains
 
         call system_clock(start, rate)
         do k = 1, n_repeat
-            call run_prepared(model, planned, q, qd, qdd, load, results)
+            call run_prepared(model, planned, 1, q, qd, qdd, load, results)
         end do
         call system_clock(finish)
         seconds_of = real(finish - start, wp)/real(rate, wp)

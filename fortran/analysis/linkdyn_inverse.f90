@@ -2,8 +2,10 @@
 !>
 !> Samples are independent. They are taken in blocks of `lanes`, blocks are shared out to threads, and a block's
 !> arithmetic does not depend on which thread runs it, so the results do not either. A sample that fails is NaN.
+!> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     use linkdyn_joint_rates, only: measure_joints, power_imbalance
@@ -17,6 +19,8 @@ module linkdyn_inverse
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
+
+    integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
 
     type :: inverse_options
         integer :: solver = solver_elimination
@@ -39,10 +43,25 @@ module linkdyn_inverse
         integer :: n_fallback = 0                               !! samples that the elimination handed to the dense solver
     end type inverse_results
 
-    !> Equations planned once for many batches of the same kind.
+    !> Scratch of one thread.
+    type :: thread_space
+        type(equation_workspace) :: workspace
+        real(wp), allocatable :: reaction(:, :, :)              !! (lane, 6, n_joint)
+        real(wp), allocatable :: variable(:, :), rate(:, :)     !! (lane, n_variable)
+        type(thread_space), pointer :: next => null()           !! idle as well
+    end type thread_space
+
+    !> Scratch that no thread is using: a list, changed by one thread at a time.
+    type :: space_pool
+        type(thread_space), pointer :: first => null()
+    end type space_pool
+
+    !> Equations planned once for many batches of the same kind, also at the same time. Freed by `free`.
     type :: inverse_solver
         type(equations_type) :: equations
-        integer :: threads = 1
+        type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
+    contains
+        procedure :: free => free_solver
     end type inverse_solver
 
 contains
@@ -55,9 +74,24 @@ contains
         type(inverse_solver), intent(out) :: solver
         type(status_type), intent(inout) :: status
 
-        solver%threads = max(1, options%threads)
         call build_equations(model, options%solver, wants_reactions, solver%equations, status)
+        if (status%is_ok()) allocate (solver%pool)
     end subroutine prepare_inverse
+
+    !> Give the scratch back. No batch may be running.
+    subroutine free_solver(self)
+        class(inverse_solver), intent(inout) :: self
+        type(thread_space), pointer :: space
+
+        if (.not. associated(self%pool)) return
+        do while (associated(self%pool%first))
+            space => self%pool%first
+            self%pool%first => space%next
+            call space%workspace%free()
+            deallocate (space)
+        end do
+        deallocate (self%pool)
+    end subroutine free_solver
 
     !> Plan and run one batch.
     !>
@@ -73,51 +107,64 @@ contains
 
         call prepare_inverse(model, options, associated(results%reaction), solver, status)
         if (.not. status%is_ok()) return
-        call run_prepared(model, solver, q, qd, qdd, load, results)
+        call run_prepared(model, solver, options%threads, q, qd, qdd, load, results)
+        call solver%free()
     end subroutine run_inverse
 
-    !> Run one batch with equations planned before.
-    subroutine run_prepared(model, solver, q, qd, qdd, load, results)
+    !> Run one batch with equations planned before. Several threads may call this with one solver.
+    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: threads                          !! at most; a short batch takes fewer
         real(wp), intent(in) :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
         real(wp), intent(in) :: load(:, :, :)                   !! (6, n_load, n)
         type(inverse_results), intent(inout) :: results
-        type(equation_workspace) :: workspace
-        real(wp), allocatable :: reaction(:, :, :), variable(:, :), rate(:, :)
-        real(wp) :: imbalance(lanes)
-        integer :: n, n_block, block, n_fallback
-        logical :: wants_rates
+        type(thread_space), pointer :: space
+        integer :: n, n_block, n_thread, share, block, n_fallback
+        logical :: wants_rates, wants_world
 
         n = size(q, 2)
         n_block = (n + lanes - 1)/lanes
+        n_thread = max(1, min(threads, n_block))
+        share = max(1, min(largest_share, n_block/(2*n_thread)))
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
+        wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%solver == solver_reduced
         n_fallback = 0
 
-        !$omp parallel num_threads(solver%threads) default(shared) private(workspace, reaction, variable, rate, imbalance)
-        call prepare_workspace(model, solver%equations, workspace)
-        workspace%state%world_rates = wants_rates .or. associated(results%power_imbalance) &
-                                      .or. solver%equations%solver == solver_reduced
-        allocate (reaction(lanes, 6, model%n_joint), variable(lanes, model%n_variable), rate(lanes, model%n_variable))
-        !$omp do schedule(static) reduction(+:n_fallback)
+        call hold_blas_threads()
+        !$omp parallel num_threads(n_thread) default(shared) private(space)
+        call take_space(model, solver, space)
+        space%workspace%state%world_rates = wants_world
+        !$omp do schedule(dynamic, share) reduction(+:n_fallback)
         do block = 1, n_block
+            call run_block(block, space%workspace, space%reaction, space%variable, space%rate)
+            n_fallback = n_fallback + space%workspace%n_fallback
+        end do
+        !$omp end do
+        call return_space(solver, space)
+        !$omp end parallel
+        call release_blas_threads()
+        results%n_fallback = n_fallback
+
+    contains
+
+        !> One block from samples to samples.
+        subroutine run_block(block, workspace, reaction, variable, rate)
+            integer, intent(in) :: block
+            type(equation_workspace), intent(inout) :: workspace
+            real(wp), intent(inout) :: reaction(:, :, :), variable(:, :), rate(:, :)
+            real(wp) :: imbalance(lanes)
+
             call gather(block, workspace)
             workspace%n_fallback = 0
             call solve_block(model, solver%equations, workspace)
-            n_fallback = n_fallback + workspace%n_fallback
             if (associated(results%reaction)) &
                 call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
             if (wants_rates) call measure_joints(model, workspace%state, variable, rate)
             if (associated(results%power_imbalance)) &
                 call power_imbalance(model, workspace%state, workspace%load, workspace%driving_force, imbalance)
             call scatter(block, workspace, reaction, variable, rate, imbalance)
-        end do
-        !$omp end do
-        call workspace%free()
-        !$omp end parallel
-        results%n_fallback = n_fallback
-
-    contains
+        end subroutine run_block
 
         !> Samples into lanes; lanes beyond the last sample repeat it.
         subroutine gather(block, workspace)
@@ -182,4 +229,39 @@ contains
             end do
         end subroutine scatter
     end subroutine run_prepared
+
+    !> Idle scratch, or new.
+    subroutine take_space(model, solver, space)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(thread_space), pointer, intent(out) :: space
+
+        nullify (space)
+        !$omp critical (linkdyn_space_pool)
+        if (associated(solver%pool)) then
+            space => solver%pool%first
+            if (associated(space)) solver%pool%first => space%next
+        end if
+        !$omp end critical (linkdyn_space_pool)
+        if (associated(space)) return
+        allocate (space)
+        call prepare_workspace(model, solver%equations, space%workspace)
+        allocate (space%reaction(lanes, 6, model%n_joint), space%variable(lanes, model%n_variable), &
+                  space%rate(lanes, model%n_variable))
+    end subroutine take_space
+
+    subroutine return_space(solver, space)
+        type(inverse_solver), intent(in) :: solver
+        type(thread_space), pointer, intent(inout) :: space
+
+        if (.not. associated(solver%pool)) then
+            call space%workspace%free()
+            deallocate (space)
+            return
+        end if
+        !$omp critical (linkdyn_space_pool)
+        space%next => solver%pool%first
+        solver%pool%first => space
+        !$omp end critical (linkdyn_space_pool)
+    end subroutine return_space
 end module linkdyn_inverse

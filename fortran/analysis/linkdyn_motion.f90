@@ -6,22 +6,29 @@ module linkdyn_motion
     use linkdyn_scene, only: law_none
     implicit none (type, external)
     private
-    public :: evaluate_motion, evaluate_loads, sample_times
+    public :: evaluate_motion, evaluate_loads, sample_count, sample_times
 
 contains
 
-    !> Instants of the run: both ends included.
-    pure subroutine sample_times(model, t)
+    !> Number of instants of the run.
+    pure integer function sample_count(model)
         type(model_type), intent(in) :: model
-        real(wp), allocatable, intent(out) :: t(:)    !! [s] (n)
+
+        sample_count = max(1, model%scene%time%n_sample)
+    end function sample_count
+
+    !> Some instants of the run, which includes both ends.
+    pure subroutine sample_times(model, first, t)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first             !! number of the first one, from 1
+        real(wp), intent(out) :: t(:)            !! [s] (n)
         integer :: i, n
 
+        n = sample_count(model)
         associate (time => model%scene%time)
-            n = max(1, time%n_sample)
-            allocate (t(n))
-            do i = 1, n
+            do i = 1, size(t)
                 t(i) = time%first
-                if (n > 1) t(i) = time%first + (time%last - time%first)*(real(i - 1, wp)/real(n - 1, wp))
+                if (n > 1) t(i) = time%first + (time%last - time%first)*(real(first - 2 + i, wp)/real(n - 1, wp))
             end do
         end associate
     end subroutine sample_times

@@ -5,13 +5,14 @@
 !> dimensions, unit and meaning). A *block* holds the values of one chunk of samples, one flat array a
 !> variable, the sample running slowest; *views* give them their shape.
 module linkdyn_results
+    use linkdyn_equations, only: solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name
     use linkdyn_status, only: status_type, fail, status_bad_input
     implicit none (type, external)
     private
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
-    public :: describe_results, choose_wanted, prepare_block, view_values, find_driving_power
+    public :: describe_results, choose_wanted, all_wanted, prepare_block, view_values, find_driving_power
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
@@ -106,6 +107,14 @@ module linkdyn_results
     end interface view_values
 
 contains
+
+    !> All that a solver gives.
+    pure function all_wanted(solver) result(wanted)
+        integer, intent(in) :: solver                !! one of `solver_*`
+        type(wanted_type) :: wanted
+
+        wanted%reaction = solver /= solver_reduced
+    end function all_wanted
 
     !> Read a comma-separated wish list such as "driving_force,reaction".
     subroutine choose_wanted(text, wanted, status)

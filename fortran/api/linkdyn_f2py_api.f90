@@ -11,13 +11,16 @@ module linkdyn_f2py_api
     use linkdyn_builder, only: build_model
     use linkdyn_description, only: scene_as_json, layout_as_json
     use linkdyn_explain, only: explain_model
-    use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, choose_solver
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
+        choose_solver, solver_name
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
-    use linkdyn_results, only: layout_type, wanted_type, describe_results, choose_wanted, find_driving_power
+    use linkdyn_poses, only: find_poses
+    use linkdyn_report, only: open_report, read_report
+    use linkdyn_results, only: layout_type, wanted_type, describe_results, choose_wanted, all_wanted, find_driving_power
     use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link
     use linkdyn_scene_reader, only: parse_scene, check_actuators
-    use linkdyn_status, only: status_type, fail, status_bad_input, status_internal
+    use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: to_text, quoted
     use linkdyn_version, only: version
@@ -28,12 +31,25 @@ module linkdyn_f2py_api
 
     integer, parameter :: status_stale_handle = 7   !! beside the engine's codes: the scene was closed
 
-    !> An open scene. Pointed to, so that the list can grow while a batch runs.
-    type :: model_box
-        type(model_type), pointer :: model => null()
-    end type model_box
+    !> Equations planned for one solver; absent until they are asked for.
+    type :: solver_box
+        type(inverse_solver), pointer :: solver => null()
+    end type solver_box
 
-    type(model_box), allocatable, save :: opened(:)   !! place = handle; a closed one stays empty
+    !> An open scene with what was planned for it.
+    type :: open_scene
+        type(model_type) :: model
+        type(layout_type) :: layout                                 !! of all results
+        type(solver_box) :: without_reactions(size(solver_name))    !! by number of the solver
+        type(solver_box) :: with_reactions(size(solver_name))
+    end type open_scene
+
+    !> Pointed to, so that the list can grow while a batch runs.
+    type :: scene_box
+        type(open_scene), pointer :: scene => null()
+    end type scene_box
+
+    type(scene_box), allocatable, save :: opened(:)   !! place = handle; a closed one stays empty
 
 contains
 
@@ -96,15 +112,17 @@ contains
         integer(c_int), intent(in) :: handle
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
-        type(model_type), pointer :: model
+        type(open_scene), pointer :: scene
         type(status_type) :: status
 
-        call find_model(handle, model, status)
+        call find_scene(handle, scene, status)
         if (status%code == 0) then
             !$omp critical (linkdyn_registry)
-            nullify (opened(handle)%model)
+            nullify (opened(handle)%scene)
             !$omp end critical (linkdyn_registry)
-            deallocate (model)
+            call free_solvers(scene%without_reactions)
+            call free_solvers(scene%with_reactions)
+            deallocate (scene)
         end if
         call report(status, code, message)
     end subroutine api_close
@@ -156,9 +174,10 @@ contains
     end subroutine api_describe_scene
 
     !> Dimensions and variables of the results as JSON; text as in `api_describe_scene`.
-    subroutine api_describe_results(handle, want, has_time, capacity, text, length, code, message)
+    subroutine api_describe_results(handle, solver, want, has_time, capacity, text, length, code, message)
         integer(c_int), intent(in) :: handle
-        character(len=*), intent(in) :: want               ! "all" or names with commas
+        character(len=*), intent(in) :: solver
+        character(len=*), intent(in) :: want               ! "all" or names with commas; blank: all that the solver gives
         integer(c_int), intent(in) :: has_time             ! 1: samples are instants
         integer(c_int), intent(in) :: capacity
         integer(c_int), intent(inout) :: text(capacity)
@@ -169,10 +188,13 @@ contains
         type(layout_type) :: layout
         type(wanted_type) :: wanted
         type(status_type) :: status
+        integer :: number
 
         length = 0
         call find_model(handle, model, status)
-        if (status%code == 0) call choose_wanted(want, wanted, status)
+        if (status%code == 0) call choose_solver(trim(solver), number, status)
+        if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(number)
+        if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
         if (status%code == 0) then
             call describe_results(model%scene, wanted, has_time /= 0, layout)
             call to_bytes(layout_as_json(layout), text, length)
@@ -191,22 +213,15 @@ contains
         type(model_type), pointer :: model
         type(status_type) :: status
         character(len=:), allocatable :: written
-        integer :: unit, size_written, outcome
+        integer :: unit
 
         length = 0
         call find_model(handle, model, status)
+        if (status%code == 0) call open_report(unit, status)
         if (status%code == 0) then
-            open (newunit=unit, status="scratch", access="stream", form="formatted", action="readwrite", iostat=outcome)
-            if (outcome == 0) then
-                call explain_model(model, unit)
-                inquire (unit=unit, pos=size_written)
-                allocate (character(len=size_written - 1) :: written)
-                call read_back(unit, written)
-                close (unit)
-                call to_bytes(written, text, length)
-            else
-                call fail(status, status_internal, "explain: no scratch file can be opened")
-            end if
+            call explain_model(model, unit)
+            call read_report(unit, written, status)
+            if (status%code == 0) call to_bytes(written, text, length)
         end if
         call report(status, code, message)
     end subroutine api_explain
@@ -261,18 +276,18 @@ contains
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
         type(model_type), pointer :: model
+        type(inverse_solver), pointer :: planned
         type(status_type) :: status
-        type(inverse_options) :: options
         type(inverse_results) :: results
-        type(layout_type) :: layout
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
 
-        call find_model(handle, model, status)
+        call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
-            call choose_solver(trim(solver), options%solver, status)
-            call check_actuators(model%scene, status)
+            model => scene%model
+            call find_solver(scene, trim(solver), wanted(3) == 1, planned, status)
             call check_size("q", n_q_values, model%n_q*n, status)
             call check_size("load", n_load_values, max(1, 6*model%n_load*n), status)
             call check_size("driving_force", n_driving, model%n_actuator*n, status, wanted(1))
@@ -288,7 +303,6 @@ contains
             call check_finite_loads(model, first, n, load, status)
         end if
         if (status%code == 0) then
-            options%threads = threads
             q2(1:model%n_q, 1:n) => q
             qd2(1:model%n_q, 1:n) => qd
             qdd2(1:model%n_q, 1:n) => qdd
@@ -314,12 +328,11 @@ contains
                 allocate (own_rate(model%n_variable, n))
                 results%joint_rate => own_rate
             end if
-            call run_inverse(model, options, q2, qd2, qdd2, load3, results, status)
-            if (status%code == 0 .and. wanted(2) == 1) then
+            call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results)
+            if (wanted(2) == 1) then
                 speed2(1:model%n_actuator, 1:n) => driving_speed
                 power2(1:model%n_actuator, 1:n) => driving_power
-                call describe_results(model%scene, wanted_type(), .false., layout)
-                call find_driving_power(layout, results%driving_force, results%joint_rate, speed2, power2)
+                call find_driving_power(scene%layout, results%driving_force, results%joint_rate, speed2, power2)
             end if
         end if
         call report(status, code, message)
@@ -338,10 +351,7 @@ contains
         character(len=512), intent(out) :: message
         type(model_type), pointer :: model
         type(status_type) :: status
-        type(inverse_options) :: options
-        type(inverse_results) :: results
-        real(c_double), pointer :: q2(:, :)
-        real(c_double), allocatable :: rest(:, :), load(:, :, :)
+        real(c_double), pointer :: q2(:, :), position3(:, :, :), rotation4(:, :, :, :)
 
         call find_model(handle, model, status)
         if (status%code == 0) call check_size("q", n_q_values, model%n_q*n, status)
@@ -350,13 +360,9 @@ contains
         if (status%code == 0) call check_finite("q", model, 0, n, q, status)
         if (status%code == 0) then
             q2(1:model%n_q, 1:n) => q
-            results%status => sample_status
-            results%position(1:3, 1:model%n_link, 1:n) => position
-            results%rotation(1:3, 1:3, 1:model%n_link, 1:n) => rotation
-            allocate (rest(model%n_q, n), load(6, model%n_load, n))
-            rest = 0
-            load = 0
-            call run_inverse(model, options, q2, rest, rest, load, results, status)
+            position3(1:3, 1:model%n_link, 1:n) => position
+            rotation4(1:3, 1:3, 1:model%n_link, 1:n) => rotation
+            call find_poses(model, q2, position3, rotation4, sample_status)
         end if
         call report(status, code, message)
     end subroutine api_poses
@@ -366,39 +372,99 @@ contains
         type(scene_type), intent(in) :: scene
         integer(c_int), intent(out) :: handle
         type(status_type), intent(inout) :: status
-        type(model_type), pointer :: model
-        type(model_box), allocatable :: longer(:)
+        type(open_scene), pointer :: new
+        type(scene_box), allocatable :: longer(:)
 
         handle = 0
-        allocate (model)
-        call build_model(scene, model, status)
+        allocate (new)
+        call build_model(scene, new%model, status)
         if (status%code /= 0) then
-            deallocate (model)
+            deallocate (new)
             return
         end if
+        call describe_results(new%model%scene, wanted_type(), .false., new%layout)
         !$omp critical (linkdyn_registry)
         if (.not. allocated(opened)) allocate (opened(0))
         allocate (longer(size(opened) + 1))
         longer(:size(opened)) = opened
         call move_alloc(longer, opened)
         handle = size(opened)
-        opened(handle)%model => model
+        opened(handle)%scene => new
         !$omp end critical (linkdyn_registry)
     end subroutine register_scene
+
+    subroutine find_scene(handle, scene, status)
+        integer(c_int), intent(in) :: handle
+        type(open_scene), pointer, intent(out) :: scene
+        type(status_type), intent(out) :: status
+
+        nullify (scene)
+        !$omp critical (linkdyn_registry)
+        if (allocated(opened)) then
+            if (handle >= 1 .and. handle <= size(opened)) scene => opened(handle)%scene
+        end if
+        !$omp end critical (linkdyn_registry)
+        if (.not. associated(scene)) call fail(status, status_stale_handle, "this scene was closed")
+    end subroutine find_scene
 
     subroutine find_model(handle, model, status)
         integer(c_int), intent(in) :: handle
         type(model_type), pointer, intent(out) :: model
         type(status_type), intent(out) :: status
+        type(open_scene), pointer :: scene
 
         nullify (model)
-        !$omp critical (linkdyn_registry)
-        if (allocated(opened)) then
-            if (handle >= 1 .and. handle <= size(opened)) model => opened(handle)%model
-        end if
-        !$omp end critical (linkdyn_registry)
-        if (.not. associated(model)) call fail(status, status_stale_handle, "this scene was closed")
+        call find_scene(handle, scene, status)
+        if (associated(scene)) model => scene%model
     end subroutine find_model
+
+    !> The equations for a solver, planned when they are first asked for. Threads that ask at the same time may both
+    !> plan; the first one's plan is kept.
+    subroutine find_solver(scene, name, wants_reactions, solver, status)
+        type(open_scene), pointer, intent(in) :: scene
+        character(len=*), intent(in) :: name
+        logical, intent(in) :: wants_reactions
+        type(inverse_solver), pointer, intent(out) :: solver
+        type(status_type), intent(inout) :: status
+        type(inverse_solver), pointer :: new
+        type(solver_box), pointer :: box
+        type(inverse_options) :: options
+
+        nullify (solver)
+        call choose_solver(name, options%solver, status)
+        if (status%code /= 0) return
+        box => scene%without_reactions(options%solver)
+        if (wants_reactions) box => scene%with_reactions(options%solver)
+        !$omp critical (linkdyn_registry)
+        solver => box%solver
+        !$omp end critical (linkdyn_registry)
+        if (associated(solver)) return
+        call check_actuators(scene%model%scene, status)
+        if (status%code /= 0) return
+        allocate (new)
+        call prepare_inverse(scene%model, options, wants_reactions, new, status)
+        !$omp critical (linkdyn_registry)
+        if (status%code == 0 .and. .not. associated(box%solver)) then
+            box%solver => new
+            nullify (new)
+        end if
+        solver => box%solver
+        !$omp end critical (linkdyn_registry)
+        if (.not. associated(new)) return
+        call new%free()
+        deallocate (new)
+    end subroutine find_solver
+
+    subroutine free_solvers(boxes)
+        type(solver_box), intent(inout) :: boxes(:)
+        integer :: i
+
+        do i = 1, size(boxes)
+            if (.not. associated(boxes(i)%solver)) cycle
+            call boxes(i)%solver%free()
+            deallocate (boxes(i)%solver)
+        end do
+    end subroutine free_solvers
 
     !> A load of unknown value on the marker "link.marker".
     subroutine add_load(name, scene, status)
@@ -515,21 +581,4 @@ contains
             bytes(i) = iachar(text(i:i))
         end do
     end subroutine to_bytes
-
-    !> All that was written to a formatted stream, line by line.
-    subroutine read_back(unit, text)
-        integer, intent(in) :: unit
-        character(len=*), intent(out) :: text
-        character(len=len(text)) :: line
-        integer :: place, outcome, length
-
-        rewind (unit)
-        place = 0
-        do
-            read (unit, "(a)", iostat=outcome, size=length, advance="no") line
-            if (outcome > 0 .or. is_iostat_end(outcome)) exit
-            text(place + 1:) = line(:length)//new_line("a")
-            place = place + length + 1
-        end do
-    end subroutine read_back
 end module linkdyn_f2py_api

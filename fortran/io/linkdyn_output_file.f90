@@ -7,7 +7,7 @@ module linkdyn_output_file
     implicit none (type, external)
     private
     public :: output_file, open_output, commit_output, discard_output, writing_failed
-    public :: open_text, write_text, close_text
+    public :: open_text, write_text, close_text, print_text
     public :: is_terminal, leave_process
 
     integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2   !! of linkdyn_output.h
@@ -155,6 +155,18 @@ contains
         if (linkdyn_write_text(file%descriptor, text, len(text), reason, len(reason)) /= 0) &
             call writing_failed(file, reason, status)
     end subroutine write_text
+
+    !> Write to standard output, and find out whether it took the text.
+    subroutine print_text(text, status)
+        character(len=*), intent(in) :: text
+        type(status_type), intent(inout) :: status
+        integer(c_int), parameter :: standard_output = 1
+        character(len=128) :: reason
+
+        if (len(text) == 0) return
+        if (linkdyn_write_text(standard_output, text, len(text), reason, len(reason)) /= 0) &
+            call fail(status, status_io_error, "standard output: cannot be written: "//trim(reason))
+    end subroutine print_text
 
     subroutine close_text(file, status)
         type(output_file), intent(inout) :: file

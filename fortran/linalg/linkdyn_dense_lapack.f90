@@ -5,7 +5,7 @@ module linkdyn_dense
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: dense_workspace, solve_dense, dense_name
+    public :: dense_workspace, solve_dense, dense_name, hold_blas_threads, release_blas_threads
 
     character(len=*), parameter :: dense_name = "LAPACK dgesvx"
 
@@ -30,9 +30,25 @@ module linkdyn_dense
             real(wp), intent(out) :: x(ldx, *), rcond, ferr(*), berr(*), work(*)
             integer, intent(out) :: iwork(*), info
         end subroutine dgesvx
+
+        subroutine linkdyn_hold_blas() bind(c)
+        end subroutine linkdyn_hold_blas
+
+        subroutine linkdyn_release_blas() bind(c)
+        end subroutine linkdyn_release_blas
     end interface
 
 contains
+
+    !> From now on BLAS computes in the thread that calls it: a team of its own inside each of our threads costs time.
+    subroutine hold_blas_threads()
+        call linkdyn_hold_blas()
+    end subroutine hold_blas_threads
+
+    !> As many BLAS threads as before, once nobody holds them any more.
+    subroutine release_blas_threads()
+        call linkdyn_release_blas()
+    end subroutine release_blas_threads
 
     !> Make room for n unknowns.
     pure subroutine prepare(self, n)

@@ -21,6 +21,15 @@ _ERRORS: dict[int, type[LinkdynError]] = {
     UNAVAILABLE: UnavailableError,
     STALE_HANDLE: ClosedSceneError,
 }
+_GROUPS = (
+    ("driving_force",),
+    ("driving_speed", "driving_power"),
+    ("reaction",),
+    ("joint_variable", "joint_rate"),
+    ("rcond", "error", "growth", "power_imbalance"),
+)
+"""Results that are computed together, in the engine's order."""
+_OUTPUTS = tuple(name for group in _GROUPS for name in group)
 _NOTHING = np.zeros(1)
 _TEXT_ROOM = 65536
 LOAD_WIDTH = 6
@@ -112,9 +121,9 @@ def describe_scene(handle: int) -> dict[str, Any]:
     return json.loads(_read_text(_api.api_describe_scene, handle))
 
 
-def describe_results(handle: int, want: str, has_time: bool) -> dict[str, Any]:
-    """Dimensions and variables of the results."""
-    return json.loads(_read_text(_api.api_describe_results, handle, want, int(has_time)))
+def describe_results(handle: int, solver: str, want: str, has_time: bool) -> dict[str, Any]:
+    """Dimensions and variables of the results; ``want`` "" is all that the solver gives."""
+    return json.loads(_read_text(_api.api_describe_results, handle, solver, want, int(has_time)))
 
 
 def explain(handle: int) -> str:
@@ -157,10 +166,8 @@ def inverse(
     outputs
         Result arrays by name, C-ordered, sample first; what is not there is not computed. "status" must be.
     """
-    groups = (("driving_force",), ("driving_speed", "driving_power"), ("reaction",), ("joint_variable", "joint_rate"),
-              ("rcond", "error", "growth", "power_imbalance"))
-    wanted = np.array([group[0] in outputs for group in groups], dtype=np.intc)
-    arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for group in groups for name in group]
+    wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
+    arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for name in _OUTPUTS]
     check(*_api.api_inverse(handle, solver, threads, first, wanted, *map(_flat, inputs), *arrays, outputs["status"]))
 
 

@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 
 from . import _bind
 
-__all__ = ["result_arrays", "to_dataset"]
+__all__ = ["result_shapes", "to_dataset"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
 
 
-def result_arrays(schema: dict[str, Any], n: int) -> dict[str, NDArray[Any]]:
-    """Uninitialised arrays for everything that is computed, by name, sample first."""
+def result_shapes(schema: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], type]]:
+    """Shape of one sample and dtype of everything that is computed, by name."""
     sizes = {dimension["name"]: len(dimension.get("labels", ())) for dimension in schema["dimensions"]}
-    sizes["sample"] = n
     return {
-        variable["name"]: np.empty(
-            [sizes[name] for name in variable["dims"]], dtype=np.intc if variable["is_integer"] else np.float64
+        variable["name"]: (
+            tuple(sizes[name] for name in variable["dims"] if name != "sample"),
+            np.intc if variable["is_integer"] else np.float64,
         )
         for variable in schema["variables"]
         if variable["name"] not in INPUTS

@@ -16,12 +16,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
 from .errors import InputError
-from .results import result_arrays, to_dataset
+from .results import result_shapes, to_dataset
 
 __all__ = ["Scene", "Poses", "load"]
 
 BLOCK = 65536
 """Samples in one call of the engine: an interrupt (Ctrl-C) is heard between two calls."""
+
+
+@dataclass(frozen=True)
+class _Job:
+    """What calls of one kind have in common."""
+
+    handle: int
+    """Of the scene with the loads of ``wrench``."""
+    n_load: int
+    solver: str
+    schema: dict[str, Any]
+    shapes: dict[str, tuple[tuple[int, ...], type]]
+    """Shape of one sample and dtype of every result."""
+    load: NDArray[np.float64]
+    """(1, n_load, 6) loads of the scene at the instant 0."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +110,8 @@ class Scene:
         self.joints = _names(self.description["joints"])
         self.links = _names(self.description["links"][1:])
         self.loads = _names(self.description["loads"])
-        self._with_loads: tuple[tuple[str, ...], int] | None = None
+        self._handles: dict[tuple[str, ...], int] = {(): handle}
+        self._jobs: dict[tuple[Any, ...], _Job] = {}
 
     def __repr__(self) -> str:
         return (
@@ -153,13 +169,14 @@ class Scene:
         *,
         wrench: Mapping[str, ArrayLike] | None = None,
         t: ArrayLike | None = None,
-        want: str | Iterable[str] = "all",
+        want: str | Iterable[str] | None = None,
         solver: str = "elimination",
         threads: int = 1,
     ) -> xr.Dataset:
         """Driving forces and joint reactions for a given motion.
 
         Without ``q``: along the scene's own motion (at ``t``, or at the scene's instants). With ``q``: for a batch.
+        For many small batches `solve` is quicker.
 
         Parameters
         ----------
@@ -173,10 +190,10 @@ class Scene:
             (N,) or one instant [s] at which the scene's loads act; default: the scene's instants without ``q``,
             else 0.
         want
-            "driving_force", "reaction", "joint_variable", "power", "checks" or several of them, or "all". What is
-            not wanted is not computed.
+            "driving_force", "reaction", "joint_variable", "power", "checks" or several of them, or "all"; default:
+            all that the solver gives. What is not wanted is not computed.
         solver
-            "elimination", "lapack", "gauss-jordan" or "reduced".
+            "elimination", "lapack", "gauss-jordan" or "reduced", which gives all but the reactions.
         threads
             Number of threads.
 
@@ -194,46 +211,137 @@ class Scene:
         along_motion = q is None
         if along_motion and (qd is not None or qdd is not None):
             raise InputError("qd, qdd: given without q")
-        wanted = want if isinstance(want, str) else ",".join(want)
-        handle, names = self._handle_for(tuple(wrench or ()))
-        schema = _bind.describe_results(handle, wanted, along_motion)
-        loads = list((wrench or {}).items())
+        job = self._job(want, solver, wrench, along_motion)
         if along_motion:
             instants = self.times() if t is None else self._instants(t)
-            given: dict[str, Any] = {"time": instants}
-            given["q"], given["qd"], given["qdd"], load = _bind.motion(
-                handle, instants, len(self.coordinates), len(names)
-            )
+            *motion, load = _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)
+            given = {"time": instants} | dict(zip(("q", "qd", "qdd"), motion))
         else:
-            given = {"q": self._batch("q", q, None)}
-            n = len(given["q"])
-            for name, values in (("qd", qd), ("qdd", qdd)):
-                given[name] = np.zeros_like(given["q"]) if values is None else self._batch(name, values, n)
-            load = self._loads_at(handle, 0.0 if t is None else t, n, len(names))
-        n = len(given["q"])
-        extra = [self._wrench(marker, values, n) for marker, values in loads]
-        outputs = result_arrays(schema, n)
-        _run(handle, str(solver), _count("threads", threads), given, load, extra, outputs)
-        return to_dataset(schema, given | outputs, self.description, self.text, solver)
+            given = self._given(q, qd, qdd)
+            load = self._loads_at(job, t, len(given["q"]))
+        outputs = self._run(job, threads, given, load, wrench)
+        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver)
 
-    def _handle_for(self, markers: tuple[str, ...]) -> tuple[int, tuple[str, ...]]:
-        """Handle and load names of the scene with loads at these markers too; the last such scene is kept."""
-        if not markers:
-            return self._handle, self.loads
+    def solve(
+        self,
+        q: ArrayLike,
+        qd: ArrayLike | None = None,
+        qdd: ArrayLike | None = None,
+        *,
+        wrench: Mapping[str, ArrayLike] | None = None,
+        t: ArrayLike | None = None,
+        want: str | Iterable[str] | None = "driving_force",
+        solver: str = "elimination",
+        threads: int = 1,
+    ) -> dict[str, NDArray[Any]]:
+        """What `inverse` computes for a batch, as plain arrays.
+
+        One pose takes some ten microseconds: for loops and optimizers, where the Dataset of `inverse` takes longer
+        to build than the forces to compute.
+
+        Parameters
+        ----------
+        q, qd, qdd, wrench, t, solver, threads
+            As in `inverse`.
+        want
+            As in `inverse`; default: the driving forces alone.
+
+        Returns
+        -------
+        dict of str to ndarray
+            By name, sample first, in the order of `actuators`, `joints`, ...: "driving_force" (N, n_actuator),
+            "reaction" (N, n_joint, n_component), ..., and always "status" (N,), 0 where the sample did not fail.
+            Units as in `inverse`. The arrays are new and belong to the caller.
+
+        Raises
+        ------
+        InputError
+            As in `inverse`.
+
+        Examples
+        --------
+        >>> import linkdyn
+        >>> scene = linkdyn.load("examples/stewart_tsai/scene.toml")
+        >>> q, qd, qdd = scene.motion(0.5)
+        >>> scene.solve(q, qd, qdd)["driving_force"].shape
+        (1, 6)
+        """
+        job = self._job(want, solver, wrench, False)
+        given = self._given(q, qd, qdd)
+        return self._run(job, threads, given, self._loads_at(job, t, len(given["q"])), wrench)
+
+    def _job(
+        self,
+        want: str | Iterable[str] | None,
+        solver: str,
+        wrench: Mapping[str, ArrayLike] | None,
+        along_motion: bool,
+    ) -> _Job:
+        """Checked once for calls of one kind."""
+        wanted = want if isinstance(want, str) else ",".join(want or ())
+        key = (wanted, solver, tuple(wrench or ()), along_motion)
+        job = self._jobs.get(key)
+        if job is None:
+            handle, n_load = self._with_loads(key[2])
+            schema = _bind.describe_results(handle, str(solver), wanted, along_motion)
+            load = _bind.motion(handle, np.zeros(1), len(self.coordinates), n_load)[3]
+            job = _Job(handle, n_load, str(solver), schema, result_shapes(schema), load)
+            self._jobs[key] = job
+        return job
+
+    def _with_loads(self, markers: tuple[str, ...]) -> tuple[int, int]:
+        """Handle and number of loads of the scene with loads at these markers too."""
         if not all(isinstance(marker, str) for marker in markers):
             raise InputError('wrench: expected marker names such as "platform.tool" as keys')
-        if self._with_loads is None or self._with_loads[0] != markers:
+        if markers not in self._handles:
             handle = _bind.add_loads(self._handle, markers)
             weakref.finalize(self, _bind.close_scene, handle)
-            self._with_loads = (markers, handle)
-        return self._with_loads[1], self.loads + markers
+            self._handles[markers] = handle
+        return self._handles[markers], len(self.loads) + len(markers)
 
-    def _loads_at(self, handle: int, t: ArrayLike, n: int, n_load: int) -> NDArray[np.float64]:
+    def _given(self, q: ArrayLike, qd: ArrayLike | None, qdd: ArrayLike | None) -> dict[str, NDArray[np.float64]]:
+        """Coordinates and derivatives of a batch, checked."""
+        values = self._batch("q", q, None)
+        n = len(values)
+        return {
+            "q": values,
+            "qd": np.zeros_like(values) if qd is None else self._batch("qd", qd, n),
+            "qdd": np.zeros_like(values) if qdd is None else self._batch("qdd", qdd, n),
+        }
+
+    def _run(
+        self,
+        job: _Job,
+        threads: int,
+        given: dict[str, NDArray[np.float64]],
+        load: NDArray[np.float64],
+        wrench: Mapping[str, ArrayLike] | None,
+    ) -> dict[str, NDArray[Any]]:
+        """Blocks of samples through the engine; loads are spread over the samples block by block."""
+        n, threads = len(given["q"]), _count("threads", threads)
+        extra = [self._wrench(marker, values, n) for marker, values in (wrench or {}).items()]
+        outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
+        inputs = (given["q"], given["qd"], given["qdd"])
+        for first in range(0, n, BLOCK):
+            block = slice(first, min(first + BLOCK, n))
+            _bind.inverse(
+                job.handle,
+                job.solver,
+                threads,
+                first,
+                (*(values[block] for values in inputs), _spread(load, extra, block, n)),
+                {name: values[block] for name, values in outputs.items()},
+            )
+        return outputs
+
+    def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:
         """The scene's loads (N or 1, n_load, 6) at the instants of a batch."""
+        if t is None:
+            return job.load
         instants = self._instants(t)
         if len(instants) not in (1, n):
             raise InputError(f"t: expected one instant or shape ({n},), got ({len(instants)},)")
-        return _bind.motion(handle, instants, len(self.coordinates), n_load)[3]
+        return _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)[3]
 
     def _batch(self, name: str, values: ArrayLike, n: int | None) -> NDArray[np.float64]:
         columns = len(self.coordinates)
@@ -260,29 +368,18 @@ class Scene:
         return full
 
 
-def _run(
-    handle: int,
-    solver: str,
-    threads: int,
-    given: dict[str, NDArray[np.float64]],
-    load: NDArray[np.float64],
-    extra: list[NDArray[np.float64]],
-    outputs: dict[str, NDArray[Any]],
-) -> None:
-    """Blocks of samples through the engine; loads are spread over the samples block by block."""
-    n = len(given["q"])
+def _spread(
+    load: NDArray[np.float64], extra: list[NDArray[np.float64]], block: slice, n: int
+) -> NDArray[np.float64]:
+    """Loads (samples, n_load, 6) of a block; those of ``wrench`` stand behind the scene's own."""
+    if not extra and len(load) == n:
+        return load[block]
+    spread = np.empty((block.stop - block.start, *load.shape[1:]))
     n_own = load.shape[1] - len(extra)
-    for first in range(0, n, BLOCK):
-        block = slice(first, min(first + BLOCK, n))
-        if extra or len(load) != n:
-            spread = np.empty((block.stop - first, *load.shape[1:]))
-            spread[:, :n_own] = (load if len(load) == 1 else load[block])[:, :n_own]
-            for k, values in enumerate(extra):
-                spread[:, n_own + k] = values if len(values) == 1 else values[block]
-        else:
-            spread = load[block]
-        inputs = (given["q"][block], given["qd"][block], given["qdd"][block], spread)
-        _bind.inverse(handle, solver, threads, first, inputs, {name: values[block] for name, values in outputs.items()})
+    spread[:, :n_own] = (load if len(load) == 1 else load[block])[:, :n_own]
+    for k, values in enumerate(extra):
+        spread[:, n_own + k] = values if len(values) == 1 else values[block]
+    return spread
 
 
 def _source(source: Any) -> tuple[bytes, str, str | os.PathLike[str]]:

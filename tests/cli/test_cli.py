@@ -20,6 +20,8 @@ from linkdyn.cli import executable
 
 BAD_SCENES = sorted((Path(__file__).parent / "bad_scenes").glob("*.toml"))
 DONE, BAD_INPUT, SAMPLES_FAILED = 0, 2, 3
+WHAT = {"elimination": "driving_force,reaction", "reduced": "driving_force"}
+"""What the summary shows."""
 
 
 def run(*arguments, **options) -> subprocess.CompletedProcess:
@@ -61,7 +63,7 @@ def test_version_and_help():
     assert run().stdout == general.stdout
     inverse = run("inverse", "--help")
     assert inverse.returncode == DONE
-    for option in ("--output", "--csv", "--want", "--solver", "--threads", "--quiet", "--compress"):
+    for option in ("--output", "--csv", "--want", "--solver", "--threads", "--quiet", "--compress", "--no-output"):
         assert option in inverse.stdout
     assert run("explain", "--help").returncode == DONE
 
@@ -80,7 +82,9 @@ def test_version_and_help():
         (["inverse", "SCENE", "--threads=two"], ["--threads", "'two'"]),
         (["inverse", "SCENE", "--csv=yes"], ["--csv", "takes no value"]),
         (["inverse", "SCENE", "SCENE"], ["a second scene"]),
-        (["inverse", "SCENE", "--solver", "reduced"], ["reduced", "reaction"]),
+        (["inverse", "SCENE", "--solver", "reduced", "--want", "reaction"], ["reduced", "reaction"]),
+        (["inverse", "SCENE", "--no-output", "--csv"], ["--no-output", "--csv"]),
+        (["inverse", "SCENE", "--no-output", "-o", "run.nc"], ["--no-output", "--output"]),
         (["explain", "SCENE", "--csv"], ["'--csv'", "unknown option"]),
         (["inverse", "no_such_file.toml"], ["no_such_file.toml"]),
         (["inverse", "/"], ["/"]),
@@ -136,14 +140,66 @@ def test_solver_is_used_and_recorded(solver, tsai_file, tmp_path):
 
 
 def test_threads_do_not_change_results(tsai_file, tmp_path):
-    for n in (1, 2):
+    for n in (1, 2, 3):
         assert run("inverse", tsai_file, "--threads", n, "-q", "-o", tmp_path / f"{n}.nc").returncode == DONE
-    with xr.open_dataset(tmp_path / "1.nc") as one, xr.open_dataset(tmp_path / "2.nc") as two:
-        xr.testing.assert_equal(one, two)
+    with xr.open_dataset(tmp_path / "1.nc") as one:
+        for n in (2, 3):
+            with xr.open_dataset(tmp_path / f"{n}.nc") as other:
+                xr.testing.assert_equal(one, other)
+
+
+def test_reduced_gives_all_but_the_reactions(tsai_file, tmp_path):
+    result = run("inverse", tsai_file, "--solver", "reduced", "-o", tmp_path / "run.nc")
+    assert result.returncode == DONE and "reduced" in result.stdout and "no reactions" in result.stdout
+    with xr.open_dataset(tmp_path / "run.nc") as data:
+        assert "reaction" not in data and "joint_rate" in data
+        expected = linkdyn.load(tsai_file).inverse().driving_force
+        # 1e-11: rounding of both solvers, conditions below 1e3
+        np.testing.assert_allclose(data.driving_force, expected, rtol=0, atol=1e-11 * float(np.abs(expected).max()))
+        assert np.isfinite(data.power_imbalance).all()
+
+
+@pytest.mark.parametrize("solver", ["elimination", "reduced"])
+def test_no_output_prints_the_same_summary_and_writes_nothing(solver, tsai, tmp_path):
+    tsai["time"]["samples"] = 50_001    # more blocks than threads, the last one not full
+    (tmp_path / "long.toml").write_text(tomli_w.dumps(tsai))
+    kept = run("inverse", "long.toml", "--solver", solver, "--want", WHAT[solver], "-o", "run.nc", cwd=tmp_path)
+    (tmp_path / "run.nc").unlink()
+
+    def figures(text: str) -> list[str]:
+        return [line for line in text.splitlines() if not re.match(r"  (\d+ samples|computing time|results)\b", line)]
+
+    for n in (1, 2, 3):
+        result = run("inverse", "long.toml", "--solver", solver, "--no-output", "--threads", n, cwd=tmp_path)
+        assert result.returncode == DONE and figures(result.stdout) == figures(kept.stdout)
+        assert "computing time" in result.stdout
+    assert [file.name for file in tmp_path.iterdir()] == ["long.toml"]
+
+
+def test_no_output_counts_failed_samples(crossing, tmp_path):
+    (tmp_path / "crossing.toml").write_text(tomli_w.dumps(crossing))
+    result = run("inverse", "crossing.toml", "--no-output", "--threads", 2, cwd=tmp_path)
+    assert result.returncode == SAMPLES_FAILED
+    assert "1 of 5, first at t = 2" in result.stdout and "1 of 5, first at t = 2" in result.stderr
+
+
+def test_memory_does_not_grow_with_the_run(tsai, tmp_path):
+    def peak(samples: int) -> int:
+        """Largest memory [KiB] of a run."""
+        tsai["time"]["samples"] = samples
+        (tmp_path / "run.toml").write_text(tomli_w.dumps(tsai))
+        process = subprocess.Popen([executable(), "inverse", "run.toml", "--no-output", "-q"], cwd=tmp_path)
+        _, outcome, usage = os.wait4(process.pid, 0)
+        process.returncode = outcome
+        assert outcome == 0
+        return usage.ru_maxrss
+
+    # the times alone of the longer run would fill 16 MB
+    assert peak(2_000_000) < peak(100_000) + 2_000
 
 
 def test_blocks_join_without_a_seam(tsai, tmp_path):
-    tsai["time"]["samples"] = 40001    # more than two blocks of 16384
+    tsai["time"]["samples"] = 40001    # more than two blocks of samples
     (tmp_path / "long.toml").write_text(tomli_w.dumps(tsai))
     result = run("inverse", tmp_path / "long.toml", "-q", "--want", "driving_force", "-o", tmp_path / "long.nc")
     assert result.returncode == DONE
@@ -214,6 +270,23 @@ def test_full_device(tsai_file):
     refused(run("inverse", tsai_file, "--csv", "-o", "/dev/full"), "/dev/full: cannot be written", "No space left")
     refused(run("inverse", tsai_file, "-o", "/dev/full"), "/dev/full: cannot be written")
     assert Path("/dev/full").is_char_device()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+@pytest.mark.parametrize(
+    "arguments", [["explain", "SCENE"], ["inverse", "SCENE", "--no-output"], ["inverse", "--help"], ["--version"]]
+)
+def test_full_standard_output(arguments, tsai_file):
+    """libgfortran would not tell."""
+    with open("/dev/full", "w") as full:
+        result = subprocess.run(
+            [executable(), *(str(tsai_file) if word == "SCENE" else word for word in arguments)],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    assert result.returncode == BAD_INPUT
+    assert result.stderr == "standard output: cannot be written: No space left on device\n"
 
 
 @pytest.mark.parametrize("options", [[], ["--compress"], ["--csv"]], ids=["nc", "compressed", "csv"])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import timeit
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +78,70 @@ def test_samples_do_not_depend_on_their_block_or_thread(scene, monkeypatch):
     got = scene.inverse(q, qd, qdd, wrench={"platform.center": w}, threads=2)
     for name in ("driving_force", "reaction"):
         np.testing.assert_array_equal(got[name], expected[name])
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack", "gauss-jordan", "reduced"])
+def test_threads_do_not_change_a_bit(scene, solver):
+    q, qd, qdd = batch(scene, 1001)
+    runs = [scene.solve(q, qd, qdd, want=None, solver=solver, threads=n) for n in (1, 2, 3)]
+    assert set(runs[0]) >= {"driving_force", "power_imbalance", "status"}
+    for run in runs[1:]:
+        for name, values in runs[0].items():
+            np.testing.assert_array_equal(run[name], values, err_msg=name)
+
+
+def test_scene_serves_several_python_threads_at_once(scene):
+    """The equations are planned once, scratch is shared out: no batch may see another's."""
+    q, qd, qdd = batch(scene, 400)
+    expected = scene.inverse(q, qd, qdd, solver="lapack")
+
+    def one_after_another(first: int) -> list[np.ndarray]:
+        return [linkdyn_scene.solve(q[i : i + 1], qd[i : i + 1], qdd[i : i + 1], want="reaction")["reaction"][0]
+                for i in range(first, 400, 4)]
+
+    linkdyn_scene = linkdyn.Scene(scene.text)    # nothing planned yet
+    with ThreadPoolExecutor(4) as pool:
+        for first, values in enumerate(pool.map(one_after_another, range(4))):
+            # another solver: a few hundred roundings of the largest value
+            scale = 1e3 * np.finfo(float).eps * float(np.abs(expected.reaction).max())
+            np.testing.assert_allclose(values, expected.reaction[first::4], rtol=0, atol=scale)
+
+
+def test_solve_gives_the_arrays_of_inverse(scene):
+    q, qd, qdd = batch(scene, 21)
+    wrench = {"platform.center": np.arange(6.0)}
+    run = scene.inverse(q, qd, qdd, wrench=wrench)
+    arrays = scene.solve(q, qd, qdd, wrench=wrench, want="all")
+    assert set(arrays) == set(run.data_vars) - {"q", "qd", "qdd"}
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(values, run[name])
+        assert values.dtype == run[name].dtype
+    assert set(scene.solve(q)) == {"driving_force", "status"}
+    again = scene.solve(q, qd, qdd, wrench=wrench, want="all")
+    assert not any(np.shares_memory(again[name], arrays[name]) for name in arrays)
+
+
+def test_one_pose_is_quick(scene):
+    """The light door builds no Dataset and plans nothing anew: a hundredth of a millisecond, not one."""
+    q, qd, qdd = batch(scene, 1)
+    scene.solve(q, qd, qdd)
+    assert min(timeit.repeat(lambda: scene.solve(q, qd, qdd), number=20, repeat=20)) / 20 < 200e-6
+
+
+def test_reduced_gives_all_but_the_reactions(scene):
+    q, qd, qdd = batch(scene, 5)
+    assert set(scene.solve(q, qd, qdd, want=None)) - set(scene.solve(q, qd, qdd, want=None, solver="reduced")) == {"reaction"}
+    with pytest.raises(linkdyn.InputError, match="'reduced' has no reactions"):
+        scene.solve(q, want="all", solver="reduced")
+
+
+def test_loads_at_other_markers_come_and_go(scene):
+    q = np.tile(SPREAD, (2, 1))
+    plain = scene.solve(q)["driving_force"]
+    forces = [scene.solve(q, wrench={marker: np.ones(6)})["driving_force"] for marker in ("platform.center", "platform.P1")]
+    assert np.abs(forces[0] - forces[1]).max() > 1e-3
+    np.testing.assert_array_equal(scene.solve(q, wrench={"platform.center": np.ones(6)})["driving_force"], forces[0])
+    np.testing.assert_array_equal(scene.solve(q)["driving_force"], plain)
 
 
 def test_only_what_is_wanted(scene):
@@ -168,6 +234,9 @@ def test_failed_sample_is_flagged_and_its_neighbours_are_untouched(crossing):
 def test_wrong_arguments_are_refused_by_name(scene, arguments, message):
     with pytest.raises(linkdyn.InputError, match=message):
         scene.inverse(**arguments)
+    if "q" in arguments:
+        with pytest.raises(linkdyn.InputError, match=message):
+            scene.solve(**arguments)
 
 
 @pytest.mark.parametrize("name", ["q", "qd", "qdd"])
@@ -223,6 +292,17 @@ def test_poses_put_the_platform_where_it_is_told(scene):
         poses.rotation @ poses.rotation.swapaxes(-1, -2), np.broadcast_to(np.eye(3), poses.rotation.shape), atol=1e-14
     )
     assert scene.poses(SPREAD).position.shape == (1, 13, 3)
+
+
+def test_poses_need_no_actuators(tsai):
+    posed = linkdyn.Scene(tsai).poses(SPREAD)
+    tsai["chain"][0]["actuated"] = False
+    scene = linkdyn.Scene(tsai)
+    assert scene.actuators == ()
+    np.testing.assert_array_equal(scene.poses(SPREAD).position, posed.position)
+    np.testing.assert_array_equal(scene.poses(SPREAD).rotation, posed.rotation)
+    with pytest.raises(linkdyn.InputError, match="actuator"):
+        scene.solve(SPREAD[np.newaxis])
 
 
 def test_explain_names_what_is_solved(scene):

@@ -1,0 +1,44 @@
+!> Where the links are: kinematics alone, without equations, so that a scene can be drawn that has no actuators.
+module linkdyn_poses
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_status, only: sample_ok, sample_unreachable
+    use linkdyn_vec3, only: lane_of, mat3_lane
+    implicit none (type, external)
+    private
+    public :: find_poses
+
+contains
+
+    !> Poses of all moving links. A sample that cannot be assembled says so and is what the closure left.
+    subroutine find_poses(model, q, position, rotation, sample_status)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)                 !! (n_q, n) [m, rad]
+        real(wp), intent(out) :: position(:, :, :)      !! (3, n_link, n) origins, world [m]
+        real(wp), intent(out) :: rotation(:, :, :, :)   !! (3, 3, n_link, n) columns: the link's axes
+        integer, intent(out) :: sample_status(:)        !! (n) one of `sample_*`
+        type(kinematic_state) :: state
+        integer :: first, lane, sample, i
+
+        call prepare_kinematics(model, 0, state)
+        state%qd = 0
+        state%qdd = 0
+        do first = 1, size(q, 2), lanes
+            do lane = 1, lanes
+                state%q(lane, :) = q(:, min(first + lane - 1, size(q, 2)))
+            end do
+            call evaluate_kinematics(model, state)
+            do lane = 1, min(lanes, size(q, 2) - first + 1)
+                sample = first + lane - 1
+                sample_status(sample) = merge(sample_unreachable, sample_ok, state%unreachable(lane))
+                do i = 1, model%n_link
+                    position(:, i, sample) = lane_of(state%position(i), lane)
+                    rotation(:, :, i, sample) = mat3_lane(state%rotation(model%link(i)%orientation), lane)
+                end do
+            end do
+        end do
+    end subroutine find_poses
+end module linkdyn_poses
