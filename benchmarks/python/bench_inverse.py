@@ -160,9 +160,9 @@ def quad_solution(quad: Path, text: str, scene: linkdyn.Scene) -> np.ndarray:
         path.write_text(text)
         subprocess.run([quad, "inverse", path, "--csv", "-o", out, "--quiet", "--want", "driving_force,reaction"], check=True)
         header, values = list(csv.reader(out.open()))
-    value = {name.rsplit(" [", 1)[0]: float(x) for name, x in zip(header, values)}
-    return np.array([value[f"driving_force {a}"] for a in scene.actuators]
-                    + [value[f"reaction {j} {c}"] for j in scene.joints for c in COMPONENTS])
+    value = {name.rsplit(" [", 1)[0]: x for name, x in zip(header, values)}
+    names = [f"driving_force {a}" for a in scene.actuators] + [f"reaction {j} {c}" for j in scene.joints for c in COMPONENTS]
+    return np.array([float(value[name]) for name in names])
 
 
 def singularity_table(errors: dict[str, np.ndarray], condition: np.ndarray, handed_on: np.ndarray) -> str:
