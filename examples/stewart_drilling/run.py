@@ -58,7 +58,7 @@ def reaction_lines(run: xr.Dataset) -> str:
             size = size.transpose("sample", "joint").values
             sample, joint = np.unravel_index(np.argmax(size), size.shape)
             if size[sample, joint] > 0:
-                lines.append(f"largest {what + ' in a ' + word + ' joint':<34} {size[sample, joint]:>7.0f} {unit:<3} "
+                lines.append(f"largest {what + ' in a ' + word + ' joint':<34} {size[sample, joint]:>7.4g} {unit:<3} "
                              f"{joints[joint]} at {float(run.time[sample]):.2f} s")
     return "\n".join(lines)
 
