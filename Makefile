@@ -38,7 +38,8 @@ test: $(PACKAGE)
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
 
 bench: $(PACKAGE)
-	$(VENV)/bin/meson test -C $(BUILD) --benchmark --verbose
+	@$(VENV)/bin/meson compile -C $(BUILD) bench_inverse_real64
+	$(VENV)/bin/python benchmarks/python/bench_inverse.py
 
 docs: $(REQUIREMENTS)
 	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/python -m pip install --quiet ford
