@@ -276,6 +276,13 @@ contains
         workspace%growth = workspace%rcond
         call evaluate_kinematics(model, workspace%state)
         workspace%status = merge(sample_unreachable, sample_ok, workspace%state%unreachable)
+        ! Also what no force depends on, such as the rates of massless links.
+        call flag_not_finite(workspace%state%q, workspace%status)
+        call flag_not_finite(workspace%state%qd, workspace%status)
+        call flag_not_finite(workspace%state%qdd, workspace%status)
+        do k = 1, model%n_load
+            call flag_not_finite(workspace%load(:, :, k), workspace%status)
+        end do
         if (equations%solver == solver_reduced) then
             call solve_reduced(model, workspace)
             call flag_not_finite(workspace%driving_force, workspace%status)
@@ -285,7 +292,7 @@ contains
             call assemble_matrix(model, formulation, workspace%state, workspace%slot%value)
             call assemble_right(model, formulation, workspace%state, workspace%load, formulation%n_slot, workspace%slot%value)
             call flag_not_finite(workspace%slot%value(:, formulation%n_slot + 1:formulation%n_slot + model%n_row), &
-                                 workspace%status)
+                                 workspace%status, formulation%has_right)
             select case (equations%solver)
             case (solver_gauss_jordan)
                 call solve_by_gauss_jordan(model, formulation, workspace)
@@ -302,15 +309,20 @@ contains
         end associate
     end subroutine solve_block
 
-    !> A motion or load that is not finite has no forces.
-    pure subroutine flag_not_finite(value, status)
-        real(wp), intent(in) :: value(:, :)          !! (lane, any)
+    !> A motion or load that is not finite has no forces. Where a link has no right-hand side, its slots hold what the
+    !> block before left there.
+    pure subroutine flag_not_finite(value, status, is_used)
+        real(wp), intent(in) :: value(:, :)          !! (lane, row)
         integer, intent(inout) :: status(lanes)
+        logical, intent(in), optional :: is_used(:)  !! rows of the link; all if absent
         real(wp) :: total(lanes)
         integer :: k
 
         total = 0
         do k = 1, size(value, 2)
+            if (present(is_used)) then
+                if (.not. is_used((k - 1)/6 + 1)) cycle
+            end if
             total = total + abs(value(:, k))
         end do
         where (status == sample_ok .and. .not. total <= huge(1.0_wp)) status = sample_unreachable
