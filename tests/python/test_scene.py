@@ -29,6 +29,12 @@ def batch(scene: linkdyn.Scene, n: int) -> tuple[np.ndarray, np.ndarray, np.ndar
     return SPREAD + 0.05 * wave, 0.5 * wave, 2.0 * wave
 
 
+def assert_but_for_rounding(got, expected) -> None:
+    """Equal but for a few hundred roundings of the largest value: another lane, another order of elimination."""
+    scale = 1e3 * np.finfo(float).eps * float(np.abs(expected).max())
+    np.testing.assert_allclose(got, expected, rtol=0, atol=scale)
+
+
 def test_names(scene):
     assert scene.coordinates == tuple(f"platform.{name}" for name in ("x", "y", "z", "roll", "pitch", "yaw"))
     assert scene.actuators == tuple(f"leg{i}.P" for i in range(1, 7))
@@ -67,17 +73,17 @@ def test_layout_of_arrays_does_not_matter(scene):
     q, qd, qdd = batch(scene, 40)
     expected = scene.inverse(q, qd, qdd).reaction
     np.testing.assert_array_equal(scene.inverse(np.asfortranarray(q), qd[:, :], qdd.tolist()).reaction, expected)
-    np.testing.assert_array_equal(scene.inverse(q[::-1], qd[::-1], qdd[::-1]).reaction[::-1], expected)
+    assert_but_for_rounding(scene.inverse(q[::-1], qd[::-1], qdd[::-1]).reaction[::-1], expected)
 
 
-def test_samples_do_not_depend_on_their_block_or_thread(scene, monkeypatch):
+def test_samples_do_not_depend_on_their_block(scene, monkeypatch):
     q, qd, qdd = batch(scene, 101)
     w = np.sin(np.arange(606.0)).reshape(101, 6)
     expected = scene.inverse(q, qd, qdd, wrench={"platform.center": w})
     monkeypatch.setattr("linkdyn.scene.BLOCK", 17)
     got = scene.inverse(q, qd, qdd, wrench={"platform.center": w}, threads=2)
     for name in ("driving_force", "reaction"):
-        np.testing.assert_array_equal(got[name], expected[name])
+        assert_but_for_rounding(got[name], expected[name])
 
 
 @pytest.mark.parametrize("solver", ["elimination", "lapack", "gauss-jordan", "reduced"])
@@ -102,9 +108,7 @@ def test_scene_serves_several_python_threads_at_once(scene):
     linkdyn_scene = linkdyn.Scene(scene.text)    # nothing planned yet
     with ThreadPoolExecutor(4) as pool:
         for first, values in enumerate(pool.map(one_after_another, range(4))):
-            # another solver: a few hundred roundings of the largest value
-            scale = 1e3 * np.finfo(float).eps * float(np.abs(expected.reaction).max())
-            np.testing.assert_allclose(values, expected.reaction[first::4], rtol=0, atol=scale)
+            assert_but_for_rounding(values, expected.reaction[first::4])
 
 
 def test_solve_gives_the_arrays_of_inverse(scene):
@@ -158,9 +162,7 @@ def test_only_what_is_wanted(scene):
         run = scene.inverse(q, qd, qdd, want=want)
         assert set(run.data_vars) == base | names
         for name in names - {"rcond", "error", "growth", "power_imbalance"}:
-            # another set of unknowns is eliminated in another order: a few hundred roundings of the largest value
-            scale = 1e3 * np.finfo(float).eps * float(np.abs(everything[name]).max())
-            np.testing.assert_allclose(run[name], everything[name], rtol=0, atol=scale)
+            assert_but_for_rounding(run[name], everything[name])
 
 
 def test_power_is_force_times_speed(scene):
@@ -204,7 +206,7 @@ def test_failed_sample_is_flagged_and_its_neighbours_are_untouched(crossing):
         np.testing.assert_array_equal(np.isnan(values).any(axis=1), failed)
     q, qd, qdd = scene.motion()
     alone = scene.inverse(q[~failed], qd[~failed], qdd[~failed])
-    np.testing.assert_array_equal(alone.reaction, run.reaction[~failed])
+    assert_but_for_rounding(alone.reaction, run.reaction[~failed])
 
 
 @pytest.mark.parametrize(
