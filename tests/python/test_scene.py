@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import timeit
 from concurrent.futures import ThreadPoolExecutor
@@ -109,6 +110,27 @@ def test_scene_serves_several_python_threads_at_once(scene):
     with ThreadPoolExecutor(4) as pool:
         for first, values in enumerate(pool.map(one_after_another, range(4))):
             assert_but_for_rounding(values, expected.reaction[first::4])
+
+
+def test_blas_threads_are_as_before(scene):
+    """The engine holds BLAS to one thread while it computes, also when several batches overlap."""
+    try:
+        blas = ctypes.CDLL("libopenblas.so.0")    # the one that the engine has loaded
+    except OSError:
+        pytest.skip("another BLAS")
+    before, seen = blas.openblas_get_num_threads(), set()
+    q, qd, qdd = batch(scene, 64)
+    try:
+        blas.openblas_set_num_threads(2)
+        if blas.openblas_get_num_threads() != 2:
+            pytest.skip("a BLAS of one thread")
+        with ThreadPoolExecutor(3) as pool:
+            runs = [pool.submit(scene.solve, q, qd, qdd, solver="lapack") for _ in range(12)]
+            while not all(run.done() for run in runs):
+                seen.add(blas.openblas_get_num_threads())
+        assert 1 in seen and blas.openblas_get_num_threads() == 2
+    finally:
+        blas.openblas_set_num_threads(before)
 
 
 def test_solve_gives_the_arrays_of_inverse(scene):
