@@ -8,7 +8,8 @@
 !> work, as many equations as coordinates, no reactions.
 module linkdyn_equations
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
-    use linkdyn_acceleration_columns, only: acceleration_columns, append_accelerations, drop_drives, assemble_accelerations
+    use linkdyn_acceleration_columns, only: acceleration_columns, append_accelerations, drop_drives, mark_applied, &
+        assemble_accelerations
     use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_cholesky, only: solve_cholesky
@@ -128,6 +129,7 @@ contains
         call build_formulation(model, merge(style_sparse, style_lecture, solver == solver_elimination), &
                                equations%formulation)
         call drop_drives(model, .not. equations%unknown%drive, equations%formulation)
+        call mark_applied(model, .not. equations%unknown%drive, equations%formulation)
         call append_accelerations(model, equations%unknown%acceleration, equations%formulation, equations%accelerations)
         if (equations%formulation%n_unknown /= model%n_row) then
             call refuse_count(model, equations%unknown, model%n_row - equations%formulation%n_unknown, status)

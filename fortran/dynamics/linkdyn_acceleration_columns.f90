@@ -14,7 +14,8 @@ module linkdyn_acceleration_columns
     use linkdyn_vec3, only: vec3, operator(.rotate.)
     implicit none (type, external)
     private
-    public :: acceleration_columns, append_accelerations, drop_drives, assemble_accelerations
+    public :: acceleration_columns, append_accelerations, drop_drives, mark_applied, &
+        assemble_accelerations
 
     !> What one coordinate contributes to the equations of one link.
     type :: acceleration_group
@@ -59,6 +60,35 @@ contains
         end do
         formulation%n_unknown = count(keep)
     end subroutine drop_drives
+
+    !> Springs and given driving forces act on massless links too: their right-hand sides are not zero then.
+    subroutine mark_applied(model, is_given, formulation)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_given(:)             !! (n_actuator)
+        type(formulation_type), intent(inout) :: formulation
+        integer :: i
+
+        do i = 1, model%n_actuator
+            if (is_given(i)) call mark(model%joint(model%scene%actuator(i)%joint)%link)
+        end do
+        do i = 1, size(model%scene%spring)
+            associate (spring => model%scene%spring(i))
+                if (spring%joint > 0) then
+                    call mark(model%joint(spring%joint)%link)
+                else
+                    call mark(spring%link)
+                end if
+            end associate
+        end do
+
+    contains
+
+        subroutine mark(link)
+            integer, intent(in) :: link(2)
+
+            formulation%has_right(pack(link, link > 0)) = .true.
+        end subroutine mark
+    end subroutine mark_applied
 
     !> Append a column for every free coordinate.
     subroutine append_accelerations(model, is_free, formulation, columns)

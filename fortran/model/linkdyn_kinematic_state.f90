@@ -53,6 +53,9 @@ contains
             allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q))
             allocate (state%by_quaternion(model%n_pose), state%quaternion(lanes, 4, model%n_pose))
             state%by_quaternion = .false.
+            state%q = 0
+            state%qd = 0
+            state%qdd = 0
             allocate (state%rotation(0:n_orientation), state%omega(0:n_orientation), state%omega_body(0:n_orientation), &
                       state%gravity_body(0:n_orientation))
             allocate (state%alpha(0:n_column, 0:n_orientation), state%alpha_body(0:n_column, 0:n_orientation))
