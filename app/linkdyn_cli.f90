@@ -1,6 +1,8 @@
 !> The command line as a typed value, and the help texts.
 module linkdyn_cli
+    use linkdyn_forward, only: integrator_options, choose_method, method_name
     use linkdyn_inverse, only: inverse_options, choose_solver
+    use linkdyn_kinds, only: wp
     use linkdyn_results, only: wanted_type, choose_wanted, all_wanted
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
@@ -8,15 +10,18 @@ module linkdyn_cli
     implicit none (type, external)
     private
     public :: command_line, argument_type, read_arguments, parse_arguments, print_help
-    public :: command_none, command_inverse, command_explain, command_version
+    public :: command_none, command_inverse, command_forward, command_explain, command_version
 
     integer, parameter :: command_none = 0
     integer, parameter :: command_inverse = 1
     integer, parameter :: command_explain = 2
     integer, parameter :: command_version = 3
-    character(len=8), parameter :: command_name(2) = [character(len=8) :: "inverse", "explain"]
+    integer, parameter :: command_forward = 4
+    character(len=8), parameter :: command_name(3) = [character(len=8) :: "inverse", "forward", "explain"]
     character(len=11), parameter :: inverse_option(10) = [character(len=11) :: &
         "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
+    character(len=11), parameter :: forward_option(16) = [character(len=11) :: inverse_option, &
+        "--method", "--step", "--rtol", "--atol", "--until", "--samples"]
     character(len=10), parameter :: other_option(1) = [character(len=10) :: "--help"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
     character(len=12), parameter :: solver_name(4) = [character(len=12) :: &
@@ -41,6 +46,10 @@ module linkdyn_cli
         type(inverse_options) :: options
         character(len=:), allocatable :: want         !! not allocated: all that the solver gives and the run keeps
         type(wanted_type) :: wanted
+        type(integrator_options) :: integrator
+        real(wp) :: until = 0                         !! end of a forward run [s]
+        logical :: has_until = .false.
+        integer :: n_sample = 0                       !! output instants of a forward run; 0: the scene's
     end type command_line
 
 contains
@@ -76,6 +85,8 @@ contains
         select case (arguments(1)%text)
         case ("inverse")
             config%command = command_inverse
+        case ("forward")
+            config%command = command_forward
         case ("explain")
             config%command = command_explain
         case ("--version")
@@ -89,7 +100,7 @@ contains
                 call refuse(quoted(arguments(1)%text)//": unknown option"//suggestion(arguments(1)%text, global_option), &
                     status)
             else
-                call refuse(quoted(arguments(1)%text)//": unknown command (expected inverse or explain)"// &
+                call refuse(quoted(arguments(1)%text)//": unknown command (expected inverse, forward or explain)"// &
                     suggestion(arguments(1)%text, command_name), status)
             end if
             return
@@ -149,7 +160,7 @@ contains
             config%help = .true.
             return
         end if
-        if (config%command /= command_inverse) then
+        if (config%command == command_explain) then
             call refuse(quoted(option)//": unknown option"//suggestion(option, other_option))
             return
         end if
@@ -163,7 +174,12 @@ contains
             if (option == "--no-output") config%no_output = .true.
             if (option == "--compress") config%deflate = 1
             if (option == "--quiet" .or. option == "-q") config%quiet = .true.
-        case ("-o", "--output", "--solver", "--want", "--threads")
+        case ("-o", "--output", "--solver", "--want", "--threads", "--method", "--step", "--rtol", "--atol", "--until", &
+            "--samples")
+            if (config%command == command_inverse .and. .not. any(inverse_option == option)) then
+                call refuse(quoted(option)//": unknown option"//suggestion(option, inverse_option))
+                return
+            end if
             if (.not. allocated(value)) then
                 if (i > size(arguments)) then
                     call refuse(option//": value missing")
@@ -174,7 +190,11 @@ contains
             end if
             call take_value(option, value)
         case default
-            call refuse(quoted(option)//": unknown option"//suggestion(option, inverse_option))
+            if (config%command == command_forward) then
+                call refuse(quoted(option)//": unknown option"//suggestion(option, forward_option))
+            else
+                call refuse(quoted(option)//": unknown option"//suggestion(option, inverse_option))
+            end if
         end select
     contains
         subroutine take_value(option, value)
@@ -197,8 +217,34 @@ contains
                 config%options%threads = whole_number(value)
                 if (config%options%threads < 1) &
                     call refuse("--threads: "//quoted(value)//" (expected a whole number from 1 on)")
+            case ("--method")
+                call choose_method(value, config%integrator%method, outcome)
+                if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, method_name))
+            case ("--step")
+                call take_number(option, value, config%integrator%step)
+            case ("--rtol")
+                call take_number(option, value, config%integrator%rtol)
+            case ("--atol")
+                call take_number(option, value, config%integrator%atol)
+            case ("--until")
+                call take_number(option, value, config%until)
+                config%has_until = .true.
+            case ("--samples")
+                config%n_sample = whole_number(value)
+                if (config%n_sample < 1) call refuse("--samples: "//quoted(value)//" (expected a whole number from 1 on)")
             end select
         end subroutine take_value
+
+        subroutine take_number(option, text, number)
+            character(len=*), intent(in) :: option, text
+            real(wp), intent(out) :: number
+            integer :: code
+
+            number = 0
+            read (text, *, iostat=code) number
+            if (code /= 0 .or. verify(text, "0123456789+-.eE") > 0 .or. .not. abs(number) <= huge(1.0_wp)) &
+                call refuse(option//": "//quoted(text)//" (expected a number)")
+        end subroutine take_number
 
         subroutine refuse(message)
             character(len=*), intent(in) :: message
@@ -226,6 +272,8 @@ contains
         select case (command)
         case (command_inverse)
             call print_inverse_help(unit)
+        case (command_forward)
+            call print_forward_help(unit)
         case (command_explain)
             write (unit, "(a)") &
                 "linkdyn explain SCENE", &
@@ -237,6 +285,7 @@ contains
                 "linkdyn: forces and motion of link mechanisms", &
                 "", &
                 "  linkdyn inverse SCENE [options]   driving forces and joint reactions along a motion", &
+                "  linkdyn forward SCENE [options]   motion and joint reactions from driving forces", &
                 "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
                 "", &
                 "  linkdyn COMMAND --help            options of a command", &
@@ -246,6 +295,30 @@ contains
                 "and why); 3 done, but some samples failed: they are flagged and NaN in the results."
         end select
     end subroutine print_help
+
+    subroutine print_forward_help(unit)
+        integer, intent(in) :: unit
+
+        write (unit, "(a)") &
+            "linkdyn forward SCENE [options]", &
+            "", &
+            "Motion, joint reactions and energies from the laws of the scene's actuators, from its start on.", &
+            "", &
+            "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
+            "  --csv               a CSV table instead of netCDF-4", &
+            "  --until T           end of the run in s; default: the end of the scene's [time]", &
+            "  --samples N         instants of output, both ends included; default: the scene's", &
+            "  --method NAME       rk8pd (default), rkf45, msbdf (stiff scenes), or rk4 (fixed step)", &
+            "  --step H            fixed step, or the first one tried, in s; default 0.001", &
+            "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9", &
+            "  --want LIST         driving_force, reaction, joint_variable, power (with energies), checks,", &
+            "                      or all (default), with commas between; the rest is not computed", &
+            "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced", &
+            "  --threads N         threads for the forces at output instants; default 1", &
+            "  --compress          compress the netCDF file", &
+            "  -q, --quiet         no table and no progress", &
+            "  -h, --help          this text"
+    end subroutine print_forward_help
 
     subroutine print_inverse_help(unit)
         integer, intent(in) :: unit

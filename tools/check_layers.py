@@ -14,7 +14,7 @@ from pathlib import Path
 
 ORDER = ["kinds", "core", "lanes", "linalg", "kinematics", "model", "dynamics", "analysis", "io"]
 MAY_USE = {layer: set(ORDER[: i + 1]) for i, layer in enumerate(ORDER)}
-MAY_USE["integrate"] = {"kinds", "core", "integrate"}   # knows a right-hand side, never a body
+MAY_USE["integrate"] = {"kinds", "core", "lanes", "integrate"}   # knows a right-hand side, never a body
 MAY_USE["analysis"] |= {"integrate"}
 MAY_USE["io"] |= {"integrate"}
 MAY_USE["api"] = set(ORDER) | {"integrate", "api"}

@@ -1,11 +1,18 @@
-!> The solvers of inverse dynamics on one block of lanes, all fed by the one assembler.
+!> The equations of motion on one block of lanes and their solvers, all fed by the one assembler.
+!>
+!> Per freedom either a driving force or the acceleration of a coordinate is unknown: inverse dynamics asks for all
+!> driving forces, forward dynamics for all accelerations, and any mix is solved alike.
 !>
 !> `gauss-jordan`: the lecture's dense method on the lecture's equations. `lapack`: dense with equilibration and
 !> refinement on the same equations. `elimination`: the planned sparse elimination, the default. `reduced`: virtual
-!> work, as many equations as coordinates, for driving forces only.
+!> work, as many equations as coordinates, no reactions.
 module linkdyn_equations
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
+    use linkdyn_acceleration_columns, only: acceleration_columns, append_accelerations, drop_drives, mark_applied, &
+        assemble_accelerations
+    use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs
     use linkdyn_assembly, only: assemble_matrix, assemble_right
+    use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
     use linkdyn_elimination_run, only: run_plan, load_constants
@@ -16,6 +23,7 @@ module linkdyn_equations
     use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_mass_matrix, only: mass_matrix
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_reactions, only: solution_type, unknown
@@ -24,18 +32,28 @@ module linkdyn_equations
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block
+    public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations
+    public :: prepare_workspace, solve_block, solve_equations
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
 
     integer, parameter :: solver_gauss_jordan = 1, solver_lapack = 2, solver_elimination = 3, solver_reduced = 4
     character(len=12), parameter :: solver_name(4) = &
         [character(len=12) :: "gauss-jordan", "lapack", "elimination", "reduced"]
 
+    !> What is unknown; the rest is given.
+    type :: unknown_choice
+        logical, allocatable :: acceleration(:)         !! of the coordinates (n_q)
+        logical, allocatable :: drive(:)                !! driving forces (n_actuator)
+    end type unknown_choice
+
     !> Equations ready to be solved: constant, shared by all threads.
     type :: equations_type
         integer :: solver = solver_elimination
         logical :: wants_reactions = .true.
+        logical :: needs_world = .false.                !! angular rates in world axes of all links
+        type(unknown_choice) :: unknown
         type(formulation_type) :: formulation
+        type(acceleration_columns) :: accelerations
         type(elimination_plan) :: plan
     end type equations_type
 
@@ -50,7 +68,8 @@ module linkdyn_equations
         type(dense_workspace) :: dense
         ! ---- RESULTS
         type(solution_type) :: solution                 !! points into the slots
-        real(wp), allocatable :: driving_force(:, :)    !! (lane, n_actuator)
+        real(wp), allocatable :: driving_force(:, :)    !! (lane, n_actuator), in where given
+        real(wp), allocatable :: acceleration(:, :)     !! of the coordinates: what is given, plus what is solved for (lane, n_q)
         integer :: status(lanes) = sample_ok
         real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
@@ -79,30 +98,71 @@ contains
                   //"elimination or reduced)")
     end subroutine choose_solver
 
-    !> Choose the formulation and, for the elimination, make the plan.
-    subroutine build_equations(model, solver, wants_reactions, equations, status)
+    !> Inverse dynamics: all driving forces are unknown, all accelerations given.
+    pure function find_drives(model) result(unknown)
+        type(model_type), intent(in) :: model
+        type(unknown_choice) :: unknown
+
+        allocate (unknown%acceleration(model%n_q), unknown%drive(model%n_actuator))
+        unknown%acceleration = .false.
+        unknown%drive = .true.
+    end function find_drives
+
+    !> Choose the formulation and, for the elimination, make the plan. Nothing said of the unknowns: inverse dynamics.
+    subroutine build_equations(model, solver, wants_reactions, equations, status, unknown)
         type(model_type), intent(in) :: model
         integer, intent(in) :: solver
         logical, intent(in) :: wants_reactions
         type(equations_type), intent(out) :: equations
         type(status_type), intent(inout) :: status
+        type(unknown_choice), intent(in), optional :: unknown
 
         equations%solver = solver
+        equations%unknown = find_drives(model)
+        if (present(unknown)) equations%unknown = unknown
         equations%wants_reactions = wants_reactions
+        equations%needs_world = size(model%scene%spring) > 0 .or. (solver == solver_reduced .and. any(equations%unknown%drive))
         if (solver == solver_reduced .and. wants_reactions) then
             call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")
             return
         end if
         call build_formulation(model, merge(style_sparse, style_lecture, solver == solver_elimination), &
                                equations%formulation)
+        call drop_drives(model, .not. equations%unknown%drive, equations%formulation)
+        call mark_applied(model, .not. equations%unknown%drive, equations%formulation)
+        call append_accelerations(model, equations%unknown%acceleration, equations%formulation, equations%accelerations)
         if (equations%formulation%n_unknown /= model%n_row) then
-            call fail(status, status_bad_input, "inverse dynamics needs as many actuators as the mechanism has freedoms: " &
-                      //to_text(model%n_actuator)//" actuator(s) for " &
-                      //to_text(model%n_actuator + model%n_row - equations%formulation%n_unknown))
+            call refuse_count(model, equations%unknown, model%n_row - equations%formulation%n_unknown, status)
             return
         end if
         if (solver == solver_elimination) call plan_elimination(model, equations)
     end subroutine build_equations
+
+    !> As many driving forces and accelerations must be unknown as the mechanism has freedoms.
+    subroutine refuse_count(model, unknown, n_missing, status)
+        type(model_type), intent(in) :: model
+        type(unknown_choice), intent(in) :: unknown
+        integer, intent(in) :: n_missing
+        type(status_type), intent(inout) :: status
+
+        if (any(unknown%acceleration)) then
+            call fail(status, status_bad_input, "forward dynamics needs as many actuators with the law 'inverse' as " &
+                      //"coordinates are driven: "//to_text(count(unknown%drive))//" actuator(s) for " &
+                      //to_text(count(.not. unknown%acceleration))//" driven coordinate(s)")
+        else
+            call fail(status, status_bad_input, "inverse dynamics needs as many actuators as the mechanism has freedoms: " &
+                      //to_text(model%n_actuator)//" actuator(s) for "//to_text(model%n_actuator + n_missing))
+        end if
+    end subroutine refuse_count
+
+    !> Columns of the kinematics that the equations need.
+    pure integer function n_column_of(model, equations)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+
+        n_column_of = 0
+        if (equations%solver == solver_reduced .or. any(equations%unknown%acceleration)) n_column_of = model%n_q
+    end function n_column_of
 
     ! ---------------------------------------------------------------- the plan
 
@@ -118,7 +178,7 @@ contains
         integer :: block, lane, k, n_good
         logical :: is_good
 
-        call prepare_kinematics(model, 0, workspace%state)
+        call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         call make_slots(equations%formulation%n_slot + 1, workspace%slot)
         allocate (good(n_wanted_pose, size(value, 2)))
         n_good = 0
@@ -126,6 +186,8 @@ contains
             call representative_poses(model, block, workspace%state)
             call evaluate_kinematics(model, workspace%state)
             call assemble_matrix(model, equations%formulation, workspace%state, workspace%slot%value)
+            call assemble_accelerations(model, equations%formulation, equations%accelerations, workspace%state, &
+                                        workspace%slot%value)
             do k = 1, size(value, 2)
                 associate (entry => equations%formulation%entry(k))
                     value(:, k) = entry%value
@@ -152,7 +214,8 @@ contains
             system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%has_right((k - 1)/6 + 1)), k=1, model%n_row)]
             allocate (system%is_wanted(system%n))
             system%is_wanted = equations%wants_reactions
-            system%is_wanted(formulation%drive_column) = .true.
+            system%is_wanted(pack(formulation%drive_column, formulation%drive_column > 0)) = .true.
+            system%is_wanted(pack(equations%accelerations%column, equations%accelerations%column > 0)) = .true.
         end associate
         call make_plan(system, equations%plan)
     end subroutine plan_elimination
@@ -207,9 +270,13 @@ contains
         integer :: n
 
         n = equations%formulation%n_unknown
-        call prepare_kinematics(model, merge(model%n_q, 0, equations%solver == solver_reduced), workspace%state)
+        call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
+        workspace%state%has_applied = size(model%scene%spring) > 0 .or. .not. all(equations%unknown%drive)
+        workspace%state%world_rates = equations%needs_world
         call place_solution(model, equations, workspace)
-        allocate (workspace%load(lanes, 6, model%n_load), workspace%driving_force(lanes, model%n_actuator))
+        allocate (workspace%load(lanes, 6, model%n_load), workspace%driving_force(lanes, model%n_actuator), &
+                  workspace%acceleration(lanes, model%n_q))
+        workspace%driving_force = 0
         workspace%load = 0
         select case (equations%solver)
         case (solver_gauss_jordan)
@@ -218,7 +285,7 @@ contains
             allocate (workspace%lane_matrix(n, n), workspace%lane_right(n))
             call workspace%dense%prepare(n)
         case (solver_reduced)
-            allocate (workspace%matrix(lanes, model%n_q, model%n_actuator), workspace%right(lanes, model%n_q, 1))
+            allocate (workspace%matrix(lanes, model%n_q, model%n_q), workspace%right(lanes, model%n_q, 1))
         end select
     end subroutine prepare_workspace
 
@@ -269,12 +336,21 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
+
+        call evaluate_kinematics(model, workspace%state)
+        call solve_equations(model, equations, workspace)
+    end subroutine solve_block
+
+    !> Assembly and solution where the kinematics is up to date.
+    subroutine solve_equations(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
         integer :: k
 
         workspace%rcond = ieee_value(1.0_wp, ieee_quiet_nan)
         workspace%error = workspace%rcond
         workspace%growth = workspace%rcond
-        call evaluate_kinematics(model, workspace%state)
         workspace%status = merge(sample_unreachable, sample_ok, workspace%state%unreachable)
         ! Also what no force depends on, such as the rates of massless links.
         call flag_not_finite(workspace%state%q, workspace%status)
@@ -283,13 +359,17 @@ contains
         do k = 1, model%n_load
             call flag_not_finite(workspace%load(:, :, k), workspace%status)
         end do
+        workspace%acceleration = workspace%state%qdd
+        if (workspace%state%has_applied) call apply_known_forces(model, equations, workspace)
         if (equations%solver == solver_reduced) then
-            call solve_reduced(model, workspace)
+            call solve_reduced(model, equations%unknown, workspace)
             call flag_not_finite(workspace%driving_force, workspace%status)
+            call flag_not_finite(workspace%acceleration, workspace%status)
             return
         end if
         associate (formulation => equations%formulation)
             call assemble_matrix(model, formulation, workspace%state, workspace%slot%value)
+            call assemble_accelerations(model, formulation, equations%accelerations, workspace%state, workspace%slot%value)
             call assemble_right(model, formulation, workspace%state, workspace%load, formulation%n_slot, workspace%slot%value)
             call flag_not_finite(workspace%slot%value(:, formulation%n_slot + 1:formulation%n_slot + model%n_row), &
                                  workspace%status, formulation%has_right)
@@ -304,10 +384,33 @@ contains
                 call solve_by_plan(model, equations, workspace)
             end select
             do k = 1, model%n_actuator
-                workspace%driving_force(:, k) = unknown(workspace%solution, formulation%drive_column(k))
+                if (equations%unknown%drive(k)) &
+                    workspace%driving_force(:, k) = unknown(workspace%solution, formulation%drive_column(k))
+            end do
+            do k = 1, model%n_q
+                if (.not. equations%unknown%acceleration(k)) cycle
+                workspace%acceleration(:, k) = workspace%acceleration(:, k) &
+                                               + unknown(workspace%solution, equations%accelerations%column(k))
             end do
         end associate
-    end subroutine solve_block
+    end subroutine solve_equations
+
+    !> Springs and given driving forces become wrenches on the links.
+    subroutine apply_known_forces(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: i
+
+        call clear_applied(model, workspace%state)
+        call apply_springs(model, workspace%state)
+        do i = 1, model%n_actuator
+            if (equations%unknown%drive(i)) cycle
+            associate (spec => model%scene%actuator(i))
+                call apply_drive(model, spec%joint, spec%variable, workspace%driving_force(:, i), workspace%state)
+            end associate
+        end do
+    end subroutine apply_known_forces
 
     !> A motion or load that is not finite has no forces. Where a link has no right-hand side, its slots hold what the
     !> block before left there.
@@ -408,21 +511,58 @@ contains
         where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
     end subroutine solve_by_gauss_jordan
 
-    !> Virtual work: (actuators' Jacobian)^T driving forces = work of inertia, gravity and loads per coordinate.
-    subroutine solve_reduced(model, workspace)
+    !> Virtual work, one equation per coordinate: (actuators' Jacobian)^T unknown driving forces - mass matrix * unknown
+    !> accelerations = work of given inertia, gravity, loads and given driving forces.
+    subroutine solve_reduced(model, unknown, workspace)
         type(model_type), intent(in) :: model
+        type(unknown_choice), intent(in) :: unknown
         type(equation_workspace), intent(inout) :: workspace
-        real(wp) :: jacobian(lanes, model%n_actuator, model%n_q)
+        real(wp) :: jacobian(lanes, model%n_actuator, model%n_q), mass(lanes, model%n_q, model%n_q)
         logical :: is_singular(lanes)
-        integer :: i
+        integer :: i, n
 
-        call actuator_columns(model, workspace%state, jacobian)
         call work_columns(model, workspace%state, workspace%load, workspace%right(:, :, 1))
-        do i = 1, model%n_actuator
-            workspace%matrix(:, :, i) = jacobian(:, i, :)
-        end do
-        call solve_gauss_jordan(model%n_q, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
-        workspace%driving_force = workspace%right(:, :, 1)
+        if (any(unknown%acceleration)) call mass_matrix(model, workspace%state, mass)
+        if (all(unknown%acceleration)) then
+            workspace%right = -workspace%right
+            call solve_cholesky(model%n_q, mass, workspace%right(:, :, 1), is_singular)
+            workspace%acceleration = workspace%acceleration + workspace%right(:, :, 1)
+        else
+            call actuator_columns(model, workspace%state, jacobian)
+            n = 0
+            do i = 1, model%n_actuator
+                if (unknown%drive(i)) call add_column(jacobian(:, i, :))
+            end do
+            do i = 1, model%n_q
+                if (unknown%acceleration(i)) call add_column(-mass(:, :, i))
+            end do
+            call solve_gauss_jordan(model%n_q, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
+            n = 0
+            do i = 1, model%n_actuator
+                if (unknown%drive(i)) call take_solution(workspace%driving_force(:, i))
+            end do
+            do i = 1, model%n_q
+                if (.not. unknown%acceleration(i)) cycle
+                call take_solution(workspace%acceleration(:, i))
+                workspace%acceleration(:, i) = workspace%acceleration(:, i) + workspace%state%qdd(:, i)
+            end do
+        end if
         where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+
+    contains
+
+        subroutine add_column(column)
+            real(wp), intent(in) :: column(lanes, model%n_q)
+
+            n = n + 1
+            workspace%matrix(:, :, n) = column
+        end subroutine add_column
+
+        subroutine take_solution(value)
+            real(wp), intent(out) :: value(lanes)
+
+            n = n + 1
+            value = workspace%right(:, n, 1)
+        end subroutine take_solution
     end subroutine solve_reduced
 end module linkdyn_equations

@@ -4,7 +4,7 @@ module linkdyn_explain
     use linkdyn_elimination_plan, only: elimination_plan
     use linkdyn_formulation, only: formulation_type, n_force_of, n_moment_of
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
@@ -126,6 +126,9 @@ contains
             text = "UPS leg "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
                    //" between "//name_of(model, model%joint(step%joint(1))%link(1))//" and " &
                    //name_of(model, model%joint(step%joint(3))%link(2))//": closed form"
+        case (step_csp)
+            text = "CSP group "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
+                   //": closed form"
         end select
     end function step_in_words
 

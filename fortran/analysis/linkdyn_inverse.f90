@@ -11,10 +11,12 @@ module linkdyn_inverse
     use linkdyn_joint_rates, only: measure_joints, power_imbalance
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, step_pose
+    use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
+    use linkdyn_pose, only: rates_of_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_status, only: status_type, sample_ok
-    use linkdyn_vec3, only: lane_of, mat3_lane
+    use linkdyn_vec3, only: vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared
@@ -38,6 +40,10 @@ module linkdyn_inverse
         real(wp), pointer :: error(:) => null()                 !! (n) NaN where the solver has none
         real(wp), pointer :: growth(:) => null()                !! (n) reciprocal pivot growth; NaN but for gauss-jordan
         real(wp), pointer :: power_imbalance(:) => null()       !! (n)
+        real(wp), pointer :: acceleration(:, :) => null()       !! (n_q, n) of the coordinates, found or given
+        real(wp), pointer :: kinetic_energy(:) => null()        !! (n) [J]
+        real(wp), pointer :: potential_energy(:) => null()      !! (n) of gravity and springs [J]
+        real(wp), pointer :: closure(:) => null()               !! (n) largest gap of a joint [m, rad]
         real(wp), pointer :: position(:, :, :) => null()        !! (3, n_link, n) origins [m]
         real(wp), pointer :: rotation(:, :, :, :) => null()     !! (3, 3, n_link, n) columns: the link's axes
         integer :: n_fallback = 0                               !! samples that the elimination handed to the dense solver
@@ -112,13 +118,17 @@ contains
     end subroutine run_inverse
 
     !> Run one batch with equations planned before. Several threads may call this with one solver.
-    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results)
+    !>
+    !> With equations of forward dynamics the accelerations of the free coordinates are found instead: give zero for
+    !> them, and the driving forces that are known.
+    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
         real(wp), intent(in) :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
         real(wp), intent(in) :: load(:, :, :)                   !! (6, n_load, n)
         type(inverse_results), intent(inout) :: results
+        real(wp), intent(in), optional :: given_force(:, :)     !! (n_actuator, n), read where not unknown
         type(thread_space), pointer :: space
         integer :: n, n_block, n_thread, share, block, n_fallback
         logical :: wants_rates, wants_world
@@ -128,7 +138,7 @@ contains
         n_thread = max(1, min(threads, n_block))
         share = max(1, min(largest_share, n_block/(2*n_thread)))
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
-        wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%solver == solver_reduced
+        wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world
         n_fallback = 0
 
         call hold_blas_threads()
@@ -153,7 +163,7 @@ contains
             integer, intent(in) :: block
             type(equation_workspace), intent(inout) :: workspace
             real(wp), intent(inout) :: reaction(:, :, :), variable(:, :), rate(:, :)
-            real(wp) :: imbalance(lanes)
+            real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap
 
             call gather(block, workspace)
             workspace%n_fallback = 0
@@ -161,9 +171,12 @@ contains
             if (associated(results%reaction)) &
                 call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
             if (wants_rates) call measure_joints(model, workspace%state, variable, rate)
-            if (associated(results%power_imbalance)) &
-                call power_imbalance(model, workspace%state, workspace%load, workspace%driving_force, imbalance)
-            call scatter(block, workspace, reaction, variable, rate, imbalance)
+            if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
+                call measure_energy(model, workspace%state, kinetic, potential)
+            if (associated(results%closure)) call measure_closure(model, workspace%state, gap)
+            if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
+            if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
+            call scatter(block, workspace, reaction, variable, rate, imbalance, kinetic, potential, gap)
         end subroutine run_block
 
         !> Samples into lanes; lanes beyond the last sample repeat it.
@@ -178,14 +191,16 @@ contains
                 workspace%state%qd(lane, :) = qd(:, sample)
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
+                if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
             end do
         end subroutine gather
 
         !> Lanes into samples; failed ones become NaN.
-        subroutine scatter(block, workspace, reaction, variable, rate, imbalance)
+        subroutine scatter(block, workspace, reaction, variable, rate, imbalance, kinetic, potential, gap)
             integer, intent(in) :: block
             type(equation_workspace), intent(in) :: workspace
-            real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :), imbalance(:)
+            real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :)
+            real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap
             real(wp) :: nan
             integer :: lane, sample, i
             logical :: failed
@@ -215,6 +230,13 @@ contains
                 if (associated(results%error)) results%error(sample) = workspace%error(lane)
                 if (associated(results%growth)) results%growth(sample) = workspace%growth(lane)
                 if (associated(results%power_imbalance)) results%power_imbalance(sample) = merge(nan, imbalance(lane), failed)
+                if (associated(results%acceleration)) then
+                    results%acceleration(:, sample) = workspace%acceleration(lane, :)
+                    if (failed) results%acceleration(:, sample) = nan
+                end if
+                if (associated(results%kinetic_energy)) results%kinetic_energy(sample) = merge(nan, kinetic(lane), failed)
+                if (associated(results%potential_energy)) results%potential_energy(sample) = merge(nan, potential(lane), failed)
+                if (associated(results%closure)) results%closure(sample) = merge(nan, gap(lane), failed)
                 if (associated(results%position)) then
                     do i = 1, model%n_link
                         results%position(:, i, sample) = lane_of(workspace%state%position(i), lane)
@@ -264,4 +286,38 @@ contains
         solver%pool%first => space
         !$omp end critical (linkdyn_space_pool)
     end subroutine return_space
+    !> The power balance of the motion found; driving forces that were given count among the loads.
+    subroutine balance_power(model, equations, workspace, imbalance)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp), intent(out) :: imbalance(lanes)
+        real(wp) :: driving_force(lanes, model%n_actuator)
+        integer :: i
+
+        driving_force = workspace%driving_force
+        do i = 1, model%n_actuator
+            if (.not. equations%unknown%drive(i)) driving_force(:, i) = 0
+        end do
+        if (any(equations%unknown%acceleration)) &
+            call add_columns(model, workspace%acceleration - workspace%state%qdd, workspace%state)
+        call power_imbalance(model, workspace%state, workspace%load, driving_force, imbalance)
+    end subroutine balance_power
+
+    !> Angular accelerations found for a pose become second derivatives of roll, pitch, yaw. What their rates alone
+    !> give is in column 0 already, so the map is that of the rates.
+    subroutine turn_to_rpy(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: i
+
+        do i = 1, size(model%step)
+            if (model%step(i)%kind /= step_pose) cycle
+            associate (c => model%step(i)%coordinate, a => workspace%acceleration, q => workspace%state%q)
+                if (.not. equations%unknown%acceleration(c(4))) cycle
+                a(:, c(4:6)) = rates_of_rpy(q(:, c(4)), q(:, c(5)), vec3(a(:, c(4)), a(:, c(5)), a(:, c(6))))
+            end associate
+        end do
+    end subroutine turn_to_rpy
 end module linkdyn_inverse

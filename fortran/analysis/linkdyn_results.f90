@@ -18,6 +18,7 @@ module linkdyn_results
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
+    public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
     integer, parameter :: unit_len = 8
@@ -48,6 +49,11 @@ module linkdyn_results
     integer, parameter :: result_error = 13
     integer, parameter :: result_growth = 14
     integer, parameter :: result_power_imbalance = 15
+    integer, parameter :: result_kinetic_energy = 16   ! of forward dynamics, as the rest
+    integer, parameter :: result_potential_energy = 17
+    integer, parameter :: result_work = 18
+    integer, parameter :: result_closure = 19
+    integer, parameter :: result_step = 20
 
     ! ---- what the user may ask for
     character(len=14), parameter :: wanted_name(6) = [character(len=14) :: &
@@ -152,12 +158,13 @@ contains
         end do
     end subroutine choose_wanted
 
-    !> Dimensions, labels and variables of the results of inverse dynamics.
-    subroutine describe_results(scene, wanted, has_time, layout)
+    !> Dimensions, labels and variables of the results of inverse dynamics, or of forward dynamics.
+    subroutine describe_results(scene, wanted, has_time, layout, is_forward)
         type(scene_type), intent(in) :: scene
         type(wanted_type), intent(in) :: wanted
         logical, intent(in) :: has_time              !! samples are instants of a motion
         type(layout_type), intent(out) :: layout
+        logical, intent(in), optional :: is_forward  !! absent: false
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
@@ -167,6 +174,9 @@ contains
         call describe_components(scene, layout)
         call describe_coordinates(scene, layout)
         call describe_variables(wanted, has_time, layout)
+        if (present(is_forward)) then
+            if (is_forward) call describe_run(wanted, layout)
+        end if
     end subroutine describe_results
 
     subroutine describe_actuators(scene, layout)
@@ -283,6 +293,22 @@ contains
                 "driving and external power less change of energy, relative to the sum of magnitudes", "1")
         end if
     end subroutine describe_variables
+
+    !> What only a run of forward dynamics has.
+    subroutine describe_run(wanted, layout)
+        type(wanted_type), intent(in) :: wanted
+        type(layout_type), intent(inout) :: layout
+
+        if (wanted%power) then
+            call add(layout, result_kinetic_energy, "kinetic_energy", "kinetic energy of all links", "J")
+            call add(layout, result_potential_energy, "potential_energy", &
+                "potential energy of gravity, zero at the origin, and of springs", "J")
+            call add(layout, result_work, "work", "work of the driving forces since the start", "J")
+        end if
+        if (.not. wanted%checks) return
+        call add(layout, result_closure, "closure", "largest distance or angle by which a joint misses (m, rad)", "1")
+        call add(layout, result_step, "step", "last step of the integrator", "s")
+    end subroutine describe_run
 
     !> Append one variable to the layout. Either one unit, or one for each entry of its last dimension.
     subroutine add(layout, id, name, long_name, unit, of, units, is_integer)

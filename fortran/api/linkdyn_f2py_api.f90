@@ -11,13 +11,16 @@ module linkdyn_f2py_api
     use linkdyn_builder, only: build_model
     use linkdyn_description, only: scene_as_json, layout_as_json
     use linkdyn_explain, only: explain_model
+    use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, choose_method
+    use linkdyn_forward_block, only: advance_block
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_poses, only: find_poses
     use linkdyn_report, only: open_report, read_report
-    use linkdyn_results, only: layout_type, wanted_type, describe_results, choose_wanted, all_wanted, find_driving_power
+    use linkdyn_results, only: layout_type, block_type, wanted_type, describe_results, prepare_block, choose_wanted, &
+        all_wanted, find_driving_power
     use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link
     use linkdyn_scene_reader, only: parse_scene, check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -27,7 +30,7 @@ module linkdyn_f2py_api
     implicit none
     private
     public :: api_version, api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_describe_results
-    public :: api_explain, api_motion, api_inverse, api_poses
+    public :: api_explain, api_motion, api_inverse, api_forward, api_poses
 
     integer, parameter :: status_stale_handle = 7   !! beside the engine's codes: the scene was closed
 
@@ -178,7 +181,7 @@ contains
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
         character(len=*), intent(in) :: want               ! "all" or names with commas; blank: all that the solver gives
-        integer(c_int), intent(in) :: has_time             ! 1: samples are instants
+        integer(c_int), intent(in) :: has_time             ! 1: samples are instants; 2: of a forward run
         integer(c_int), intent(in) :: capacity
         integer(c_int), intent(inout) :: text(capacity)
         integer(c_int), intent(out) :: length
@@ -196,7 +199,7 @@ contains
         if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(number)
         if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
         if (status%code == 0) then
-            call describe_results(model%scene, wanted, has_time /= 0, layout)
+            call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2)
             call to_bytes(layout_as_json(layout), text, length)
         end if
         call report(status, code, message)
@@ -337,6 +340,73 @@ contains
         end if
         call report(status, code, message)
     end subroutine api_inverse
+
+    !> A forward run. The real results come one after the other in the order of `api_describe_results` (has_time = 2).
+    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, want, n, t, n_values, values, sample_status, &
+            statistics, stopped, code, message)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: handle
+        character(len=*), intent(in) :: method, solver
+        integer(c_int), intent(in) :: threads
+        real(c_double), intent(in) :: step, rtol, atol
+        character(len=*), intent(in) :: want               ! "all" or names with commas
+        integer(c_int), intent(in) :: n, n_values
+        real(c_double), intent(in) :: t(n)                 ! instants of output, increasing; the run starts at the first [s]
+        real(c_double), intent(inout) :: values(n_values)
+        integer(c_int), intent(inout) :: sample_status(n)
+        integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
+        character(len=128), intent(out) :: stopped         ! why the run stopped early; blank if it did not
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+        type(forward_options) :: options
+        type(forward_run) :: run
+        type(layout_type) :: layout
+        type(wanted_type) :: wanted
+        type(block_type) :: block
+        integer :: i, place, n_fallback
+
+        statistics = 0
+        stopped = ""
+        call find_model(handle, model, status)
+        if (status%code == 0) then                         ! the first failure stays
+            call choose_method(trim(method), options%integrator%method, status)
+            call choose_solver(trim(solver), options%solver, status)
+            if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(options%solver)
+            if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(trim(want), wanted, status)
+            options%integrator%step = step
+            options%integrator%rtol = rtol
+            options%integrator%atol = atol
+            options%t_start = t(1)
+            options%threads = threads
+            options%wants_reactions = wanted%reaction
+        end if
+        if (status%code == 0) call start_forward(model, options, run, status)
+        if (status%code == 0) then
+            call describe_results(model%scene, wanted, .true., layout, is_forward=.true.)
+            call prepare_block(layout, n, block)
+            place = 0
+            do i = 1, size(block%of)
+                if (allocated(block%of(i)%real)) place = place + size(block%of(i)%real)
+            end do
+            call check_size("values", n_values, place, status)
+        end if
+        if (status%code == 0) then
+            call advance_block(run, layout, t, block, n_fallback)
+            place = 0
+            do i = 1, size(block%of)
+                if (allocated(block%of(i)%integer)) sample_status = block%of(i)%integer
+                if (.not. allocated(block%of(i)%real)) cycle
+                values(place + 1:place + size(block%of(i)%real)) = block%of(i)%real
+                place = place + size(block%of(i)%real)
+            end do
+            statistics = [run%integrator%n_step, run%integrator%n_rejected, run%integrator%n_evaluation]
+            if (run%has_stopped) stopped = run%reason
+        end if
+        call finish_forward(run)
+        call report(status, code, message)
+    end subroutine api_forward
 
     !> Position of the origin and rotation matrix of every moving link.
     subroutine api_poses(handle, n, n_q_values, q, n_position, position, n_rotation, rotation, sample_status, code, message)

@@ -208,6 +208,10 @@ contains
         do i = 1, model%n_load
             if (model%scene%load(i)%link == l) call subtract_load(model, i, point, state%rotation(o), load, force, moment)
         end do
+        if (state%has_applied) then
+            force = force - state%applied_force(l)
+            moment = moment - state%applied_moment(l) - (state%applied_force(l).cross.point)
+        end if
     end subroutine link_wrench
 
     subroutine subtract_load(model, i, point, rotation, load, force, moment)

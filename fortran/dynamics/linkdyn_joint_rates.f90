@@ -12,11 +12,13 @@ module linkdyn_joint_rates
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
+    public :: joint_view, view_joint, measure_variable
     public :: measure_joints, actuator_rates, actuator_columns, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.
     type :: joint_view
         type(mat3) :: frame(2)
+        type(vec3) :: point         !! of the second marker [m]
         type(vec3) :: slide         !! first to second point [m]
         type(vec3) :: slide_rate    !! seen from the first link [m/s]
         type(vec3) :: omega         !! second minus first link [rad/s]
@@ -45,7 +47,28 @@ contains
         end do
     end subroutine measure_joints
 
-    !> Rate of every driven joint variable. Needs angular rates in world axes.
+    !> One joint variable and its rate. Needs angular rates in world axes, except for the slide of a leg.
+    subroutine measure_variable(model, state, j, variable, value, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, variable
+        real(wp), intent(out) :: value(lanes), rate(lanes)    !! [m, rad], [m/s, rad/s]
+        type(joint_view) :: view
+        real(wp) :: q(lanes, 3), qd(lanes, 3)
+
+        if (model%joint(j)%leg > 0) then
+            value = state%leg(model%joint(j)%leg)%length
+            rate = state%leg(model%joint(j)%leg)%rate
+            return
+        end if
+        call view_joint(model, state, j, state%velocity, state%omega, view)
+        call variables_of_relative(model%joint(j)%kind, view%frame(1), view%frame(2), view%slide, view%slide_rate, &
+                                   view%omega, q, qd)
+        value = q(:, variable)
+        rate = qd(:, variable)
+    end subroutine measure_variable
+
+    !> Rate of every driven joint variable. Needs angular rates in world axes, except for the slide of a leg.
     subroutine actuator_rates(model, state, rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -53,7 +76,13 @@ contains
         integer :: i
 
         do i = 1, model%n_actuator
-            call actuator_rate(model, state, i, state%velocity, state%omega, rate(:, i))
+            associate (leg => model%joint(model%scene%actuator(i)%joint)%leg)
+                if (leg > 0) then
+                    rate(:, i) = state%leg(leg)%rate
+                else
+                    call actuator_rate(model, state, i, state%velocity, state%omega, rate(:, i))
+                end if
+            end associate
         end do
     end subroutine actuator_rates
 
@@ -113,6 +142,7 @@ contains
                 velocity(side) = point_velocity(link_velocity(link), omega(side), arm)
             end do
         end associate
+        view%point = point(2)
         view%slide = point(2) - point(1)
         view%slide_rate = velocity(2) - point_velocity(velocity(1), omega(1), view%slide)
         view%omega = omega(2) - omega(1)

@@ -3,13 +3,15 @@
 !> One pass serves every analysis. Column 0 always carries the motion prescribed by q, qd, qdd; the further columns
 !> are computed only if the state was prepared for them.
 module linkdyn_kinematic_pass
+    use linkdyn_csp_step, only: close_csp
     use linkdyn_kinds, only: wp
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, is_slide
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp
     use linkdyn_point, only: point_velocity, point_acceleration, point_column
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy
+    use linkdyn_quaternion, only: rotation_of_quaternion
     use linkdyn_ups_leg, only: locate_ups_leg, move_ups_leg, accelerate_ups_leg, map_ups_column
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
@@ -34,6 +36,10 @@ contains
                 call walk_joint(model, model%step(i), state)
             case (step_ups)
                 call close_ups_leg(model, model%step(i), state)
+            case (step_csp)
+                call close_csp(model, model%step(i), state)
+                call turn_into_link(model, model%step(i)%link(1), state)
+                call turn_into_link(model, model%step(i)%link(2), state)
             end select
         end do
         do i = 1, model%n_orientation
@@ -53,10 +59,16 @@ contains
         link = step%link(1)
         o = model%link(link)%orientation
         associate (c => step%coordinate)
-            call rotate_rpy(state%q(:, c(4)), state%q(:, c(5)), state%q(:, c(6)), turn)
-            state%rotation(o) = turn%r
-            state%omega(o) = angular_velocity_rpy(turn, state%qd(:, c(4:6)))
-            state%alpha(0, o) = angular_acceleration_rpy(turn, state%qd(:, c(4:6)), state%qdd(:, c(4:6)))
+            if (state%by_quaternion(step%first)) then
+                state%rotation(o) = rotation_of_quaternion(state%quaternion(:, :, step%first))
+                state%omega(o) = from_components(state%qd(:, c(4:6)))
+                state%alpha(0, o) = from_components(state%qdd(:, c(4:6)))
+            else
+                call rotate_rpy(state%q(:, c(4)), state%q(:, c(5)), state%q(:, c(6)), turn)
+                state%rotation(o) = turn%r
+                state%omega(o) = angular_velocity_rpy(turn, state%qd(:, c(4:6)))
+                state%alpha(0, o) = angular_acceleration_rpy(turn, state%qd(:, c(4:6)), state%qdd(:, c(4:6)))
+            end if
             state%position(link) = from_components(state%q(:, c(1:3)))
             state%velocity(link) = from_components(state%qd(:, c(1:3)))
             state%acceleration(0, link) = from_components(state%qdd(:, c(1:3)))

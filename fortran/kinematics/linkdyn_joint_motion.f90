@@ -8,7 +8,7 @@
 module linkdyn_joint_motion
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy, rotation_about_z
+    use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy, rates_of_rpy, rotation_about_z
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), zero_vec3
     implicit none (type, external)
@@ -148,7 +148,6 @@ contains
         type(vec3), intent(in) :: slide_rate       !! its rate seen from the first link [m/s]
         type(vec3), intent(in) :: omega            !! angular velocity of the second minus the first link [rad/s]
         real(wp), intent(out) :: q(lanes, 3), qd(lanes, 3)
-        type(vec3) :: w
 
         q = 0
         qd = 0
@@ -171,10 +170,7 @@ contains
             q(:, 1) = atan2(-(second%z.dot.first%y), second%z.dot.first%z)
             q(:, 2) = atan2(second%z.dot.first%x, sqrt((second%z.dot.first%y)**2 + (second%z.dot.first%z)**2))
             q(:, 3) = atan2(-(second%y.dot.first%x), second%x.dot.first%x)
-            w = first.unrotate.omega
-            qd(:, 2) = cos(q(:, 1))*w%y + sin(q(:, 1))*w%z
-            qd(:, 3) = (cos(q(:, 1))*w%z - sin(q(:, 1))*w%y)/cos(q(:, 2))
-            qd(:, 1) = w%x - sin(q(:, 2))*qd(:, 3)
+            qd = rates_of_rpy(q(:, 1), q(:, 2), first.unrotate.omega)
         end select
     end subroutine variables_of_relative
 

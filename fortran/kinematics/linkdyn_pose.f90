@@ -10,7 +10,7 @@ module linkdyn_pose
     use linkdyn_vec3, only: vec3, mat3, vec3_of, operator(+), operator(-), operator(*), operator(.cross.)
     implicit none (type, external)
     private
-    public :: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy
+    public :: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy, rates_of_rpy
     public :: rotation_about_x, rotation_about_z
 
     !> A rotation by roll-pitch-yaw angles, with the axis of pitch: y turned by roll.
@@ -54,6 +54,21 @@ contains
 
         omega = rate(:, 1)*vec3_of(x_axis) + rate(:, 2)*rotation%pitch_axis + rate(:, 3)*rotation%r%z
     end function angular_velocity_rpy
+
+    !> Rates of roll, pitch, yaw from the angular velocity: the inverse of `angular_velocity_rpy`. Not finite at
+    !> pitch = 90 degrees.
+    pure function rates_of_rpy(roll, pitch, omega) result(rate)
+        real(wp), intent(in) :: roll(lanes), pitch(lanes)    !! [rad]
+        type(vec3), intent(in) :: omega                      !! world axes [rad/s]
+        real(wp) :: rate(lanes, 3)
+        real(wp), dimension(lanes) :: ca, sa, cb, sb
+
+        call sine_cosine(roll, sa, ca)
+        call sine_cosine(pitch, sb, cb)
+        rate(:, 2) = ca*omega%y + sa*omega%z
+        rate(:, 3) = (ca*omega%z - sa*omega%y)/cb
+        rate(:, 1) = omega%x - sb*rate(:, 3)
+    end function rates_of_rpy
 
     !> Angular acceleration in world axes [rad/s2].
     pure function angular_acceleration_rpy(rotation, rate, rate2) result(alpha)

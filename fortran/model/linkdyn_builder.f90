@@ -21,6 +21,7 @@ contains
         integer :: i
 
         model%scene = scene
+        if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
         model%n_link = size(scene%link)
         model%n_joint = size(scene%joint)
         model%n_q = size(scene%coordinate)
@@ -36,12 +37,6 @@ contains
         if (scene%planar) then
             call fail(status, status_bad_input, "planar scenes cannot be computed yet (expected space = ""spatial"")")
             return
-        end if
-        if (allocated(scene%spring)) then
-            if (size(scene%spring) > 0) then
-                call fail(status, status_bad_input, "[[spring]] cannot be computed yet (expected a scene without springs)")
-                return
-            end if
         end if
         allocate (model%link(model%n_link), model%joint(model%n_joint))
         do i = 1, model%n_link

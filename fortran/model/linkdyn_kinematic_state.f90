@@ -18,6 +18,9 @@ module linkdyn_kinematic_state
         logical :: world_rates = .true.                       !! angular rates in world axes of every link, also where no step needs them
         ! ---- INPUT
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :) !! coordinates, rates, accelerations    (lane, n_q)
+        logical, allocatable :: by_quaternion(:)              !! a pose comes as quaternion: its last three q are not read, (n_pose)
+                                                              !! of qd and qdd they are angular rates in world axes
+        real(wp), allocatable :: quaternion(:, :, :)          !! w x y z of such a pose               (lane, 4, n_pose)
         ! ---- POSITION
         type(mat3), allocatable :: rotation(:)                !! link axes to world                   (0:n_orientation)
         type(vec3), allocatable :: position(:)                !! origin, world [m]                    (0:n_link)
@@ -25,6 +28,9 @@ module linkdyn_kinematic_state
         real(wp), allocatable :: slide(:, :)                  !! first to second marker along axis [m] (lane, n_joint)
         logical :: unreachable(lanes) = .false.               !! a loop could not be closed
         type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)
+        ! ---- APPLIED by springs and given drives, link axes, about the origin
+        logical :: has_applied = .false.
+        type(vec3), allocatable :: applied_force(:), applied_moment(:)  !! [N, N m]                   (n_link)
         ! ---- VELOCITY, world and link axes
         type(vec3), allocatable :: omega(:), omega_body(:)    !! angular [rad/s]                      (0:n_orientation)
         type(vec3), allocatable :: velocity(:)                !! origin, world [m/s]                  (0:n_link)
@@ -45,10 +51,16 @@ contains
         state%n_column = n_column
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
             allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q))
+            allocate (state%by_quaternion(model%n_pose), state%quaternion(lanes, 4, model%n_pose))
+            state%by_quaternion = .false.
+            state%q = 0
+            state%qd = 0
+            state%qdd = 0
             allocate (state%rotation(0:n_orientation), state%omega(0:n_orientation), state%omega_body(0:n_orientation), &
                       state%gravity_body(0:n_orientation))
             allocate (state%alpha(0:n_column, 0:n_orientation), state%alpha_body(0:n_column, 0:n_orientation))
             allocate (state%position(0:n_link), state%velocity(0:n_link))
+            allocate (state%applied_force(n_link), state%applied_moment(n_link))
             allocate (state%acceleration(0:n_column, 0:n_link), state%acceleration_body(0:n_column, 0:n_link))
             allocate (state%leg(model%n_leg), state%slide(lanes, model%n_joint))
             state%slide = 0

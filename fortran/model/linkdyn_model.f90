@@ -5,13 +5,14 @@ module linkdyn_model
     implicit none (type, external)
     private
     public :: model_type, link_type, joint_type, step_type
-    public :: step_pose, step_joint, step_ups, step_name
+    public :: step_pose, step_joint, step_ups, step_csp, step_name
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
     integer, parameter :: step_joint = 2     !! open chain: a link behind a joint whose variables are coordinates
     integer, parameter :: step_ups = 3       !! Assur group: UPS leg between two known links
-    character(len=24), parameter :: step_name(3) = [character(len=24) :: "pose", "open chain", "UPS leg"]
+    integer, parameter :: step_csp = 4       !! Assur group: CSP between two known links
+    character(len=24), parameter :: step_name(4) = [character(len=24) :: "pose", "open chain", "UPS leg", "CSP group"]
 
     !> Constants of a moving link.
     type :: link_type
@@ -33,6 +34,7 @@ module linkdyn_model
         real(wp) :: point(3, 2) = 0           !! markers in link axes [m]
         real(wp) :: frame(3, 3, 2) = 0        !! marker frames in link axes, columns x, y, z
         integer :: first_variable = 0         !! its variables are first_variable + 1, ...
+        integer :: leg = 0                    !! the leg whose length is its slide
     end type joint_type
 
     !> One step of the kinematic program.
@@ -42,7 +44,7 @@ module linkdyn_model
         integer :: link(2) = 0                !! links that the step determines
         integer :: joint(3) = 0               !! joints that it uses
         integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components
-        integer :: first = 0                  !! index of its own state in the workspace (legs)
+        integer :: first = 0                  !! index of its own state in the workspace (poses, legs)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
     end type step_type
@@ -57,6 +59,7 @@ module linkdyn_model
         integer :: n_load = 0
         integer :: n_variable = 0             !! joint variables
         integer :: n_orientation = 0
+        integer :: n_pose = 0                 !! links whose pose is given by coordinates
         integer :: n_leg = 0
         integer :: n_row = 0                  !! equations: 3 a planar, 6 a spatial link
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial

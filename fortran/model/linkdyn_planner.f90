@@ -5,7 +5,8 @@
 !> refused with the names of the links and joints concerned.
 module linkdyn_planner
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups
+    use linkdyn_csp_plan, only: find_csp
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_revolute, joint_prismatic, &
         joint_cylindrical, joint_universal, joint_spherical, joint_kind_name
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -67,6 +68,7 @@ contains
             progress = .false.
             call extend_open_chains(model, plan, progress, status)
             if (.not. progress) call close_ups_legs(model, plan, progress)
+            if (.not. progress) call close_csp_group(model, plan, progress)
             if (.not. progress) call refuse_the_rest(model, plan, status)
         end do
         call refuse_leftovers(model, plan, status)
@@ -86,7 +88,7 @@ contains
 
     !> Links whose pose is given.
     subroutine take_poses(model, plan, status)
-        type(model_type), intent(in) :: model
+        type(model_type), intent(inout) :: model
         type(planning), intent(inout) :: plan
         type(status_type), intent(inout) :: status
         type(step_type) :: step
@@ -107,6 +109,8 @@ contains
                           //": a pose needs all six of x, y, z, roll, pitch, yaw")
                 return
             end if
+            model%n_pose = model%n_pose + 1
+            step%first = model%n_pose
             call add_step(plan, step)
         end do
     end subroutine take_poses
@@ -181,12 +185,26 @@ contains
             step = step_type(kind=step_ups, n_link=2, link=[lower, upper], joint=[u, p, s], first=model%n_leg)
             step%base_moves = model%joint(u)%link(1) > 0
             plan%joint_used([u, p, s]) = .true.
+            model%joint(p)%leg = model%n_leg
             call add_step(plan, step)
             progress = .true.
             call need_world(model, model%joint(u)%link(1))
             call need_world(model, model%joint(s)%link(2))
         end do
     end subroutine close_ups_legs
+
+    !> A CSP group between known links.
+    subroutine close_csp_group(model, plan, progress)
+        type(model_type), intent(in) :: model
+        type(planning), intent(inout) :: plan
+        logical, intent(inout) :: progress
+        type(step_type) :: step
+
+        call find_csp(model, plan%known, step, progress)
+        if (.not. progress) return
+        plan%joint_used(step%joint) = .true.
+        call add_step(plan, step)
+    end subroutine close_csp_group
 
     !> The joint of a kind in which the link is the first (1) or second (2), if its links have no other joints.
     pure integer function other_joint(model, link, kind, side)
@@ -249,7 +267,7 @@ contains
                       //" coordinate(s) are given: nothing determines link(s) "//names)
         else
             call fail(status, status_bad_input, "link(s) "//names//" cannot be placed from the coordinates given: no open " &
-                      //"chain leads to them and they form no known group (UPS leg)")
+                      //"chain leads to them and they form no known group (UPS leg, CSP)")
         end if
     end subroutine refuse_the_rest
 
@@ -300,10 +318,25 @@ contains
                         moved(:, step%link(j)) = moved(:, model%joint(step%joint(1))%link(1)) &
                                                  .or. moved(:, model%joint(step%joint(3))%link(2))
                     end do
+                case (step_csp)
+                    call move_csp_links(step)
                 end select
             end associate
         end do
         model%moves = moved(:, 1:)
+
+    contains
+
+        !> Both links follow the link with the axis and the link with the slide.
+        subroutine move_csp_links(step)
+            type(step_type), intent(in) :: step
+            integer :: axis_link, slide_link
+
+            axis_link = sum(model%joint(step%joint(1))%link) - step%link(1)
+            slide_link = sum(model%joint(step%joint(3))%link) - step%link(2)
+            moved(:, step%link(1)) = moved(:, axis_link) .or. moved(:, slide_link)
+            moved(:, step%link(2)) = moved(:, step%link(1))
+        end subroutine move_csp_links
     end subroutine mark_moved_links
 
     pure function step_uses(step, n_q) result(uses)

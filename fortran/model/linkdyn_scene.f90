@@ -117,6 +117,7 @@ module linkdyn_scene
         real(wp) :: start_position = 0            !! at t = 0, for forward dynamics and for choosing the branch
         real(wp) :: start_velocity = 0
         logical :: has_start = .false.
+        logical :: is_driven = .false.            !! forward dynamics too follows its motion law; the drives `inverse` supply the force
         type(law_spec) :: motion
         integer :: line = 0
     end type coordinate_spec

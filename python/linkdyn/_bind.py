@@ -121,9 +121,10 @@ def describe_scene(handle: int) -> dict[str, Any]:
     return json.loads(_read_text(_api.api_describe_scene, handle))
 
 
-def describe_results(handle: int, solver: str, want: str, has_time: bool) -> dict[str, Any]:
+def describe_results(handle: int, solver: str, want: str, has_time: bool, is_forward: bool = False) -> dict[str, Any]:
     """Dimensions and variables of the results; ``want`` "" is all that the solver gives."""
-    return json.loads(_read_text(_api.api_describe_results, handle, solver, want, int(has_time)))
+    kind = 2 if is_forward else int(has_time)
+    return json.loads(_read_text(_api.api_describe_results, handle, solver, want, kind))
 
 
 def explain(handle: int) -> str:
@@ -169,6 +170,51 @@ def inverse(
     wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
     arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for name in _OUTPUTS]
     check(*_api.api_inverse(handle, solver, threads, first, wanted, *map(_flat, inputs), *arrays, outputs["status"]))
+
+
+def forward(
+    handle: int,
+    method: str,
+    solver: str,
+    threads: int,
+    settings: tuple[float, float, float],
+    want: str,
+    t: Floats,
+    shapes: dict[str, tuple[int, ...]],
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], str]:
+    """A forward run.
+
+    Parameters
+    ----------
+    settings
+        step [s], rtol, atol.
+    t
+        (n,) instants of output [s].
+    shapes
+        Shapes of the real results by name, in the order of the engine's description.
+
+    Returns
+    -------
+    arrays
+        Results by name.
+    statistics
+        Steps, rejected steps, right-hand sides.
+    stopped
+        Why the run stopped early; empty if it did not.
+    """
+    sizes = [int(np.prod(shape)) for shape in shapes.values()]
+    values = np.empty(sum(sizes))
+    status = np.zeros(len(t), dtype=np.intc)
+    statistics, stopped, code, message = _api.api_forward(
+        handle, method, solver, threads, *settings, want, t, values, status
+    )
+    check(code, message)
+    parts = np.split(values, np.cumsum(sizes)[:-1])
+    arrays: dict[str, NDArray[Any]] = {
+        name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts)
+    }
+    arrays["status"] = status
+    return arrays, statistics, stopped.decode("utf-8", errors="replace").strip()
 
 
 def poses(handle: int, q: Floats, n_link: int) -> tuple[Floats, Floats, NDArray[np.intc]]:

@@ -222,6 +222,82 @@ class Scene:
         outputs = self._run(job, threads, given, load, wrench)
         return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver)
 
+    def forward(
+        self,
+        t_end: float | None = None,
+        *,
+        t: ArrayLike | None = None,
+        method: str = "rk8pd",
+        step: float = 1e-3,
+        rtol: float = 1e-9,
+        atol: float = 1e-9,
+        want: str | Iterable[str] | None = None,
+        solver: str = "elimination",
+        threads: int = 1,
+    ) -> xr.Dataset:
+        """Motion and joint reactions from the laws of the scene's actuators, from the scene's start on.
+
+        Parameters
+        ----------
+        t_end
+            End of the run [s]; default: the scene's. Output comes at as many instants as the scene has (201 if it
+            says nothing).
+        t
+            (N,) increasing instants of output [s] instead; the run starts at the first.
+        method
+            "rk8pd" or "rkf45" (adaptive), "msbdf" (adaptive, for stiff scenes), "rk4" (fixed step).
+        step
+            The fixed step, or the first one tried [s].
+        rtol, atol
+            Error allowed in a step, relative and absolute.
+        want, solver, threads
+            As for `inverse`; "power" brings the energies and the work too.
+
+        Returns
+        -------
+        xarray.Dataset
+            As the executable writes it. A run that cannot go on is NaN from there: ``attrs["stopped"]`` says why.
+
+        Raises
+        ------
+        InputError
+            Instants that do not increase, a step or tolerance that is not positive, an unknown method, a start that
+            cannot be assembled, too many or too few actuators.
+        UnavailableError
+            An adaptive method in a build without GSL.
+        """
+        instants = self._output_instants(t_end) if t is None else self._instants(t)
+        if t is not None and t_end is not None:
+            raise InputError("t, t_end: give one of them")
+        if len(instants) == 0 or np.any(np.diff(instants) <= 0):
+            raise InputError("t: expected increasing instants")
+        wanted = want if isinstance(want, str) else ",".join(want or ())
+        schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True)
+        sizes = {dimension["name"]: len(dimension.get("labels", ())) for dimension in schema["dimensions"]}
+        sizes["sample"] = len(instants)
+        shapes = {
+            variable["name"]: tuple(sizes[name] for name in variable["dims"])
+            for variable in schema["variables"]
+            if not variable["is_integer"]
+        }
+        settings = (float(step), float(rtol), float(atol))
+        arrays, statistics, stopped = _bind.forward(
+            self._handle, str(method), str(solver), _count("threads", threads), settings, wanted, instants, shapes
+        )
+        run = to_dataset(schema, arrays, self.description, self.text, solver)
+        names = ("steps", "rejected_steps", "right_hand_sides")
+        run.attrs |= {"method": method, **dict(zip(names, map(int, statistics))), "stopped": stopped}
+        return run
+
+    def _output_instants(self, t_end: float | None) -> NDArray[np.float64]:
+        """Instants of a forward run: the scene's, or as many up to another end."""
+        time = self.description["time"]
+        end = time["last"] if t_end is None else self._instants(t_end)[0]
+        if not end > time["first"]:
+            raise InputError(f"t_end: a run from {time['first']} s to {end} s goes nowhere")
+        n = time["n_sample"] if time["n_sample"] > 1 else 201
+        return np.linspace(time["first"], end, n)
+
     def solve(
         self,
         q: ArrayLike,

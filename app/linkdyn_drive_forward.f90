@@ -1,0 +1,149 @@
+!> `linkdyn forward`: integrate from the scene's start, writing chunk by chunk.
+module linkdyn_drive_forward
+    use, intrinsic :: iso_fortran_env, only: error_unit, int64
+    use linkdyn_cli, only: command_line
+    use linkdyn_drive_inverse, only: load_model
+    use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, method_name
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_forward_block, only: advance_block
+    use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block
+    use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
+        exit_samples_failed
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
+    use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: drive_forward
+
+    integer, parameter :: block_length = 256         !! samples integrated and written at a time
+
+contains
+
+    !> Run and report; the exit status says how it went.
+    subroutine drive_forward(config, unit, exit_status)
+        type(command_line), intent(in) :: config
+        integer, intent(in) :: unit                  !! for the summary
+        integer, intent(out) :: exit_status
+        type(model_type), target :: model
+        type(forward_run) :: run
+        type(layout_type) :: layout
+        type(output_type) :: output
+        type(summary_type) :: summary
+        type(status_type) :: status
+        real(wp), allocatable :: t(:)
+        real(wp) :: seconds
+
+        exit_status = exit_bad_input
+        call load_model(config%scene, .false., model, status)
+        if (status%is_ok()) call choose_times(config, model, t, status)
+        if (status%is_ok()) call start_forward(model, options_of(config, t(1)), run, status)
+        if (status%is_ok()) then
+            call describe_results(model%scene, config%wanted, .true., layout, is_forward=.true.)
+            call open_results(config, model, layout, size(t), output, status)
+        else if (index(status%message, config%scene//":") /= 1) then
+            status%message = config%scene//": "//trim(status%message)
+        end if
+        if (status%is_ok()) call run_blocks(config, run, layout, t, output, summary, seconds, status)
+        if (.not. status%is_ok()) then
+            call finish_forward(run)
+            write (error_unit, "(a)") trim(status%message)
+            return
+        end if
+        if (.not. config%quiet) then
+            call print_summary(model%scene, layout, summary, config%solver, config%options%threads, seconds, output%name, &
+                               unit)
+            call print_statistics(run, unit)
+        end if
+        exit_status = exit_done
+        if (run%has_stopped) then
+            write (error_unit, "(a)") trim(config%scene)//": "//trim(run%reason)
+        else if (summary%n_failed > 0) then
+            write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
+        end if
+        if (summary%n_failed > 0) exit_status = exit_samples_failed
+        call finish_forward(run)
+    end subroutine drive_forward
+
+    function options_of(config, t_start) result(options)
+        type(command_line), intent(in) :: config
+        real(wp), intent(in) :: t_start
+        type(forward_options) :: options
+
+        options%integrator = config%integrator
+        options%t_start = t_start
+        options%solver = config%options%solver
+        options%wants_reactions = config%wanted%reaction
+        options%threads = config%options%threads
+    end function options_of
+
+    !> Instants of output: the scene's, unless the command says otherwise.
+    subroutine choose_times(config, model, t, status)
+        type(command_line), intent(in) :: config
+        type(model_type), intent(in) :: model
+        real(wp), allocatable, intent(out) :: t(:)    !! [s]
+        type(status_type), intent(inout) :: status
+        integer, parameter :: usual_n_sample = 201
+        real(wp) :: first, last
+        integer :: i, n
+
+        first = model%scene%time%first
+        last = merge(config%until, model%scene%time%last, config%has_until)
+        n = merge(config%n_sample, model%scene%time%n_sample, config%n_sample > 0)
+        if (n < 2 .and. config%n_sample == 0) n = usual_n_sample
+        if (.not. last > first) then
+            call fail(status, status_bad_input, trim(config%scene)//": a run from "//to_text(first)//" s to " &
+                      //to_text(last)//" s goes nowhere (expected [time] end, or --until)")
+            return
+        end if
+        t = [(first + (last - first)*(real(i - 1, wp)/max(1, n - 1)), i=1, n)]
+        t(n) = last
+    end subroutine choose_times
+
+    subroutine run_blocks(config, run, layout, t, output, summary, seconds, status)
+        type(command_line), intent(in) :: config
+        type(forward_run), intent(inout) :: run
+        type(layout_type), intent(in) :: layout
+        real(wp), intent(in) :: t(:)                  !! instants [s]
+        type(output_type), intent(inout) :: output
+        type(summary_type), intent(out) :: summary
+        real(wp), intent(out) :: seconds              !! spent computing
+        type(status_type), intent(inout) :: status
+        type(block_type) :: block
+        type(progress_type) :: progress
+        integer(int64) :: start
+        integer :: first, n, n_fallback
+
+        call prepare_block(layout, min(block_length, size(t)), block)
+        call start_summary(layout, summary)
+        call start_progress(config%quiet, progress)
+        seconds = 0
+        do first = 1, size(t), block_length
+            n = min(block_length, size(t) - first + 1)
+            call system_clock(start)
+            call advance_block(run, layout, t(first:first + n - 1), block, n_fallback)
+            seconds = seconds + seconds_since(start)
+            call put_results(layout, block, first, n, output, status)
+            if (.not. status%is_ok()) exit
+            call add_to_summary(layout, block, n, n_fallback, summary)
+            call show_progress(first + n - 1, size(t), progress)
+        end do
+        call end_progress(progress)
+        call close_results(output, status)
+    end subroutine run_blocks
+
+    !> How the integrator fared.
+    subroutine print_statistics(run, unit)
+        type(forward_run), intent(in) :: run
+        integer, intent(in) :: unit
+
+        associate (i => run%integrator)
+            write (unit, "(a)") "  integrator       "//trim(method_name(i%options%method))//", "//to_text(i%n_step) &
+                //" steps, "//to_text(i%n_rejected)//" rejected, "//to_text(i%n_evaluation)//" right-hand sides"
+            if (i%n_step > 0) write (unit, "(a)") "  steps            "//to_text(i%shortest_step)//" to " &
+                //to_text(i%longest_step)//" s"
+        end associate
+    end subroutine print_statistics
+end module linkdyn_drive_forward

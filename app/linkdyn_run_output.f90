@@ -1,0 +1,133 @@
+!> Results of a run on their way to a file: netCDF or CSV, chosen once.
+module linkdyn_run_output
+    use linkdyn_cli, only: command_line
+    use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
+    use linkdyn_model, only: model_type
+    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf
+    use linkdyn_results, only: layout_type, block_type
+    use linkdyn_status, only: status_type
+    use linkdyn_version, only: version
+    implicit none (type, external)
+    private
+    public :: output_type, open_results, put_results, close_results
+    public :: exit_done, exit_bad_input, exit_samples_failed
+
+    integer, parameter :: exit_done = 0, exit_bad_input = 2, exit_samples_failed = 3
+
+    !> Where results go, if anywhere.
+    type :: output_type
+        logical :: is_none = .false.                  !! only the summary is wanted
+        logical :: is_csv = .false.
+        character(len=:), allocatable :: name
+        type(netcdf_writer) :: netcdf
+        type(csv_writer) :: csv
+    end type output_type
+
+contains
+
+    subroutine open_results(config, model, layout, n_sample, output, status)
+        type(command_line), intent(in) :: config
+        type(model_type), intent(in) :: model
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: n_sample
+        type(output_type), intent(out) :: output
+        type(status_type), intent(inout) :: status
+        type(attributes_type) :: attributes
+
+        output%is_none = config%no_output
+        output%is_csv = config%csv
+        if (output%is_none) then
+            output%name = "not kept"
+            return
+        end if
+        if (allocated(config%output)) then
+            output%name = config%output
+        else
+            output%name = default_name(config%scene)//trim(merge(".csv", ".nc ", config%csv))
+        end if
+        if (config%csv) then
+            call create_csv(output%name, layout, output%csv, status)
+            return
+        end if
+        attributes%title = trim(model%scene%title)
+        attributes%version = version
+        attributes%solver = config%solver
+        attributes%scene = ""
+        if (allocated(model%scene%text)) attributes%scene = model%scene%text
+        attributes%history = timestamp()//" "//command_text()
+        attributes%gravity = model%scene%gravity
+        call create_netcdf(output%name, layout, n_sample, attributes, config%deflate, output%netcdf, status)
+    end subroutine open_results
+
+    subroutine put_results(layout, block, first, n, output, status)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(in) :: block
+        integer, intent(in) :: first, n
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (output%is_none) return
+        if (output%is_csv) then
+            call put_csv(layout, block, n, output%csv, status)
+        else
+            call put_netcdf(layout, block, first, n, output%netcdf, status)
+        end if
+    end subroutine put_results
+
+    subroutine close_results(output, status)
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (output%is_none) return
+        if (output%is_csv) then
+            call close_csv(output%csv, status)
+        else
+            call close_netcdf(output%netcdf, status)
+        end if
+    end subroutine close_results
+
+    !> Name of the results: the scene's stem; of its folder when the scene is just called "scene".
+    function default_name(scene_file) result(name)
+        character(len=*), intent(in) :: scene_file
+        character(len=:), allocatable :: name, folder
+        character(len=4096) :: here
+        integer :: slash, dot
+
+        slash = index(scene_file, "/", back=.true.)
+        name = scene_file(slash + 1:)
+        dot = index(name, ".", back=.true.)
+        if (dot > 1) name = name(:dot - 1)
+        if (name /= "scene") return
+        if (slash > 1) then
+            folder = scene_file(:slash - 1)
+        else
+            call get_environment_variable("PWD", here)
+            folder = trim(here)
+        end if
+        folder = folder(index(folder, "/", back=.true.) + 1:)
+        if (verify(folder, ".") > 0) name = folder
+    end function default_name
+
+    !> The command as it was given.
+    function command_text() result(text)
+        character(len=:), allocatable :: text
+        integer :: length
+
+        call get_command(length=length)
+        allocate (character(len=length) :: text)
+        call get_command(text)
+        text = text(index(text(:scan(text//" ", " ")), "/", back=.true.) + 1:)
+    end function command_text
+
+    !> Date and time, ISO 8601.
+    function timestamp() result(text)
+        character(len=:), allocatable :: text
+        character(len=8) :: date
+        character(len=10) :: time
+        character(len=5) :: zone
+
+        call date_and_time(date, time, zone)
+        text = date(:4)//"-"//date(5:6)//"-"//date(7:8)//"T"//time(:2)//":"//time(3:4)//":"//time(5:6)// &
+            zone(:3)//":"//zone(4:)
+    end function timestamp
+end module linkdyn_run_output

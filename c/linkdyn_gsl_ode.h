@@ -1,0 +1,30 @@
+/* GSL's adaptive steppers behind plain C: the only door to gsl_odeiv2. */
+#ifndef LINKDYN_GSL_ODE_H
+#define LINKDYN_GSL_ODE_H
+
+#include <stddef.h>
+
+/* Right-hand side and Jacobian (row by row, then df/dt); nonzero: cannot be evaluated there. */
+typedef int (*linkdyn_ode_rates)(double t, const double y[], double rate[], void *context);
+typedef int (*linkdyn_ode_jacobian)(double t, const double y[], double *jacobian, double dfdt[], void *context);
+
+typedef struct linkdyn_gsl_ode linkdyn_gsl_ode;
+
+/* A stepper of GSL by its name (rkf45, rk8pd, msbdf); NULL if there is none such, or no memory. */
+linkdyn_gsl_ode *linkdyn_gsl_ode_new(const char *stepper, size_t n, linkdyn_ode_rates rates,
+                                     linkdyn_ode_jacobian jacobian, void *context, double first_step,
+                                     double rtol, double atol);
+
+/* One accepted step from *t towards t_end, never beyond; *h in: to try, out: proposed next.
+   0: done; otherwise GSL's code, y and *t as before. */
+int linkdyn_gsl_ode_step(linkdyn_gsl_ode *ode, double *t, double t_end, double *h, double *y);
+
+/* Forget the history: the right-hand side has a kink here. */
+int linkdyn_gsl_ode_reset(linkdyn_gsl_ode *ode);
+
+/* Steps rejected so far. */
+unsigned long linkdyn_gsl_ode_rejected(const linkdyn_gsl_ode *ode);
+
+void linkdyn_gsl_ode_free(linkdyn_gsl_ode *ode);
+
+#endif

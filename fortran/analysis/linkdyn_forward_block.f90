@@ -1,0 +1,58 @@
+!> A chunk of a forward run as a block of results.
+module linkdyn_forward_block
+    use linkdyn_forward, only: forward_results, forward_run, advance_forward
+    use linkdyn_kinds, only: wp
+    use linkdyn_results, only: layout_type, block_type, view_values, find_driving_power, result_time, result_q, result_qd, &
+        result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
+        result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
+        result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
+    implicit none (type, external)
+    private
+    public :: advance_block
+
+contains
+
+    !> Go on through some instants.
+    subroutine advance_block(run, layout, t, block, n_fallback)
+        type(forward_run), intent(inout) :: run
+        type(layout_type), intent(in) :: layout
+        real(wp), intent(in) :: t(:)                  !! [s]
+        type(block_type), intent(inout), target :: block
+        integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
+        type(forward_results) :: results
+        real(wp), pointer :: time(:), speed(:, :), power(:, :)
+        real(wp), target :: driving_force(run%model%n_actuator, size(t)), joint_rate(run%model%n_variable, size(t))
+        integer :: n, n_good
+
+        n = size(t)
+        call view_values(layout, result_time, n, block, time)
+        call view_values(layout, result_q, n, block, results%q)
+        call view_values(layout, result_qd, n, block, results%qd)
+        call view_values(layout, result_work, n, block, results%work)
+        call view_values(layout, result_step, n, block, results%step)
+        call view_values(layout, result_driving_speed, n, block, speed)
+        call view_values(layout, result_driving_power, n, block, power)
+        associate (forces => results%forces)
+            call view_values(layout, result_qdd, n, block, forces%acceleration)
+            call view_values(layout, result_status, n, block, forces%status)
+            call view_values(layout, result_driving_force, n, block, forces%driving_force)
+            call view_values(layout, result_reaction, n, block, forces%reaction)
+            call view_values(layout, result_joint_variable, n, block, forces%joint_variable)
+            call view_values(layout, result_joint_rate, n, block, forces%joint_rate)
+            call view_values(layout, result_rcond, n, block, forces%rcond)
+            call view_values(layout, result_error, n, block, forces%error)
+            call view_values(layout, result_growth, n, block, forces%growth)
+            call view_values(layout, result_power_imbalance, n, block, forces%power_imbalance)
+            call view_values(layout, result_kinetic_energy, n, block, forces%kinetic_energy)
+            call view_values(layout, result_potential_energy, n, block, forces%potential_energy)
+            call view_values(layout, result_closure, n, block, forces%closure)
+            if (.not. associated(forces%driving_force)) forces%driving_force => driving_force
+            if (.not. associated(forces%joint_rate)) forces%joint_rate => joint_rate
+        end associate
+        time = t
+        call advance_forward(run, t, results, n_good)
+        n_fallback = results%forces%n_fallback
+        if (associated(power)) &
+            call find_driving_power(layout, results%forces%driving_force, results%forces%joint_rate, speed, power)
+    end subroutine advance_block
+end module linkdyn_forward_block

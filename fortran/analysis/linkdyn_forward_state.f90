@@ -1,0 +1,220 @@
+!> What forward dynamics integrates: for every free coordinate its value and rate, for every free pose position,
+!> quaternion, velocity and angular velocity; last the work of the driving forces and loads.
+module linkdyn_forward_state
+    use linkdyn_drives, only: law_on_lanes
+    use linkdyn_joint_motion, only: variables_of_relative, kind_spherical
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, step_type, step_pose
+    use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
+    use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
+    use linkdyn_scene, only: law_none
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_text, only: quoted
+    use linkdyn_vec3, only: vec3, identity_mat3, zero_vec3
+    implicit none (type, external)
+    private
+    public :: state_layout, plan_layout, choose_free, fill_start, unpack_state, pack_rates, read_coordinates, scene_start
+
+    !> Where everything stands in y.
+    type :: state_layout
+        integer :: n = 0
+        integer, allocatable :: position(:)      !! of a free coordinate; angles of a free pose: 0 (n_q)
+        integer, allocatable :: rate(:)          !! its rate; of a pose the velocity, then the angular velocity; 0: driven (n_q)
+        integer, allocatable :: quaternion(:)    !! w of a free pose, x y z follow; 0: driven (n_pose)
+        integer, allocatable :: pose_step(:)     !! step of the kinematics that places the pose (n_pose)
+        integer :: work = 0                      !! 0: not wanted
+    end type state_layout
+
+contains
+
+    !> Free are the coordinates that the scene does not drive.
+    !>
+    !> **Errors**: `status_bad_input` for a pose that is partly driven, and for a driven coordinate without motion.
+    subroutine choose_free(model, is_free, status)
+        type(model_type), intent(in) :: model
+        logical, allocatable, intent(out) :: is_free(:)
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        is_free = .not. model%scene%coordinate%is_driven
+        do i = 1, model%n_q
+            associate (c => model%scene%coordinate(i))
+                if (c%is_driven .and. c%motion%kind == law_none) call fail(status, status_bad_input, "coordinate " &
+                    //quoted(c%name)//" is driven but has no motion (expected motion = { law = .. })")
+            end associate
+        end do
+        do i = 1, size(model%step)
+            if (model%step(i)%kind /= step_pose) cycle
+            associate (c => model%step(i)%coordinate)
+                if (any(is_free(c)) .and. .not. all(is_free(c))) call fail(status, status_bad_input, "link " &
+                    //quoted(model%link(model%step(i)%link(1))%name)//": its pose is driven in part " &
+                    //"(expected all six components driven, or none)")
+            end associate
+        end do
+    end subroutine choose_free
+
+    subroutine plan_layout(model, is_free, layout)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_free(:)
+        type(state_layout), intent(out) :: layout
+        integer :: i, k
+
+        allocate (layout%position(model%n_q), layout%rate(model%n_q), layout%quaternion(model%n_pose), &
+                  layout%pose_step(model%n_pose))
+        layout%position = 0
+        layout%rate = 0
+        layout%quaternion = 0
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (step%kind /= step_pose) cycle
+                layout%pose_step(step%first) = i
+                if (.not. is_free(step%coordinate(1))) cycle
+                do k = 1, 3
+                    layout%position(step%coordinate(k)) = layout%n + k
+                end do
+                layout%quaternion(step%first) = layout%n + 4
+                layout%n = layout%n + 7
+                layout%position(step%coordinate(4:6)) = -1    ! taken by the quaternion
+            end associate
+        end do
+        do k = 1, model%n_q
+            if (.not. is_free(k) .or. layout%position(k) /= 0) cycle
+            layout%n = layout%n + 1
+            layout%position(k) = layout%n
+        end do
+        where (layout%position < 0) layout%position = 0
+        do k = 1, model%n_q
+            if (.not. is_free(k)) cycle
+            layout%n = layout%n + 1
+            layout%rate(k) = layout%n
+        end do
+        layout%n = layout%n + 1
+        layout%work = layout%n
+    end subroutine plan_layout
+
+    !> Coordinates and rates at the start: as the scene says, or else what the motion law has at t.
+    subroutine scene_start(model, t, q, qd)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t                     !! [s]
+        real(wp), intent(out) :: q(:), qd(:)          !! (n_q)
+        real(wp), dimension(lanes) :: value, rate, rate2
+        integer :: k
+
+        do k = 1, model%n_q
+            associate (c => model%scene%coordinate(k))
+                q(k) = c%start_position
+                qd(k) = c%start_velocity
+                if ((c%has_start .and. .not. c%is_driven) .or. c%motion%kind == law_none) cycle
+                call law_on_lanes(c%motion, spread(t, 1, lanes), value, rate, rate2)
+                q(k) = value(1)
+                qd(k) = rate(1)
+            end associate
+        end do
+    end subroutine scene_start
+
+    !> y from coordinates and their rates.
+    subroutine fill_start(model, layout, q, qd, y)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: q(lanes, model%n_q), qd(lanes, model%n_q)
+        real(wp), intent(out) :: y(lanes, layout%n)
+        type(rpy_rotation) :: turn
+        type(vec3) :: omega
+        integer :: k, p
+
+        y = 0
+        do k = 1, model%n_q
+            if (layout%position(k) > 0) y(:, layout%position(k)) = q(:, k)
+            if (layout%rate(k) > 0) y(:, layout%rate(k)) = qd(:, k)
+        end do
+        do p = 1, model%n_pose
+            if (layout%quaternion(p) == 0) cycle
+            associate (c => model%step(layout%pose_step(p))%coordinate, first => layout%quaternion(p))
+                y(:, first:first + 3) = quaternion_of_rpy(q(:, c(4)), q(:, c(5)), q(:, c(6)))
+                call rotate_rpy(q(:, c(4)), q(:, c(5)), q(:, c(6)), turn)
+                omega = angular_velocity_rpy(turn, qd(:, c(4:6)))
+                y(:, layout%rate(c(4))) = omega%x
+                y(:, layout%rate(c(5))) = omega%y
+                y(:, layout%rate(c(6))) = omega%z
+            end associate
+        end do
+    end subroutine fill_start
+
+    !> Input of the kinematics from y, and from the motion laws of driven coordinates. Accelerations of free ones are zero.
+    subroutine unpack_state(model, layout, t, y, state)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: t(lanes)              !! [s]
+        real(wp), intent(in) :: y(:, :)               !! (lane, n)
+        type(kinematic_state), intent(inout) :: state
+        integer :: k, p
+
+        do k = 1, model%n_q
+            if (layout%rate(k) == 0) then
+                call law_on_lanes(model%scene%coordinate(k)%motion, t, state%q(:, k), state%qd(:, k), state%qdd(:, k))
+            else
+                if (layout%position(k) > 0) state%q(:, k) = y(:, layout%position(k))
+                state%qd(:, k) = y(:, layout%rate(k))
+                state%qdd(:, k) = 0
+            end if
+        end do
+        do p = 1, model%n_pose
+            state%by_quaternion(p) = layout%quaternion(p) > 0
+            if (state%by_quaternion(p)) state%quaternion(:, :, p) = y(:, layout%quaternion(p):layout%quaternion(p) + 3)
+        end do
+    end subroutine unpack_state
+
+    !> dy/dt from y and the accelerations; the rate of the work is left alone.
+    subroutine pack_rates(model, layout, y, acceleration, rate)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: y(:, :)               !! (lane, n)
+        real(wp), intent(in) :: acceleration(:, :)    !! (lane, n_q); of a pose those of velocity and angular velocity
+        real(wp), intent(inout) :: rate(:, :)         !! (lane, n)
+        type(vec3) :: omega
+        integer :: k, p
+
+        do k = 1, model%n_q
+            if (layout%rate(k) == 0) cycle
+            if (layout%position(k) > 0) rate(:, layout%position(k)) = y(:, layout%rate(k))
+            rate(:, layout%rate(k)) = acceleration(:, k)
+        end do
+        do p = 1, model%n_pose
+            if (layout%quaternion(p) == 0) cycle
+            associate (c => model%step(layout%pose_step(p))%coordinate, first => layout%quaternion(p))
+                omega = vec3(y(:, layout%rate(c(4))), y(:, layout%rate(c(5))), y(:, layout%rate(c(6))))
+                rate(:, first:first + 3) = quaternion_rate(y(:, first:first + 3), omega)
+            end associate
+        end do
+    end subroutine pack_rates
+
+    !> Coordinates and rates for output: orientation as roll, pitch, yaw in (-pi, pi].
+    subroutine read_coordinates(model, layout, t, y, state, q, qd, qdd)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: t(lanes)              !! [s]
+        real(wp), intent(in) :: y(:, :)               !! (lane, n)
+        type(kinematic_state), intent(inout) :: state !! scratch
+        real(wp), intent(out) :: q(:, :), qd(:, :)    !! (lane, n_q)
+        real(wp), intent(out) :: qdd(:, :)            !! of driven coordinates; zero for free ones
+        real(wp), dimension(lanes, 3) :: angle, angle_rate
+        integer :: p
+
+        call unpack_state(model, layout, t, y, state)
+        q = state%q
+        qd = state%qd
+        qdd = state%qdd
+        do p = 1, model%n_pose
+            if (layout%quaternion(p) == 0) cycle
+            associate (c => model%step(layout%pose_step(p))%coordinate)
+                call variables_of_relative(kind_spherical, identity_mat3(), rotation_of_quaternion(state%quaternion(:, :, p)), &
+                                           zero_vec3(), zero_vec3(), vec3(qd(:, c(4)), qd(:, c(5)), qd(:, c(6))), &
+                                           angle, angle_rate)
+                q(:, c(4:6)) = angle
+                qd(:, c(4:6)) = angle_rate
+            end associate
+        end do
+    end subroutine read_coordinates
+end module linkdyn_forward_state

@@ -1,0 +1,184 @@
+!> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
+module linkdyn_forward_system
+    use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
+    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
+        prepare_workspace, solve_block, solve_equations, solver_reduced
+    use linkdyn_forward_state, only: state_layout, plan_layout, choose_free, unpack_state, pack_rates
+    use linkdyn_joint_rates, only: actuator_rates
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_system, only: lane_system
+    use linkdyn_model, only: model_type
+    use linkdyn_motion, only: evaluate_motion, evaluate_loads
+    use linkdyn_scene, only: drive_inverse, drive_dc_motor, drive_pd, drive_table, law_none
+    use linkdyn_status, only: status_type, sample_ok
+    implicit none (type, external)
+    private
+    public :: forward_system, build_forward_system, choose_unknowns
+
+    type, extends(lane_system) :: forward_system
+        type(model_type), pointer :: model => null()
+        type(state_layout) :: layout
+        type(equations_type) :: equations              !! of every stage: accelerations, and unknown driving forces
+        type(equation_workspace) :: workspace
+        logical :: wants_work = .true.
+        ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
+        logical, allocatable :: by_inverse(:)          !! (n_actuator)
+        type(equations_type) :: inverse_equations
+        type(equation_workspace) :: inverse_workspace
+        real(wp) :: inverse_time(lanes) = -huge(1.0_wp)    !! instants of the forces found last
+    contains
+        procedure :: evaluate => evaluate_forward
+        procedure :: release
+    end type forward_system
+
+contains
+
+    !> Which accelerations and driving forces are unknown: driven coordinates get their force from the drives `inverse`.
+    subroutine choose_unknowns(model, unknown, status)
+        type(model_type), intent(in) :: model
+        type(unknown_choice), intent(out) :: unknown
+        type(status_type), intent(inout) :: status
+
+        call choose_free(model, unknown%acceleration, status)
+        allocate (unknown%drive(model%n_actuator))
+        unknown%drive = model%scene%actuator%drive%kind == drive_inverse .and. .not. all(unknown%acceleration)
+    end subroutine choose_unknowns
+
+    !> Plan the equations of the stages.
+    subroutine build_forward_system(model, solver, system, status)
+        type(model_type), intent(in), target :: model      !! must outlive the system
+        integer, intent(in) :: solver                      !! of the stages; no reaction is computed there
+        type(forward_system), intent(inout) :: system
+        type(status_type), intent(inout) :: status
+        type(unknown_choice) :: unknown
+
+        system%model => model
+        call choose_unknowns(model, unknown, status)
+        if (.not. status%is_ok()) return
+        call build_equations(model, solver, .false., system%equations, status, unknown)
+        if (.not. status%is_ok()) return
+        call prepare_workspace(model, system%equations, system%workspace)
+        call plan_layout(model, unknown%acceleration, system%layout)
+        system%n = system%layout%n
+        system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
+        system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
+        if (any(system%by_inverse)) then
+            call build_equations(model, solver_reduced, .false., system%inverse_equations, status)
+            if (status%is_ok()) call prepare_workspace(model, system%inverse_equations, system%inverse_workspace)
+        end if
+    end subroutine build_forward_system
+
+    !> Does a drive need a joint variable that is neither a coordinate nor the length of a leg?
+    pure logical function measures_joints(model)
+        type(model_type), intent(in) :: model
+        integer :: i
+
+        measures_joints = .false.
+        do i = 1, model%n_actuator
+            associate (spec => model%scene%actuator(i))
+                measures_joints = measures_joints .or. (needs_motion(spec%drive) .and. model%joint(spec%joint)%leg == 0 &
+                                                        .and. coordinate_of_actuator(model, i) == 0)
+            end associate
+        end do
+    end function measures_joints
+
+    !> dy/dt on all lanes.
+    subroutine evaluate_forward(self, t, y, rate, failed)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(out) :: rate(:, :)
+        logical, intent(out) :: failed(lanes)
+        integer :: k
+
+        associate (model => self%model, workspace => self%workspace)
+            call unpack_state(model, self%layout, t, y, workspace%state)
+            call take_loads(model, t, workspace)
+            call evaluate_kinematics(model, workspace%state)
+            if (any(self%by_inverse)) call find_inverse_forces(self, t)
+            do k = 1, model%n_actuator
+                if (self%equations%unknown%drive(k)) cycle
+                if (self%by_inverse(k)) then
+                    workspace%driving_force(:, k) = self%inverse_workspace%driving_force(:, k)
+                else
+                    call evaluate_drive(model, k, t, workspace%state, workspace%driving_force(:, k))
+                end if
+            end do
+            call solve_equations(model, self%equations, workspace)
+            call pack_rates(model, self%layout, y, workspace%acceleration, rate)
+            call work_rate(self, rate(:, self%layout%work))
+            failed = workspace%status /= sample_ok
+            do k = 1, model%n_q
+                failed = failed .or. .not. abs(workspace%acceleration(:, k)) <= huge(1.0_wp)
+            end do
+        end associate
+    end subroutine evaluate_forward
+
+    !> Loads of the scene at the instants of the lanes.
+    subroutine take_loads(model, t, workspace)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp) :: load(6, model%n_load, 1)
+        integer :: lane
+
+        if (model%n_load == 0) return
+        do lane = 1, lanes
+            if (lane == 1) then
+                call evaluate_loads(model, t(1:1), load)
+            else if (t(lane) /= t(lane - 1)) then
+                call evaluate_loads(model, t(lane:lane), load)
+            end if
+            workspace%load(lane, :, :) = load(:, :, 1)
+        end do
+    end subroutine take_loads
+
+    !> Driving forces that the scene's motion asks for at these instants, wherever the mechanism really is.
+    subroutine find_inverse_forces(self, t)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp) :: q(self%model%n_q, 1), qd(self%model%n_q, 1), qdd(self%model%n_q, 1), load(6, self%model%n_load, 1)
+        integer :: lane
+
+        if (all(t == self%inverse_time)) return
+        associate (model => self%model, workspace => self%inverse_workspace)
+            do lane = 1, lanes
+                if (lane == 1) then
+                    call evaluate_motion(model, t(1:1), q, qd, qdd, load)
+                else if (t(lane) /= t(lane - 1)) then
+                    call evaluate_motion(model, t(lane:lane), q, qd, qdd, load)
+                end if
+                workspace%state%q(lane, :) = q(:, 1)
+                workspace%state%qd(lane, :) = qd(:, 1)
+                workspace%state%qdd(lane, :) = qdd(:, 1)
+                workspace%load(lane, :, :) = load(:, :, 1)
+            end do
+            call solve_block(model, self%inverse_equations, workspace)
+        end associate
+        self%inverse_time = t
+    end subroutine find_inverse_forces
+
+    !> Power of the driving forces, integrated to their work.
+    subroutine work_rate(self, rate)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(out) :: rate(lanes)
+        real(wp) :: speed(lanes, self%model%n_actuator)
+        integer :: i
+
+        rate = 0
+        if (.not. self%wants_work) return
+        call actuator_rates(self%model, self%workspace%state, speed)
+        do i = 1, self%model%n_actuator
+            rate = rate + self%workspace%driving_force(:, i)*speed(:, i)
+        end do
+    end subroutine work_rate
+
+    subroutine release(self)
+        class(forward_system), intent(inout) :: self
+
+        if (associated(self%workspace%slot%value)) call self%workspace%free()
+        if (associated(self%inverse_workspace%slot%value)) call self%inverse_workspace%free()
+    end subroutine release
+end module linkdyn_forward_system

@@ -1,0 +1,121 @@
+!> What the actuators do in forward dynamics: driving forces from time and from the motion of their joints.
+module linkdyn_drives
+    use linkdyn_joint_rates, only: measure_variable
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_laws, only: evaluate_law
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: drive_spec, law_spec, coordinate_joint, drive_inverse, drive_constant, drive_table, &
+        drive_spring_damper, drive_dc_motor, drive_pd
+    implicit none (type, external)
+    private
+    public :: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
+
+contains
+
+    !> Driving force of actuator i, for every law but `inverse`.
+    subroutine evaluate_drive(model, i, t, state, force)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        real(wp), intent(in) :: t(lanes)              !! [s]
+        type(kinematic_state), intent(in) :: state    !! positions and velocities are up to date
+        real(wp), intent(out) :: force(lanes)         !! [N, N m]
+        real(wp) :: position(lanes), rate(lanes), target(lanes), target_rate(lanes), target_rate2(lanes)
+
+        associate (drive => model%scene%actuator(i)%drive)
+            if (needs_motion(drive)) call measure_actuator(model, i, state, position, rate)
+            if (any(drive%kind == [drive_table, drive_dc_motor, drive_pd])) &
+                call law_on_lanes(drive%target, t, target, target_rate, target_rate2)
+            select case (drive%kind)
+            case (drive_constant)
+                force = drive%value(1)
+            case (drive_table)
+                force = target
+            case (drive_spring_damper)
+                force = -(drive%value(1)*(position - drive%value(3)) + drive%value(2)*rate)
+            case (drive_dc_motor)
+                force = motor_force(drive%value(1:6), target - position, rate)
+            case (drive_pd)
+                force = drive%value(1)*(target - position) + drive%value(2)*(target_rate - rate)
+            case default
+                force = 0
+            end select
+        end associate
+    end subroutine evaluate_drive
+
+    !> A DC motor behind a reducer under position feedback: the voltage K_P*(target - position), less what the turning
+    !> rotor induces, drives the current through the armature.
+    !>
+    !> **Source**: the lecture: tau = n eta K_T (K_P (target - position) - K_E n rate)/R_a.
+    pure function motor_force(constant, lag, rate) result(force)
+        real(wp), intent(in) :: constant(6)           !! n eta K_T K_E K_P R_a
+        real(wp), intent(in) :: lag(lanes)            !! target less position [m, rad]
+        real(wp), intent(in) :: rate(lanes)
+        real(wp) :: force(lanes)
+
+        associate (n => constant(1), eta => constant(2), k_t => constant(3), k_e => constant(4), k_p => constant(5), &
+                   r_a => constant(6))
+            force = (n*eta*k_t/r_a)*(k_p*lag - (k_e*n)*rate)
+        end associate
+    end function motor_force
+
+    !> Does the force depend on the motion of the joint?
+    pure elemental logical function needs_motion(drive)
+        type(drive_spec), intent(in) :: drive
+
+        needs_motion = drive%kind == drive_spring_damper .or. drive%kind == drive_dc_motor .or. drive%kind == drive_pd
+    end function needs_motion
+
+    !> The driven joint variable and its rate. A coordinate is taken as it is: it counts turns, a measured angle does not.
+    subroutine measure_actuator(model, i, state, position, rate)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: position(lanes), rate(lanes)
+        integer :: k
+
+        k = coordinate_of_actuator(model, i)
+        if (k > 0) then
+            position = state%q(:, k)
+            rate = state%qd(:, k)
+        else
+            associate (spec => model%scene%actuator(i))
+                call measure_variable(model, state, spec%joint, spec%variable, position, rate)
+            end associate
+        end if
+    end subroutine measure_actuator
+
+    !> The coordinate that an actuator drives directly; 0 if its joint variable is none.
+    pure integer function coordinate_of_actuator(model, i) result(k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+
+        associate (spec => model%scene%actuator(i))
+            do k = model%n_q, 1, -1
+                associate (c => model%scene%coordinate(k))
+                    if (c%kind == coordinate_joint .and. c%joint == spec%joint .and. c%variable == spec%variable) return
+                end associate
+            end do
+        end associate
+    end function coordinate_of_actuator
+
+    !> A law at the instants of all lanes, which are mostly one.
+    pure subroutine law_on_lanes(law, t, value, rate, rate2)
+        type(law_spec), intent(in) :: law
+        real(wp), intent(in) :: t(lanes)              !! [s]
+        real(wp), intent(out) :: value(lanes), rate(lanes), rate2(lanes)
+        integer :: lane
+
+        call evaluate_law(law, t(1), value(1), rate(1), rate2(1))
+        do lane = 2, lanes
+            if (t(lane) == t(lane - 1)) then
+                value(lane) = value(lane - 1)
+                rate(lane) = rate(lane - 1)
+                rate2(lane) = rate2(lane - 1)
+            else
+                call evaluate_law(law, t(lane), value(lane), rate(lane), rate2(lane))
+            end if
+        end do
+    end subroutine law_on_lanes
+end module linkdyn_drives

@@ -1,0 +1,231 @@
+!> GSL's adaptive steppers on a lane system. One solution is integrated; the lanes serve the Jacobian of the implicit
+!> stepper, whose differences are taken side by side.
+module linkdyn_ode_gsl
+    use, intrinsic :: iso_c_binding, only: c_double, c_int, c_size_t, c_long, c_char, c_ptr, c_funptr, c_null_char, &
+        c_null_ptr, c_associated, c_loc, c_funloc, c_f_pointer
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_system, only: lane_system
+    use linkdyn_status, only: status_type, fail, status_internal
+    use linkdyn_text, only: quoted
+    implicit none (type, external)
+    private
+    public :: ode_gsl
+
+    !> What the callbacks need; its address travels through GSL.
+    type :: callback_frame
+        class(lane_system), pointer :: system => null()
+        real(wp), allocatable :: y(:, :), rate(:, :)      !! (lane, n)
+        integer :: n_evaluation = 0                       !! blocks evaluated
+    end type callback_frame
+
+    !> One run of an adaptive stepper.
+    type :: ode_gsl
+        private
+        type(c_ptr) :: handle = c_null_ptr
+        type(callback_frame), pointer :: frame => null()
+    contains
+        procedure, public :: start, take_step, reset, release
+        procedure, public :: n_rejected, n_evaluation
+    end type ode_gsl
+
+    interface
+        function linkdyn_gsl_ode_new(stepper, n, rates, jacobian, context, first_step, rtol, atol) bind(c) result(handle)
+            import :: c_char, c_size_t, c_funptr, c_ptr, c_double
+            character(kind=c_char), intent(in) :: stepper(*)
+            integer(c_size_t), value :: n
+            type(c_funptr), value :: rates, jacobian
+            type(c_ptr), value :: context
+            real(c_double), value :: first_step, rtol, atol
+            type(c_ptr) :: handle
+        end function linkdyn_gsl_ode_new
+        function linkdyn_gsl_ode_step(handle, t, t_end, h, y) bind(c) result(code)
+            import :: c_ptr, c_double, c_int
+            type(c_ptr), value :: handle
+            real(c_double), intent(inout) :: t, h, y(*)
+            real(c_double), value :: t_end
+            integer(c_int) :: code
+        end function linkdyn_gsl_ode_step
+        function linkdyn_gsl_ode_reset(handle) bind(c) result(code)
+            import :: c_ptr, c_int
+            type(c_ptr), value :: handle
+            integer(c_int) :: code
+        end function linkdyn_gsl_ode_reset
+        function linkdyn_gsl_ode_rejected(handle) bind(c) result(n)
+            import :: c_ptr, c_long
+            type(c_ptr), value :: handle
+            integer(c_long) :: n
+        end function linkdyn_gsl_ode_rejected
+        subroutine linkdyn_gsl_ode_free(handle) bind(c)
+            import :: c_ptr
+            type(c_ptr), value :: handle
+        end subroutine linkdyn_gsl_ode_free
+    end interface
+
+contains
+
+    !> Prepare a run of the stepper named (rkf45, rk8pd, msbdf).
+    subroutine start(self, stepper, system, first_step, rtol, atol, status)
+        class(ode_gsl), intent(inout) :: self
+        character(len=*), intent(in) :: stepper
+        class(lane_system), intent(inout), target :: system   !! must outlive the run
+        real(wp), intent(in) :: first_step, rtol, atol
+        type(status_type), intent(inout) :: status
+
+        call self%release()
+        allocate (self%frame)
+        self%frame%system => system
+        allocate (self%frame%y(lanes, system%n), self%frame%rate(lanes, system%n))
+        self%handle = linkdyn_gsl_ode_new(stepper//c_null_char, int(system%n, c_size_t), c_funloc(rates), &
+                                          c_funloc(jacobian), c_loc(self%frame), first_step, rtol, atol)
+        if (.not. c_associated(self%handle)) call fail(status, status_internal, "GSL has no stepper "//quoted(stepper))
+    end subroutine start
+
+    !> One accepted step towards t_end, never beyond.
+    subroutine take_step(self, t, t_end, h, y, ok)
+        class(ode_gsl), intent(inout) :: self
+        real(wp), intent(inout) :: t
+        real(wp), intent(in) :: t_end
+        real(wp), intent(inout) :: h                   !! in: to try; out: proposed for the next step
+        real(wp), intent(inout) :: y(:)
+        logical, intent(out) :: ok                     !! false: no step can be taken; t and y are as before
+
+        ok = linkdyn_gsl_ode_step(self%handle, t, t_end, h, y) == 0
+    end subroutine take_step
+
+    !> Forget the history: the right-hand side has a kink here, or y was changed.
+    subroutine reset(self)
+        class(ode_gsl), intent(inout) :: self
+        integer(c_int) :: code
+
+        code = linkdyn_gsl_ode_reset(self%handle)
+    end subroutine reset
+
+    subroutine release(self)
+        class(ode_gsl), intent(inout) :: self
+
+        if (c_associated(self%handle)) call linkdyn_gsl_ode_free(self%handle)
+        self%handle = c_null_ptr
+        if (associated(self%frame)) deallocate (self%frame)
+    end subroutine release
+
+    integer function n_rejected(self)
+        class(ode_gsl), intent(in) :: self
+
+        n_rejected = int(linkdyn_gsl_ode_rejected(self%handle))
+    end function n_rejected
+
+    integer function n_evaluation(self)
+        class(ode_gsl), intent(in) :: self
+
+        n_evaluation = self%frame%n_evaluation
+    end function n_evaluation
+
+    ! ---------------------------------------------------------------- callbacks
+
+    function rates(t, y, rate, context) bind(c) result(code)
+        real(c_double), value :: t
+        real(c_double), intent(in) :: y(*)
+        real(c_double), intent(inout) :: rate(*)
+        type(c_ptr), value :: context
+        integer(c_int) :: code
+        type(callback_frame), pointer :: frame
+        logical :: failed(lanes)
+        integer :: k
+
+        call c_f_pointer(context, frame)
+        do k = 1, frame%system%n
+            frame%y(:, k) = y(k)
+        end do
+        call frame%system%evaluate(spread(t, 1, lanes), frame%y, frame%rate, failed)
+        frame%n_evaluation = frame%n_evaluation + 1
+        rate(:frame%system%n) = frame%rate(1, :)
+        code = merge(1_c_int, 0_c_int, failed(1))
+    end function rates
+
+    !> Central differences, two lanes a column; the last pair is the derivative in time.
+    function jacobian(t, y, derivative, in_time, context) bind(c) result(code)
+        real(c_double), value :: t
+        real(c_double), intent(in) :: y(*)
+        real(c_double), intent(inout) :: derivative(*)        !! row by row
+        real(c_double), intent(inout) :: in_time(*)
+        type(c_ptr), value :: context
+        integer(c_int) :: code
+        type(callback_frame), pointer :: frame
+        real(wp) :: step(lanes), instant(lanes), slope
+        logical :: failed(lanes)
+        integer :: n, item, lane, first, k, n_pair
+
+        call c_f_pointer(context, frame)
+        n = frame%system%n
+        n_pair = max(1, lanes/2)
+        code = 0
+        do first = 1, n + 1, n_pair
+            call perturb(0)
+            if (lanes == 1) call difference_alone()
+            if (lanes > 1) then
+                call frame%system%evaluate(instant, frame%y, frame%rate, failed)
+                frame%n_evaluation = frame%n_evaluation + 1
+                if (any(failed)) code = 1
+                do lane = 1, 2*n_pair, 2
+                    item = first + (lane - 1)/2
+                    do k = 1, n
+                        slope = (frame%rate(lane, k) - frame%rate(lane + 1, k))/(2*step(lane))
+                        call store(item, k, slope)
+                    end do
+                end do
+            end if
+        end do
+
+    contains
+
+        !> Item `first + i` goes up on lane 2i + 1 and down on lane 2i + 2; a single lane takes them in turn.
+        subroutine perturb(turn)
+            integer, intent(in) :: turn                       !! single lane: 0 up, 1 down
+            real(wp) :: change
+            integer :: l, i
+
+            do l = 1, lanes
+                i = first + (l - 1)/2
+                frame%y(l, :) = y(:n)
+                instant(l) = t
+                if (i > n + 1) cycle
+                if (i <= n) then
+                    step(l) = epsilon(1.0_wp)**(1.0_wp/3)*max(1.0_wp, abs(y(i)))
+                else
+                    step(l) = epsilon(1.0_wp)**(1.0_wp/3)*max(1.0_wp, abs(t))
+                end if
+                change = merge(step(l), -step(l), modulo(l + turn, 2) == 1)
+                if (i <= n) then
+                    frame%y(l, i) = y(i) + change
+                else
+                    instant(l) = t + change
+                end if
+            end do
+        end subroutine perturb
+
+        subroutine difference_alone()
+            real(wp) :: up(n)
+            integer :: j
+
+            call frame%system%evaluate(instant, frame%y, frame%rate, failed)
+            if (any(failed)) code = 1
+            up = frame%rate(1, :)
+            call perturb(1)
+            call frame%system%evaluate(instant, frame%y, frame%rate, failed)
+            if (any(failed)) code = 1
+            frame%n_evaluation = frame%n_evaluation + 2
+            do j = 1, n
+                call store(first, j, (up(j) - frame%rate(1, j))/(2*step(1)))
+            end do
+        end subroutine difference_alone
+
+        subroutine store(column, row, value)
+            integer, intent(in) :: column, row
+            real(wp), intent(in) :: value
+
+            if (column <= n) derivative((row - 1)*n + column) = value
+            if (column == n + 1) in_time(row) = value
+        end subroutine store
+    end function jacobian
+end module linkdyn_ode_gsl

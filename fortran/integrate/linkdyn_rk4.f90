@@ -1,0 +1,57 @@
+!> The classical Runge-Kutta method of order 4 at a fixed step, on lanes: the lecture's integrator.
+module linkdyn_rk4
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_system, only: lane_system
+    implicit none (type, external)
+    private
+    public :: rk4_workspace, rk4_step
+
+    !> Scratch of a step.
+    type :: rk4_workspace
+        real(wp), allocatable :: stage(:, :), rate(:, :), total(:, :)    !! (lane, n)
+    contains
+        procedure :: prepare
+    end type rk4_workspace
+
+contains
+
+    subroutine prepare(self, n)
+        class(rk4_workspace), intent(inout) :: self
+        integer, intent(in) :: n
+
+        if (allocated(self%stage)) deallocate (self%stage, self%rate, self%total)
+        allocate (self%stage(lanes, n), self%rate(lanes, n), self%total(lanes, n))
+    end subroutine prepare
+
+    !> One step. A lane whose right-hand side fails at a stage, or whose result is not finite, keeps its y.
+    subroutine rk4_step(system, t, h, y, work, failed)
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t
+        real(wp), intent(in) :: h                      !! step
+        real(wp), intent(inout) :: y(:, :)             !! (lane, n)
+        type(rk4_workspace), intent(inout) :: work
+        logical, intent(out) :: failed(lanes)
+        real(wp), parameter :: weight(4) = [1.0_wp, 2.0_wp, 2.0_wp, 1.0_wp]
+        real(wp), parameter :: part(4) = [0.0_wp, 0.5_wp, 0.5_wp, 1.0_wp]
+        logical :: stage_failed(lanes)
+        integer :: i, k
+
+        failed = .false.
+        work%total = 0
+        work%stage = y
+        do i = 1, 4
+            if (i > 1) work%stage = y + (part(i)*h)*work%rate
+            call system%evaluate(spread(t + part(i)*h, 1, lanes), work%stage, work%rate, stage_failed)
+            failed = failed .or. stage_failed
+            work%total = work%total + weight(i)*work%rate
+        end do
+        work%stage = y + (h/6)*work%total
+        do k = 1, system%n
+            failed = failed .or. .not. abs(work%stage(:, k)) <= huge(1.0_wp)
+        end do
+        do k = 1, system%n
+            where (.not. failed) y(:, k) = work%stage(:, k)
+        end do
+    end subroutine rk4_step
+end module linkdyn_rk4

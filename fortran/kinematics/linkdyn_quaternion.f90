@@ -1,0 +1,66 @@
+!> Orientation as a quaternion, for integrating free links.
+!>
+!> The rotation is read off q/|q|, so it is a rotation to rounding whatever |q| is: the exact solution keeps the length,
+!> a numerical one lets it drift without harm, and nothing needs to be projected between steps.
+module linkdyn_quaternion
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_trigonometry, only: sine_cosine
+    use linkdyn_vec3, only: vec3, mat3
+    implicit none (type, external)
+    private
+    public :: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
+
+contains
+
+    !> Link axes to world axes.
+    pure function rotation_of_quaternion(q) result(r)
+        real(wp), intent(in) :: q(lanes, 4)    !! w x y z, of any length but zero
+        type(mat3) :: r
+        real(wp), dimension(lanes) :: scale, sx, sy, sz, wx, wy, wz, xx, xy, xz, yy, yz, zz
+
+        scale = 2/(q(:, 1)**2 + q(:, 2)**2 + q(:, 3)**2 + q(:, 4)**2)
+        sx = scale*q(:, 2)
+        sy = scale*q(:, 3)
+        sz = scale*q(:, 4)
+        wx = sx*q(:, 1)
+        wy = sy*q(:, 1)
+        wz = sz*q(:, 1)
+        xx = sx*q(:, 2)
+        xy = sx*q(:, 3)
+        xz = sx*q(:, 4)
+        yy = sy*q(:, 3)
+        yz = sy*q(:, 4)
+        zz = sz*q(:, 4)
+        r%x = vec3(1 - (yy + zz), xy + wz, xz - wy)
+        r%y = vec3(xy - wz, 1 - (xx + zz), yz + wx)
+        r%z = vec3(xz + wy, yz - wx, 1 - (xx + yy))
+    end function rotation_of_quaternion
+
+    !> dq/dt = (0, omega) q / 2.
+    pure function quaternion_rate(q, omega) result(rate)
+        real(wp), intent(in) :: q(lanes, 4)
+        type(vec3), intent(in) :: omega        !! world axes [rad/s]
+        real(wp) :: rate(lanes, 4)
+
+        rate(:, 1) = -(omega%x*q(:, 2) + omega%y*q(:, 3) + omega%z*q(:, 4))/2
+        rate(:, 2) = (omega%x*q(:, 1) + omega%y*q(:, 4) - omega%z*q(:, 3))/2
+        rate(:, 3) = (omega%y*q(:, 1) + omega%z*q(:, 2) - omega%x*q(:, 4))/2
+        rate(:, 4) = (omega%z*q(:, 1) + omega%x*q(:, 3) - omega%y*q(:, 2))/2
+    end function quaternion_rate
+
+    !> The unit quaternion of Rx(roll) Ry(pitch) Rz(yaw).
+    pure function quaternion_of_rpy(roll, pitch, yaw) result(q)
+        real(wp), intent(in) :: roll(lanes), pitch(lanes), yaw(lanes)    !! [rad]
+        real(wp) :: q(lanes, 4)
+        real(wp), dimension(lanes) :: ca, sa, cb, sb, cg, sg
+
+        call sine_cosine(roll/2, sa, ca)
+        call sine_cosine(pitch/2, sb, cb)
+        call sine_cosine(yaw/2, sg, cg)
+        q(:, 1) = ca*cb*cg - sa*sb*sg
+        q(:, 2) = sa*cb*cg + ca*sb*sg
+        q(:, 3) = ca*sb*cg - sa*cb*sg
+        q(:, 4) = ca*cb*sg + sa*sb*cg
+    end function quaternion_of_rpy
+end module linkdyn_quaternion

@@ -1,0 +1,47 @@
+!> Symmetric positive definite systems on lanes: L D L^T without pivoting.
+module linkdyn_cholesky
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    implicit none (type, external)
+    private
+    public :: solve_cholesky
+
+contains
+
+    !> Solve matrix x = right; the upper triangle is read, the factors are left in it.
+    !>
+    !> **Errors**: a lane whose matrix is not positive definite to rounding is flagged.
+    pure subroutine solve_cholesky(n, matrix, right, is_singular)
+        integer, intent(in) :: n
+        real(wp), intent(inout) :: matrix(lanes, n, n)
+        real(wp), intent(inout) :: right(lanes, n)        !! in: right-hand side; out: solution
+        logical, intent(out) :: is_singular(lanes)
+        real(wp) :: inverse(lanes, n), diagonal(lanes)
+        integer :: i, j, k
+
+        is_singular = .false.
+        ! Row k becomes row k of D L^T. What is left of the diagonal says how definite the matrix is.
+        do k = 1, n
+            diagonal = matrix(:, k, k)
+            do i = 1, k - 1
+                diagonal = diagonal - matrix(:, i, k)*matrix(:, i, k)*inverse(:, i)
+            end do
+            is_singular = is_singular .or. .not. diagonal > epsilon(1.0_wp)*matrix(:, k, k)
+            inverse(:, k) = 1/diagonal
+            do j = k + 1, n
+                do i = 1, k - 1
+                    matrix(:, k, j) = matrix(:, k, j) - matrix(:, i, k)*(matrix(:, i, j)*inverse(:, i))
+                end do
+            end do
+            do i = 1, k - 1
+                right(:, k) = right(:, k) - matrix(:, i, k)*right(:, i)
+            end do
+            right(:, k) = right(:, k)*inverse(:, k)
+        end do
+        do k = n - 1, 1, -1
+            do j = k + 1, n
+                right(:, k) = right(:, k) - (matrix(:, k, j)*inverse(:, k))*right(:, j)
+            end do
+        end do
+    end subroutine solve_cholesky
+end module linkdyn_cholesky
