@@ -3,10 +3,12 @@
 !> Index 0 is the frame. Links that only slide on each other share an orientation, so rotations and angular rates
 !> are kept per orientation, points per link. Column 0 of an acceleration is what the coordinates' motion gives,
 !> column k what a unit acceleration of coordinate k adds (for a pose: of the velocity and the angular velocity).
+!> A planar scene keeps its motion in `plane`; the arrays for space are then not allocated.
 module linkdyn_kinematic_state
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
+    use linkdyn_planar_motion, only: planar_motion, prepare_planar_motion
     use linkdyn_ups_leg, only: ups_leg
     use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of
     implicit none (type, external)
@@ -24,6 +26,9 @@ module linkdyn_kinematic_state
         type(ups_leg), allocatable :: leg(:)                  !!                                      (n_leg)
         real(wp), allocatable :: slide(:, :)                  !! first to second marker along axis [m] (lane, n_joint)
         logical :: unreachable(lanes) = .false.               !! a loop could not be closed
+        logical :: singular(lanes) = .false.                  !! at a dead point: rates are not determined
+        logical :: not_converged(lanes) = .false.             !! an iteration ran out of steps
+        type(planar_motion) :: plane
         type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)
         ! ---- VELOCITY, world and link axes
         type(vec3), allocatable :: omega(:), omega_body(:)    !! angular [rad/s]                      (0:n_orientation)
@@ -44,14 +49,18 @@ contains
 
         state%n_column = n_column
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
-            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q))
+            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), state%slide(lanes, model%n_joint))
+            state%slide = 0
+            if (model%is_planar) then
+                call prepare_planar_motion(model, n_column, state%plane)
+                return
+            end if
             allocate (state%rotation(0:n_orientation), state%omega(0:n_orientation), state%omega_body(0:n_orientation), &
                       state%gravity_body(0:n_orientation))
             allocate (state%alpha(0:n_column, 0:n_orientation), state%alpha_body(0:n_column, 0:n_orientation))
             allocate (state%position(0:n_link), state%velocity(0:n_link))
             allocate (state%acceleration(0:n_column, 0:n_link), state%acceleration_body(0:n_column, 0:n_link))
-            allocate (state%leg(model%n_leg), state%slide(lanes, model%n_joint))
-            state%slide = 0
+            allocate (state%leg(model%n_leg))
             do i = 0, n_orientation
                 state%rotation(i) = identity_mat3()
                 state%omega(i) = zero_vec3()
