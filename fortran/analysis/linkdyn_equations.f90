@@ -20,7 +20,8 @@ module linkdyn_equations
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_reactions, only: solution_type, unknown
     use linkdyn_slots, only: slot_store, make_slots
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, sample_singular
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
+        sample_singular, sample_not_converged
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -149,7 +150,7 @@ contains
             system%column = formulation%entry%column
             system%slot = formulation%entry%slot
             system%value = good(:n_good, :)
-            system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%has_right((k - 1)/6 + 1)), k=1, model%n_row)]
+            system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%row_has_right(k)), k=1, model%n_row)]
             allocate (system%is_wanted(system%n))
             system%is_wanted = equations%wants_reactions
             system%is_wanted(formulation%drive_column) = .true.
@@ -275,7 +276,10 @@ contains
         workspace%error = workspace%rcond
         workspace%growth = workspace%rcond
         call evaluate_kinematics(model, workspace%state)
-        workspace%status = merge(sample_unreachable, sample_ok, workspace%state%unreachable)
+        workspace%status = sample_ok
+        where (workspace%state%singular) workspace%status = sample_singular
+        where (workspace%state%not_converged) workspace%status = sample_not_converged
+        where (workspace%state%unreachable) workspace%status = sample_unreachable
         if (equations%solver == solver_reduced) then
             call solve_reduced(model, workspace)
             call flag_not_finite(workspace%driving_force, workspace%status)
@@ -355,7 +359,7 @@ contains
         end do
         workspace%lane_right = 0
         do k = 1, model%n_row
-            if (formulation%has_right((k - 1)/6 + 1)) &
+            if (formulation%row_has_right(k)) &
                 workspace%lane_right(k) = workspace%slot%value(lane, formulation%n_slot + k)
         end do
         if (.not. all(ieee_is_finite(workspace%lane_matrix)) .or. .not. all(ieee_is_finite(workspace%lane_right))) then
@@ -387,7 +391,7 @@ contains
         end do
         workspace%right = 0
         do k = 1, model%n_row
-            if (formulation%has_right((k - 1)/6 + 1)) workspace%right(:, k, 1) = workspace%slot%value(:, formulation%n_slot + k)
+            if (formulation%row_has_right(k)) workspace%right(:, k, 1) = workspace%slot%value(:, formulation%n_slot + k)
         end do
         call solve_gauss_jordan(formulation%n_unknown, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
         do k = 1, formulation%n_unknown

@@ -70,7 +70,7 @@ contains
         n = model%n_actuator
         do j = 1, model%n_joint
             associate (joint => model%joint(j))
-                n = n + joint_constraints(joint%kind)
+                n = n + joint_constraints(model, joint%kind)
                 what = counted(n_force_of(joint%kind), "force")
                 if (n_moment_of(joint%kind) > 0) what = what//", "//counted(n_moment_of(joint%kind), "moment")
                 write (unit, "(2x,a24,a12,a)") adjustl(joint%name), joint_kind_name(joint%kind), what

@@ -10,11 +10,11 @@ module linkdyn_inverse
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     use linkdyn_joint_rates, only: measure_joints, power_imbalance
     use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_status, only: status_type, sample_ok
-    use linkdyn_vec3, only: lane_of, mat3_lane
     implicit none (type, external)
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared
@@ -217,13 +217,12 @@ contains
                 if (associated(results%power_imbalance)) results%power_imbalance(sample) = merge(nan, imbalance(lane), failed)
                 if (associated(results%position)) then
                     do i = 1, model%n_link
-                        results%position(:, i, sample) = lane_of(workspace%state%position(i), lane)
+                        results%position(:, i, sample) = link_position(model, workspace%state, i, lane)
                     end do
                 end if
                 if (associated(results%rotation)) then
                     do i = 1, model%n_link
-                        results%rotation(:, :, i, sample) = &
-                            mat3_lane(workspace%state%rotation(model%link(i)%orientation), lane)
+                        results%rotation(:, :, i, sample) = link_rotation(model, workspace%state, i, lane)
                     end do
                 end if
             end do
@@ -246,7 +245,7 @@ contains
         if (associated(space)) return
         allocate (space)
         call prepare_workspace(model, solver%equations, space%workspace)
-        allocate (space%reaction(lanes, 6, model%n_joint), space%variable(lanes, model%n_variable), &
+        allocate (space%reaction(lanes, model%n_component, model%n_joint), space%variable(lanes, model%n_variable), &
                   space%rate(lanes, model%n_variable))
     end subroutine take_space
 

@@ -10,10 +10,10 @@ module linkdyn_kinematic_state
     use linkdyn_model, only: model_type
     use linkdyn_planar_motion, only: planar_motion, prepare_planar_motion
     use linkdyn_ups_leg, only: ups_leg
-    use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of
+    use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of, lane_of, mat3_lane
     implicit none (type, external)
     private
-    public :: kinematic_state, prepare_kinematics
+    public :: kinematic_state, prepare_kinematics, link_position, link_rotation
 
     type :: kinematic_state
         integer :: n_column = 0                               !! columns besides column 0
@@ -81,4 +81,35 @@ contains
             end do
         end associate
     end subroutine prepare_kinematics
+
+    !> Origin of a link on one lane, world axes; z is 0 in the plane.
+    pure function link_position(model, state, link, lane) result(position)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: link, lane
+        real(wp) :: position(3)
+
+        if (model%is_planar) then
+            position = [state%plane%position(link)%x(lane), state%plane%position(link)%y(lane), 0.0_wp]
+        else
+            position = lane_of(state%position(link), lane)
+        end if
+    end function link_position
+
+    !> Rotation of a link on one lane: columns are the images of its axes.
+    pure function link_rotation(model, state, link, lane) result(rotation)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: link, lane
+        real(wp) :: rotation(3, 3)
+
+        if (model%is_planar) then
+            associate (r => state%plane%rotation(model%link(link)%orientation))
+                rotation = reshape([r%c(lane), r%s(lane), 0.0_wp, -r%s(lane), r%c(lane), 0.0_wp, &
+                                    0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+            end associate
+        else
+            rotation = mat3_lane(state%rotation(model%link(link)%orientation), lane)
+        end if
+    end function link_rotation
 end module linkdyn_kinematic_state
