@@ -5,6 +5,7 @@
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_assembly_trail, only: assembly_trail, follow_assembly
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
@@ -25,6 +26,7 @@ module linkdyn_inverse
     type :: inverse_options
         integer :: solver = solver_elimination
         integer :: threads = 1
+        logical :: in_order = .false.        !! samples follow each other along a motion
     end type inverse_options
 
     !> Where results go; what is not associated is not computed.
@@ -104,22 +106,32 @@ contains
         type(inverse_results), intent(inout) :: results
         type(status_type), intent(out) :: status
         type(inverse_solver) :: solver
+        type(assembly_trail) :: trail
 
         call prepare_inverse(model, options, associated(results%reaction), solver, status)
         if (.not. status%is_ok()) return
-        call run_prepared(model, solver, options%threads, q, qd, qdd, load, results)
+        if (options%in_order) then
+            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, trail)
+        else
+            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results)
+        end if
         call solver%free()
     end subroutine run_inverse
 
     !> Run one batch with equations planned before. Several threads may call this with one solver.
-    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results)
+    !>
+    !> With a trail the samples follow each other, and those of the last batch with the same trail: the assembly is then
+    !> followed by continuity. Without one each sample is on the branch of the start.
+    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, trail)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
         real(wp), intent(in) :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
         real(wp), intent(in) :: load(:, :, :)                   !! (6, n_load, n)
         type(inverse_results), intent(inout) :: results
+        type(assembly_trail), intent(inout), optional :: trail
         type(thread_space), pointer :: space
+        real(wp), allocatable :: branch(:, :)
         integer :: n, n_block, n_thread, share, block, n_fallback
         logical :: wants_rates, wants_world
 
@@ -130,6 +142,10 @@ contains
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%solver == solver_reduced
         n_fallback = 0
+        if (present(trail) .and. model%n_dyad > 0 .and. n > 0) then
+            allocate (branch(model%n_dyad, n))
+            call follow_assembly(model, q, trail, branch)
+        end if
 
         call hold_blas_threads()
         !$omp parallel num_threads(n_thread) default(shared) private(space)
@@ -178,6 +194,11 @@ contains
                 workspace%state%qd(lane, :) = qd(:, sample)
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
+                if (allocated(branch)) then
+                    workspace%state%plane%branch(lane, :) = branch(:, sample)
+                else if (model%n_dyad > 0) then
+                    workspace%state%plane%branch(lane, :) = model%branch
+                end if
             end do
         end subroutine gather
 

@@ -17,7 +17,7 @@ module linkdyn_formulation
     implicit none (type, external)
     private
     public :: formulation_type, wrench_column, entry_group, incidence_type, matrix_entry, reaction_part
-    public :: build_formulation, style_lecture, style_sparse, n_force_of, n_moment_of
+    public :: build_formulation, style_lecture, style_sparse, n_transmitted
 
     integer, parameter :: style_lecture = 1, style_sparse = 2
 
@@ -141,6 +141,16 @@ contains
         call list_entries(model, formulation)
         call list_parts(model, formulation)
     end subroutine build_formulation
+
+    !> Forces and moments that a kind of joint transmits in the model's space.
+    pure function n_transmitted(model, kind) result(n)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: kind
+        integer :: n(2)    !! forces, moments
+
+        n = [n_force_of(kind), n_moment_of(kind)]
+        if (model%is_planar) n = [n_force_of(kind) - 1, n_moment_of(kind) - 2]
+    end function n_transmitted
 
     ! ---------------------------------------------------------------- unknowns
 
