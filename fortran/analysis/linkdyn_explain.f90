@@ -80,7 +80,7 @@ contains
         end do
         do j = 1, model%n_actuator
             associate (spec => model%scene%actuator(j))
-                write (unit, "(2x,a24,a12,a)") adjustl(spec%name), "actuator", &
+                write (unit, "(2x,a24,a12,a)") adjustl(spec%name), "actuator    ", &
                     trim(merge("force ", "torque", spec%unit == "N"))//" on its "// &
                     trim(variable_name(spec%variable, model%joint(spec%joint)%kind))
             end associate
