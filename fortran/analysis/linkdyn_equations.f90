@@ -215,13 +215,22 @@ contains
         select case (equations%solver)
         case (solver_gauss_jordan)
             allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
-        case (solver_lapack, solver_elimination)
-            allocate (workspace%lane_matrix(n, n), workspace%lane_right(n))
-            call workspace%dense%prepare(n)
+        case (solver_lapack)
+            call prepare_dense(n, workspace)
         case (solver_reduced)
             allocate (workspace%matrix(lanes, model%n_q, model%n_actuator), workspace%right(lanes, model%n_q, 1))
         end select
     end subroutine prepare_workspace
+
+    !> Room for dense solution; the elimination asks for it when the first lane falls back, since large systems have none
+    !> to spare.
+    subroutine prepare_dense(n, workspace)
+        integer, intent(in) :: n
+        type(equation_workspace), intent(inout) :: workspace
+
+        allocate (workspace%lane_matrix(n, n), workspace%lane_right(n))
+        call workspace%dense%prepare(n)
+    end subroutine prepare_dense
 
     !> Slots for entries, right-hand sides, the plan's intermediate values; the unknowns stand where the plan leaves
     !> them, or behind everything else.
@@ -347,6 +356,7 @@ contains
         logical :: is_singular
         integer :: k
 
+        if (.not. allocated(workspace%lane_matrix)) call prepare_dense(formulation%n_unknown, workspace)
         workspace%lane_matrix = 0
         do k = 1, size(formulation%entry)
             associate (entry => formulation%entry(k))
