@@ -161,8 +161,10 @@ contains
             call set_state(model, behind, k, -step)
             do i = 1, model%n_link
                 column = state%plane%linear(k, i)
-                call check_close(error, column%x, (ahead%plane%position(i)%x - behind%plane%position(i)%x)/(2*step), tol, "x column")
-                call check_close(error, column%y, (ahead%plane%position(i)%y - behind%plane%position(i)%y)/(2*step), tol, "y column")
+                call check_close(error, column%x, (ahead%plane%position(i)%x - behind%plane%position(i)%x)/(2*step), &
+                                 tol, "x column")
+                call check_close(error, column%y, (ahead%plane%position(i)%y - behind%plane%position(i)%y)/(2*step), &
+                                 tol, "y column")
             end do
         end do
         call move_along(ahead, step)

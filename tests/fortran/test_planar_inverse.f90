@@ -6,7 +6,7 @@ module test_planar_inverse
         solver_elimination, solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_motion, only: sample_times, evaluate_motion
+    use linkdyn_motion, only: sample_count, sample_times, evaluate_motion
     use linkdyn_planar_scenes, only: planar_scene, add_body, connect, drive, four_bar_chain
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene
@@ -55,8 +55,9 @@ contains
         if (status%is_ok()) call build_model(scene, run%model, status)
         call check(error, status%is_ok(), trim(status%message))
         if (.not. status%is_ok()) return
-        call sample_times(run%model, t)
-        n = size(t)
+        n = sample_count(run%model)
+        allocate (t(n))
+        call sample_times(run%model, 1, t)
         associate (m => run%model)
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), load(6, m%n_load, n))
             allocate (run%force(m%n_actuator, n), run%reaction(3, m%n_joint, n), run%imbalance(n), run%status(n))
