@@ -118,7 +118,7 @@ contains
 
     subroutine test_solvers(error)
         type(test_error), intent(inout) :: error
-        character(len=32), parameter :: name(4) = [character(len=32) :: "sixbar_slider/scene_inclined.toml", &
+        character(len=40), parameter :: name(4) = [character(len=40) :: "sixbar_slider/scene_inclined.toml", &
             "fivebar_parallel/scene.toml", "slider_crank/scene.toml", "andrews/scene.toml"]
         integer, parameter :: other(3) = [solver_gauss_jordan, solver_lapack, solver_reduced]
         type(run_type) :: run, again
@@ -142,7 +142,7 @@ contains
 
     subroutine test_power(error)
         type(test_error), intent(inout) :: error
-        character(len=32), parameter :: name(5) = [character(len=32) :: "sixbar_slider/scene.toml", &
+        character(len=40), parameter :: name(5) = [character(len=40) :: "sixbar_slider/scene.toml", &
             "sixbar_slider/scene_inclined.toml", "fourbar/scene.toml", "slider_crank/scene.toml", "andrews/scene.toml"]
         type(run_type) :: run
         integer :: i
