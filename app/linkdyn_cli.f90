@@ -22,7 +22,7 @@ module linkdyn_cli
         "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
     character(len=11), parameter :: forward_option(16) = [character(len=11) :: inverse_option, &
         "--method", "--step", "--rtol", "--atol", "--until", "--samples"]
-    character(len=10), parameter :: other_option(1) = [character(len=10) :: "--help"]
+    character(len=10), parameter :: other_option(2) = [character(len=10) :: "--help", "--matrix"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
     character(len=12), parameter :: solver_name(4) = [character(len=12) :: &
         "gauss-jordan", "lapack", "elimination", "reduced"]
@@ -41,6 +41,7 @@ module linkdyn_cli
         logical :: no_output = .false.                !! the summary is all
         logical :: csv = .false.
         logical :: quiet = .false.
+        logical :: matrix = .false.                   !! explain: write the equations out
         integer :: deflate = 0                        !! compression of netCDF output
         character(len=:), allocatable :: solver       !! its name
         type(inverse_options) :: options
@@ -160,6 +161,10 @@ contains
             config%help = .true.
             return
         end if
+        if (config%command == command_explain .and. option == "--matrix") then
+            config%matrix = .true.
+            return
+        end if
         if (config%command == command_explain) then
             call refuse(quoted(option)//": unknown option"//suggestion(option, other_option))
             return
@@ -276,10 +281,12 @@ contains
             call print_forward_help(unit)
         case (command_explain)
             write (unit, "(a)") &
-                "linkdyn explain SCENE", &
+                "linkdyn explain SCENE [--matrix]", &
                 "", &
                 "Says what is modelled: links, joints, equations and unknowns, the order of computation,", &
-                "and what was left out."
+                "and what was left out.", &
+                "", &
+                "  --matrix   write out the equations [A]{F} = b at the first instant, in symbols and in numbers"
         case default
             write (unit, "(a)") &
                 "linkdyn: forces and motion of link mechanisms", &

@@ -3,6 +3,7 @@
 !> only the summary is kept, threads take groups of blocks and meet at the end only.
 module linkdyn_drive_inverse
     use, intrinsic :: iso_fortran_env, only: error_unit, int64
+    use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
     use linkdyn_cli, only: command_line
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
@@ -97,6 +98,7 @@ contains
         real(wp), intent(out) :: seconds              !! spent computing, mean of the threads
         type(status_type), intent(inout) :: status
         type(progress_type) :: progress
+        type(assembly_trail) :: trail
         type(summary_type), allocatable :: part(:)    !! of each group: joined in order, whichever thread made it
         integer :: n_sample, length, n_block, n_group, n_taker, n_helper, n_done, k
 
@@ -104,8 +106,9 @@ contains
         length = merge(passing_block, written_block, output%is_none)
         n_block = (n_sample - 1)/length + 1
         n_group = min(n_block, most_groups)
-        n_taker = merge(min(config%options%threads, n_group), 1, output%is_none)
-        n_helper = merge(1, config%options%threads, output%is_none)
+        ! Where assemblies are followed along the motion, blocks are taken in their order.
+        n_taker = merge(min(config%options%threads, n_group), 1, output%is_none .and. model%n_dyad == 0)
+        n_helper = merge(1, config%options%threads, output%is_none .and. model%n_dyad == 0)
         allocate (part(n_group))
         n_done = 0
         seconds = 0
@@ -155,7 +158,7 @@ contains
 
             if (.not. status%is_ok()) return
             call system_clock(start)
-            call compute_block(model, solver, n_helper, layout, first, n, block, scratch, n_fallback)
+            call compute_block(model, solver, n_helper, layout, first, n, block, scratch, trail, n_fallback)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
             call add_to_summary(layout, block, n, n_fallback, part)
@@ -181,7 +184,7 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, threads, layout, first, n, block, scratch, n_fallback)
+    subroutine compute_block(model, solver, threads, layout, first, n, block, scratch, trail, n_fallback)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads
@@ -189,6 +192,7 @@ contains
         integer, intent(in) :: first, n               !! number of the first sample, and how many
         type(block_type), intent(inout), target :: block
         type(scratch_type), intent(inout), target :: scratch
+        type(assembly_trail), intent(inout) :: trail  !! instants follow each other
         integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
         type(inverse_results) :: results
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
@@ -212,7 +216,7 @@ contains
         if (allocated(scratch%joint_rate)) results%joint_rate => scratch%joint_rate(:, :n)
         call sample_times(model, first, time)
         call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n))
-        call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results)
+        call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail)
         n_fallback = results%n_fallback
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)

@@ -6,6 +6,7 @@ program linkdyn
     use linkdyn_drive_forward, only: drive_forward
     use linkdyn_drive_inverse, only: drive_inverse, load_model
     use linkdyn_explain, only: explain_model
+    use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_model, only: model_type
     use linkdyn_report, only: open_report, print_report
     use linkdyn_status, only: status_type
@@ -51,6 +52,7 @@ contains
         case (command_explain)
             call load_model(config%scene, .false., model, status)
             if (status%is_ok()) call explain_model(model, unit)
+            if (status%is_ok() .and. config%matrix) call explain_first_instant(model, unit)
         case (command_inverse)
             call drive_inverse(config, unit, exit_status)
         case (command_forward)

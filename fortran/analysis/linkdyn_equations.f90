@@ -28,7 +28,8 @@ module linkdyn_equations
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_reactions, only: solution_type, unknown
     use linkdyn_slots, only: slot_store, make_slots
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, sample_singular
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
+        sample_singular, sample_not_converged
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -211,7 +212,7 @@ contains
             system%column = formulation%entry%column
             system%slot = formulation%entry%slot
             system%value = good(:n_good, :)
-            system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%has_right((k - 1)/6 + 1)), k=1, model%n_row)]
+            system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%row_has_right(k)), k=1, model%n_row)]
             allocate (system%is_wanted(system%n))
             system%is_wanted = equations%wants_reactions
             system%is_wanted(pack(formulation%drive_column, formulation%drive_column > 0)) = .true.
@@ -281,13 +282,22 @@ contains
         select case (equations%solver)
         case (solver_gauss_jordan)
             allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
-        case (solver_lapack, solver_elimination)
-            allocate (workspace%lane_matrix(n, n), workspace%lane_right(n))
-            call workspace%dense%prepare(n)
+        case (solver_lapack)
+            call prepare_dense(n, workspace)
         case (solver_reduced)
             allocate (workspace%matrix(lanes, model%n_q, model%n_q), workspace%right(lanes, model%n_q, 1))
         end select
     end subroutine prepare_workspace
+
+    !> Room for dense solution; the elimination asks for it when the first lane falls back, since large systems have none
+    !> to spare.
+    subroutine prepare_dense(n, workspace)
+        integer, intent(in) :: n
+        type(equation_workspace), intent(inout) :: workspace
+
+        allocate (workspace%lane_matrix(n, n), workspace%lane_right(n))
+        call workspace%dense%prepare(n)
+    end subroutine prepare_dense
 
     !> Slots for entries, right-hand sides, the plan's intermediate values; the unknowns stand where the plan leaves
     !> them, or behind everything else.
@@ -351,7 +361,10 @@ contains
         workspace%rcond = ieee_value(1.0_wp, ieee_quiet_nan)
         workspace%error = workspace%rcond
         workspace%growth = workspace%rcond
-        workspace%status = merge(sample_unreachable, sample_ok, workspace%state%unreachable)
+        workspace%status = sample_ok
+        where (workspace%state%singular) workspace%status = sample_singular
+        where (workspace%state%not_converged) workspace%status = sample_not_converged
+        where (workspace%state%unreachable) workspace%status = sample_unreachable
         ! Also what no force depends on, such as the rates of massless links.
         call flag_not_finite(workspace%state%q, workspace%status)
         call flag_not_finite(workspace%state%qd, workspace%status)
@@ -372,7 +385,7 @@ contains
             call assemble_accelerations(model, formulation, equations%accelerations, workspace%state, workspace%slot%value)
             call assemble_right(model, formulation, workspace%state, workspace%load, formulation%n_slot, workspace%slot%value)
             call flag_not_finite(workspace%slot%value(:, formulation%n_slot + 1:formulation%n_slot + model%n_row), &
-                                 workspace%status, formulation%has_right)
+                                 workspace%status, formulation%row_has_right)
             select case (equations%solver)
             case (solver_gauss_jordan)
                 call solve_by_gauss_jordan(model, formulation, workspace)
@@ -417,14 +430,14 @@ contains
     pure subroutine flag_not_finite(value, status, is_used)
         real(wp), intent(in) :: value(:, :)          !! (lane, row)
         integer, intent(inout) :: status(lanes)
-        logical, intent(in), optional :: is_used(:)  !! rows of the link; all if absent
+        logical, intent(in), optional :: is_used(:)  !! (row); all if absent
         real(wp) :: total(lanes)
         integer :: k
 
         total = 0
         do k = 1, size(value, 2)
             if (present(is_used)) then
-                if (.not. is_used((k - 1)/6 + 1)) cycle
+                if (.not. is_used(k)) cycle
             end if
             total = total + abs(value(:, k))
         end do
@@ -458,6 +471,7 @@ contains
         logical :: is_singular
         integer :: k
 
+        if (.not. allocated(workspace%lane_matrix)) call prepare_dense(formulation%n_unknown, workspace)
         workspace%lane_matrix = 0
         do k = 1, size(formulation%entry)
             associate (entry => formulation%entry(k))
@@ -470,7 +484,7 @@ contains
         end do
         workspace%lane_right = 0
         do k = 1, model%n_row
-            if (formulation%has_right((k - 1)/6 + 1)) &
+            if (formulation%row_has_right(k)) &
                 workspace%lane_right(k) = workspace%slot%value(lane, formulation%n_slot + k)
         end do
         if (.not. all(ieee_is_finite(workspace%lane_matrix)) .or. .not. all(ieee_is_finite(workspace%lane_right))) then
@@ -502,7 +516,7 @@ contains
         end do
         workspace%right = 0
         do k = 1, model%n_row
-            if (formulation%has_right((k - 1)/6 + 1)) workspace%right(:, k, 1) = workspace%slot%value(:, formulation%n_slot + k)
+            if (formulation%row_has_right(k)) workspace%right(:, k, 1) = workspace%slot%value(:, formulation%n_slot + k)
         end do
         call solve_gauss_jordan(formulation%n_unknown, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
         do k = 1, formulation%n_unknown

@@ -2,11 +2,12 @@
 module linkdyn_explain
     use linkdyn_equations, only: equations_type, build_equations, solver_elimination
     use linkdyn_elimination_plan, only: elimination_plan
-    use linkdyn_formulation, only: formulation_type, n_force_of, n_moment_of
+    use linkdyn_formulation, only: n_transmitted
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, &
+        step_group, step_name, is_dyad, side_of
     use linkdyn_planner, only: mobility_of, joint_constraints
-    use linkdyn_scene, only: joint_kind_name, variable_name, joint_n_variable
+    use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -64,21 +65,22 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit
         character(len=:), allocatable :: what
-        integer :: j, n
+        integer :: j, n, carried(2)
 
         write (unit, "(/,a)") "Unknowns of inverse dynamics"
         n = model%n_actuator
         do j = 1, model%n_joint
             associate (joint => model%joint(j))
-                n = n + joint_constraints(joint%kind)
-                what = counted(n_force_of(joint%kind), "force")
-                if (n_moment_of(joint%kind) > 0) what = what//", "//counted(n_moment_of(joint%kind), "moment")
+                n = n + joint_constraints(model, joint%kind)
+                carried = n_transmitted(model, joint%kind)
+                what = counted(carried(1), "force")
+                if (carried(2) > 0) what = what//", "//counted(carried(2), "moment")
                 write (unit, "(2x,a24,a12,a)") adjustl(joint%name), joint_kind_name(joint%kind), what
             end associate
         end do
         do j = 1, model%n_actuator
             associate (spec => model%scene%actuator(j))
-                write (unit, "(2x,a24,a12,a)") adjustl(spec%name), "actuator", &
+                write (unit, "(2x,a24,a12,a)") adjustl(spec%name), "actuator    ", &
                     trim(merge("force ", "torque", spec%unit == "N"))//" on its "// &
                     trim(variable_name(spec%variable, model%joint(spec%joint)%kind))
             end associate
@@ -102,9 +104,27 @@ contains
 
         write (unit, "(/,a)") "Order of computation"
         do i = 1, size(model%step)
+            if (is_dyad(model%step(i)%kind)) call explain_coupler_points(model, i, unit)
             write (unit, "(2x,i4,a)") i, ". "//step_in_words(model, model%step(i))
         end do
     end subroutine explain_order
+
+    !> Points of coupled links from which a dyad sets out.
+    subroutine explain_coupler_points(model, i, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i, unit
+        integer :: side, known, k
+
+        do side = 1, 2
+            associate (joint => model%joint(model%step(i)%joint(2*side - 1)))
+                known = joint%link(3 - side_of(joint, model%step(i)%link(side)))
+                do k = 1, i - 1
+                    if (.not. is_dyad(model%step(k)%kind) .or. all(model%step(k)%link /= known)) cycle
+                    write (unit, "(8x,a)") "coupler_point: "//trim(joint%name)//" on "//trim(model%link(known)%name)
+                end do
+            end associate
+        end do
+    end subroutine explain_coupler_points
 
     function step_in_words(model, step) result(text)
         type(model_type), intent(in) :: model
@@ -116,7 +136,9 @@ contains
         case (step_pose)
             text = "pose of "//trim(model%link(step%link(1))%name)//" from its six coordinates"
         case (step_joint)
-            text = trim(model%link(step%link(1))%name)//" by "//trim(joint_kind_name(model%joint(step%joint(1))%kind)) &
+            text = ""
+            if (model%is_planar .and. model%joint(step%joint(1))%kind == joint_revolute) text = "crank_input: "
+            text = text//trim(model%link(step%link(1))%name)//" by "//trim(joint_kind_name(model%joint(step%joint(1))%kind)) &
                    //" joint "//trim(model%joint(step%joint(1))%name)//" from coordinate"
             do i = 1, joint_n_variable(model%joint(step%joint(1))%kind)
                 if (i > 1) text = text//","
@@ -129,8 +151,39 @@ contains
         case (step_csp)
             text = "CSP group "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &
                    //": closed form"
+        case (step_group)
+            text = "Assur group of "//to_text(size(model%group(step%first)%link))//" links:"
+            do i = 1, size(model%group(step%first)%link)
+                text = text//" "//trim(model%link(model%group(step%first)%link(i))%name)
+            end do
+            text = text//": Newton's method"
+        case default
+            text = dyad_in_words(model, step)
         end select
     end function step_in_words
+
+    !> The lecture's module where it has one.
+    function dyad_in_words(model, step) result(text)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        character(len=:), allocatable :: text
+        integer :: i
+
+        select case (step%kind)
+        case (step_rrr)
+            text = "RRR_links: "
+        case (step_rrp)
+            text = "PRR_links: "
+        case default
+            text = trim(step_name(step%kind))//": "
+        end select
+        text = text//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name)//" by joints"
+        do i = 1, 3
+            text = text//" "//trim(model%joint(step%joint(i))%name)
+        end do
+        if (any(step%kind == [step_rrr, step_rrp, step_rpr])) &
+            text = text//", branch "//trim(merge("+1", "-1", model%branch(step%first) > 0))
+    end function dyad_in_words
 
     function name_of(model, link) result(name)
         type(model_type), intent(in) :: model
@@ -182,14 +235,15 @@ contains
         logical :: nothing
 
         write (unit, "(/,a)") "Left out"
-        nothing = .true.
+        nothing = .not. model%is_planar
+        if (model%is_planar) write (unit, "(2x,a)") "motion, forces and moments out of the plane"
         do i = 1, model%n_link
             if (.not. model%link(i)%is_massless) cycle
             write (unit, "(2x,a)") "inertia of massless link "//trim(model%link(i)%name)
             nothing = .false.
         end do
         do i = 1, model%n_link
-            if (model%link(i)%is_massless .or. .not. model%link(i)%is_diagonal) cycle
+            if (model%is_planar .or. model%link(i)%is_massless .or. .not. model%link(i)%is_diagonal) cycle
             write (unit, "(2x,a)") "products of inertia of "//trim(model%link(i)%name)//" (zero)"
             nothing = .false.
         end do

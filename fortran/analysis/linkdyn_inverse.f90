@@ -5,18 +5,20 @@
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_assembly_trail, only: assembly_trail, follow_assembly
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     use linkdyn_joint_rates, only: measure_joints, power_imbalance
     use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_pose
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_pose, only: rates_of_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_status, only: status_type, sample_ok
-    use linkdyn_vec3, only: vec3, lane_of, mat3_lane
+    use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared
@@ -27,6 +29,7 @@ module linkdyn_inverse
     type :: inverse_options
         integer :: solver = solver_elimination
         integer :: threads = 1
+        logical :: in_order = .false.        !! samples follow each other along a motion
     end type inverse_options
 
     !> Where results go; what is not associated is not computed.
@@ -110,18 +113,25 @@ contains
         type(inverse_results), intent(inout) :: results
         type(status_type), intent(out) :: status
         type(inverse_solver) :: solver
+        type(assembly_trail) :: trail
 
         call prepare_inverse(model, options, associated(results%reaction), solver, status)
         if (.not. status%is_ok()) return
-        call run_prepared(model, solver, options%threads, q, qd, qdd, load, results)
+        if (options%in_order) then
+            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, trail=trail)
+        else
+            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results)
+        end if
         call solver%free()
     end subroutine run_inverse
 
     !> Run one batch with equations planned before. Several threads may call this with one solver.
     !>
     !> With equations of forward dynamics the accelerations of the free coordinates are found instead: give zero for
-    !> them, and the driving forces that are known.
-    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force)
+    !> them, and the driving forces that are known. With a trail the samples follow each other, and those of the last
+    !> batch with the same trail: the assembly is then followed by continuity. Without one each sample is on the branch
+    !> of the start.
+    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
@@ -129,7 +139,9 @@ contains
         real(wp), intent(in) :: load(:, :, :)                   !! (6, n_load, n)
         type(inverse_results), intent(inout) :: results
         real(wp), intent(in), optional :: given_force(:, :)     !! (n_actuator, n), read where not unknown
+        type(assembly_trail), intent(inout), optional :: trail
         type(thread_space), pointer :: space
+        real(wp), allocatable :: branch(:, :)
         integer :: n, n_block, n_thread, share, block, n_fallback
         logical :: wants_rates, wants_world
 
@@ -140,6 +152,10 @@ contains
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world
         n_fallback = 0
+        if (present(trail) .and. model%n_dyad > 0 .and. n > 0) then
+            allocate (branch(model%n_dyad, n))
+            call follow_assembly(model, q, trail, branch)
+        end if
 
         call hold_blas_threads()
         !$omp parallel num_threads(n_thread) default(shared) private(space)
@@ -192,6 +208,11 @@ contains
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
+                if (allocated(branch)) then
+                    workspace%state%plane%branch(lane, :) = branch(:, sample)
+                else if (model%n_dyad > 0) then
+                    workspace%state%plane%branch(lane, :) = model%branch
+                end if
             end do
         end subroutine gather
 
@@ -239,13 +260,12 @@ contains
                 if (associated(results%closure)) results%closure(sample) = merge(nan, gap(lane), failed)
                 if (associated(results%position)) then
                     do i = 1, model%n_link
-                        results%position(:, i, sample) = lane_of(workspace%state%position(i), lane)
+                        results%position(:, i, sample) = link_position(model, workspace%state, i, lane)
                     end do
                 end if
                 if (associated(results%rotation)) then
                     do i = 1, model%n_link
-                        results%rotation(:, :, i, sample) = &
-                            mat3_lane(workspace%state%rotation(model%link(i)%orientation), lane)
+                        results%rotation(:, :, i, sample) = link_rotation(model, workspace%state, i, lane)
                     end do
                 end if
             end do
@@ -268,7 +288,7 @@ contains
         if (associated(space)) return
         allocate (space)
         call prepare_workspace(model, solver%equations, space%workspace)
-        allocate (space%reaction(lanes, 6, model%n_joint), space%variable(lanes, model%n_variable), &
+        allocate (space%reaction(lanes, model%n_component, model%n_joint), space%variable(lanes, model%n_variable), &
                   space%rate(lanes, model%n_variable))
     end subroutine take_space
 

@@ -2,11 +2,10 @@
 module linkdyn_poses
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: evaluate_kinematics
-    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_status, only: sample_ok, sample_unreachable
-    use linkdyn_vec3, only: lane_of, mat3_lane
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged
     implicit none (type, external)
     private
     public :: find_poses
@@ -33,10 +32,12 @@ contains
             call evaluate_kinematics(model, state)
             do lane = 1, min(lanes, size(q, 2) - first + 1)
                 sample = first + lane - 1
-                sample_status(sample) = merge(sample_unreachable, sample_ok, state%unreachable(lane))
+                sample_status(sample) = sample_ok
+                if (state%not_converged(lane)) sample_status(sample) = sample_not_converged
+                if (state%unreachable(lane)) sample_status(sample) = sample_unreachable
                 do i = 1, model%n_link
-                    position(:, i, sample) = lane_of(state%position(i), lane)
-                    rotation(:, :, i, sample) = mat3_lane(state%rotation(model%link(i)%orientation), lane)
+                    position(:, i, sample) = link_position(model, state, i, lane)
+                    rotation(:, :, i, sample) = link_rotation(model, state, i, lane)
                 end do
             end do
         end do

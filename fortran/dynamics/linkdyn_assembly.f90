@@ -10,6 +10,7 @@ module linkdyn_assembly
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_newton_euler, only: inertia_wrench
+    use linkdyn_planar_assembly, only: assemble_planar_matrix, assemble_planar_right
     use linkdyn_scene, only: axes_link
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
@@ -30,6 +31,10 @@ contains
         type(vec3) :: arm, direction
         integer :: i, g, o
 
+        if (model%is_planar) then
+            call assemble_planar_matrix(model, formulation, state, slot)
+            return
+        end if
         do i = 1, size(formulation%incidence)
             associate (incidence => formulation%incidence(i))
                 if (.not. incidence%varies) cycle
@@ -169,6 +174,10 @@ contains
         type(vec3) :: force, moment
         integer :: l, row, o
 
+        if (model%is_planar) then
+            call assemble_planar_right(model, formulation, state, load, first, slot)
+            return
+        end if
         do l = 1, model%n_link
             if (.not. formulation%has_right(l)) cycle
             call link_wrench(model, l, formulation%moment_point(:, l), state, load, force, moment)

@@ -7,14 +7,17 @@
 !> `style_sparse`: axes and points chosen, link by link and joint by joint, for the cheapest equations.
 !>
 !> Whether an entry is zero, constant or varying is decided here by rule, not by looking at numbers.
+!>
+!> A plane is space with a mask: of the six equations of a link it keeps force x, force y and moment z, of a joint's
+!> wrench the forces in the plane and the moments about z. All the rest of this module is common.
 module linkdyn_formulation
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, orientation_of, side_of
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     implicit none (type, external)
     private
     public :: formulation_type, wrench_column, entry_group, incidence_type, matrix_entry, reaction_part
-    public :: build_formulation, style_lecture, style_sparse, n_force_of, n_moment_of
+    public :: build_formulation, style_lecture, style_sparse, n_transmitted
 
     integer, parameter :: style_lecture = 1, style_sparse = 2
 
@@ -22,8 +25,13 @@ module linkdyn_formulation
     integer, parameter :: n_force_of(5) = [3, 2, 2, 3, 3]
     integer, parameter :: n_moment_of(5) = [2, 3, 2, 1, 0]
 
+    ! Row of each of the six equations among a link's rows; 0: not in the plane.
+    integer, parameter :: spatial_row(6) = [1, 2, 3, 4, 5, 6], planar_row(6) = [1, 2, 0, 0, 0, 3]
+
     ! Weights of the search for cheap equations, in flops: what an entry costs the elimination, a rotation, a cross product.
     integer, parameter :: cost_constant = 1, cost_varying = 4, cost_rotation = 15, cost_cross = 9
+
+    integer, parameter :: most_groups = 9          !! unknowns of a joint: six, and its driving forces
 
     !> One unknown: a force or moment of a joint along a direction.
     type :: wrench_column
@@ -43,7 +51,7 @@ module linkdyn_formulation
         real(wp) :: value = 0                  !! of a constant
     end type matrix_entry
 
-    !> What one unknown contributes to the six equations of one link.
+    !> What one unknown contributes to the equations of one link.
     type :: entry_group
         integer :: column = 0
         logical :: needs_direction = .false.   !! some slot needs the direction in row axes
@@ -81,17 +89,22 @@ module linkdyn_formulation
         integer :: style = 0
         integer :: n_unknown = 0
         integer :: n_slot = 0                              !! varying entries
+        integer :: n_row = 0                               !! equations of a link: 3 or 6
+        integer :: row(6) = 0                              !! of force x y z, moment x y z among them; 0: none
         logical, allocatable :: row_in_link(:)             !! equations in link axes, not world axes     (n_link)
         real(wp), allocatable :: moment_point(:, :)        !! link axes                                  (3, n_link)
         integer, allocatable :: force_axes(:)              !! 0 world, 1 or 2: of that link's marker     (n_joint)
         integer, allocatable :: moment_axes(:)             !! the same for moments                       (n_joint)
         integer, allocatable :: first_column(:)            !! unknowns of joint j: first_column(j)+1 ... (n_joint+1)
         integer, allocatable :: drive_column(:)            !!                                            (n_actuator)
+        integer, allocatable :: first_drive(:)             !! driving forces at joint j: drive(first_drive(j)) ... (n_joint+1)
+        integer, allocatable :: drive(:)                   !! actuators in the order of their joints     (n_actuator)
         type(wrench_column), allocatable :: column(:)      !!                                            (n_unknown)
         type(incidence_type), allocatable :: incidence(:)  !!                                            (2 n_joint)
         type(matrix_entry), allocatable :: entry(:)
         type(reaction_part), allocatable :: part(:, :)     !! force and moment of each joint             (2, n_joint)
         logical, allocatable :: has_right(:)               !! right-hand side of a link's rows is not zero by rule (n_link)
+        logical, allocatable :: row_has_right(:)           !! the same row by row                        (n_row n_link)
     end type formulation_type
 
 contains
@@ -104,6 +117,8 @@ contains
         integer :: i
 
         formulation%style = style
+        formulation%n_row = model%n_component
+        formulation%row = merge(planar_row, spatial_row, model%is_planar)
         allocate (formulation%row_in_link(model%n_link), formulation%moment_point(3, model%n_link), &
                   formulation%force_axes(model%n_joint), formulation%moment_axes(model%n_joint), &
                   formulation%has_right(model%n_link))
@@ -112,6 +127,7 @@ contains
         do i = 1, model%n_load
             if (model%scene%load(i)%link > 0) formulation%has_right(model%scene%load(i)%link) = .true.
         end do
+        formulation%row_has_right = [(spread(formulation%has_right(i), 1, formulation%n_row), i=1, model%n_link)]
         do i = 1, model%n_link
             formulation%moment_point(:, i) = model%link(i)%cog
         end do
@@ -119,69 +135,134 @@ contains
             formulation%force_axes(i) = merge(0, 1, n_force_of(model%joint(i)%kind) == 3)
             formulation%moment_axes(i) = merge(0, 1, n_moment_of(model%joint(i)%kind) == 3)
         end do
+        call list_drives(model, formulation)
         call list_columns(model, formulation)
         if (style == style_sparse) call choose_axes_and_points(model, formulation)
-        call list_columns(model, formulation)
         call list_entries(model, formulation)
         call list_parts(model, formulation)
     end subroutine build_formulation
 
+    !> Forces and moments that a kind of joint transmits in the model's space.
+    pure function n_transmitted(model, kind) result(n)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: kind
+        integer :: n(2)    !! forces, moments
+
+        n = [n_force_of(kind), n_moment_of(kind)]
+        if (model%is_planar) n = [n_force_of(kind) - 1, n_moment_of(kind) - 2]
+    end function n_transmitted
+
     ! ---------------------------------------------------------------- unknowns
+
+    !> Actuators by joint.
+    subroutine list_drives(model, formulation)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(inout) :: formulation
+        integer :: place(model%n_joint + 1), i
+
+        place = 0
+        do i = 1, model%n_actuator
+            associate (j => model%scene%actuator(i)%joint)
+                place(j + 1) = place(j + 1) + 1
+            end associate
+        end do
+        place(1) = 1
+        do i = 1, model%n_joint
+            place(i + 1) = place(i) + place(i + 1)
+        end do
+        formulation%first_drive = place
+        allocate (formulation%drive(model%n_actuator))
+        do i = 1, model%n_actuator
+            associate (j => model%scene%actuator(i)%joint)
+                formulation%drive(place(j)) = i
+                place(j) = place(j) + 1
+            end associate
+        end do
+    end subroutine list_drives
 
     !> The unknowns, joint by joint, driving forces last.
     subroutine list_columns(model, formulation)
         type(model_type), intent(in) :: model
         type(formulation_type), intent(inout) :: formulation
-        type(wrench_column) :: column(6*model%n_joint + model%n_actuator)
-        integer :: j, n
+        type(wrench_column) :: column(6)
+        integer :: j, n, n_here
 
-        if (allocated(formulation%first_column)) deallocate (formulation%first_column, formulation%drive_column)
         allocate (formulation%first_column(model%n_joint + 1), formulation%drive_column(model%n_actuator))
         n = 0
         do j = 1, model%n_joint
             formulation%first_column(j) = n
-            call joint_columns(model, formulation, j, column, n)
+            call joint_columns(model, formulation, j, column, n_here)
+            n = n + n_here
         end do
         formulation%first_column(model%n_joint + 1) = n
-        do j = 1, model%n_actuator
-            n = n + 1
-            column(n) = drive_column_of(model, formulation, j)
-            formulation%drive_column(j) = n
+        formulation%drive_column = [(n + j, j=1, model%n_actuator)]
+        formulation%n_unknown = n + model%n_actuator
+        allocate (formulation%column(formulation%n_unknown))
+        do j = 1, model%n_joint
+            call renew_columns(model, formulation, j)
         end do
-        formulation%n_unknown = n
-        formulation%column = column(:n)
     end subroutine list_columns
+
+    !> The unknowns of one joint in its present axes.
+    subroutine renew_columns(model, formulation, j)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(inout) :: formulation
+        integer, intent(in) :: j
+        type(wrench_column) :: column(6)
+        integer :: n, k
+
+        call joint_columns(model, formulation, j, column, n)
+        formulation%column(formulation%first_column(j) + 1:formulation%first_column(j + 1)) = column(:n)
+        do k = formulation%first_drive(j), formulation%first_drive(j + 1) - 1
+            associate (actuator => formulation%drive(k))
+                formulation%column(formulation%drive_column(actuator)) = drive_column_of(model, formulation, actuator)
+            end associate
+        end do
+    end subroutine renew_columns
 
     !> The reaction of one joint.
     subroutine joint_columns(model, formulation, j, column, n)
         type(model_type), intent(in) :: model
         type(formulation_type), intent(in) :: formulation
         integer, intent(in) :: j
-        type(wrench_column), intent(inout) :: column(:)
-        integer, intent(inout) :: n
+        type(wrench_column), intent(out) :: column(6)
+        integer, intent(out) :: n
         integer :: k, kind
 
         kind = model%joint(j)%kind
+        n = 0
         do k = 1, n_force_of(kind)
-            n = n + 1
             if (n_force_of(kind) == 3) then
-                column(n) = along_link_axis(model, j, formulation%force_axes(j), k)
+                call add_column(along_link_axis(model, j, formulation%force_axes(j), k), .false.)
             else
-                column(n) = along_marker_axis(model, j, formulation%force_axes(j), k)
+                call add_column(along_marker_axis(model, j, formulation%force_axes(j), k), .false.)
             end if
         end do
         do k = 1, n_moment_of(kind)
-            n = n + 1
             select case (kind)
             case (joint_universal)
-                column(n) = wrench_column(joint=j, is_normal=.true.)
+                call add_column(wrench_column(joint=j, is_normal=.true.), .true.)
             case (joint_prismatic)
-                column(n) = along_link_axis(model, j, formulation%moment_axes(j), k)
+                call add_column(along_link_axis(model, j, formulation%moment_axes(j), k), .true.)
             case default
-                column(n) = along_marker_axis(model, j, formulation%moment_axes(j), k)
+                call add_column(along_marker_axis(model, j, formulation%moment_axes(j), k), .true.)
             end select
-            column(n)%is_moment = .true.
         end do
+
+    contains
+
+        !> Unless the plane does not know it.
+        subroutine add_column(candidate, is_moment)
+            type(wrench_column), intent(in) :: candidate
+            logical, intent(in) :: is_moment
+            integer :: first
+
+            first = merge(4, 1, is_moment)
+            if (model%is_planar .and. any(candidate%direction /= 0 .and. formulation%row(first:first + 2) == 0)) return
+            n = n + 1
+            column(n) = candidate
+            column(n)%is_moment = is_moment
+        end subroutine add_column
     end subroutine joint_columns
 
     !> Driving force or torque of an actuator.
@@ -230,14 +311,6 @@ contains
         end do
     end function along_marker_axis
 
-    pure integer function orientation_of(model, link)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: link
-
-        orientation_of = 0
-        if (link > 0) orientation_of = model%link(link)%orientation
-    end function orientation_of
-
     !> How each joint's reaction is put together from the unknowns.
     subroutine list_parts(model, formulation)
         type(model_type), intent(in) :: model
@@ -274,7 +347,7 @@ contains
         integer, intent(in) :: j, side
         type(incidence_type), intent(inout) :: incidence
         real(wp), intent(out) :: value(:, :)    !! constants (6, n_group)
-        integer :: n, i, c
+        integer :: n, n_group, i, c
 
         incidence%joint = j
         incidence%link = model%joint(j)%link(side)
@@ -291,28 +364,46 @@ contains
             incidence%has_arm = incidence%slides .or. any(incidence%arm /= 0)
         end associate
 
-        n = 0
-        do c = 1, formulation%n_unknown
-            if (formulation%column(c)%joint == j) n = n + 1
-        end do
+        n = formulation%first_column(j + 1) - formulation%first_column(j)
+        n_group = n + formulation%first_drive(j + 1) - formulation%first_drive(j)
         if (allocated(incidence%group)) then
-            if (size(incidence%group) /= n) deallocate (incidence%group)
+            if (size(incidence%group) /= n_group) deallocate (incidence%group)
         end if
-        if (.not. allocated(incidence%group)) allocate (incidence%group(n))
-        i = 0
-        do c = formulation%first_column(j) + 1, formulation%first_column(j + 1)
-            i = i + 1
-            call describe_group(model, formulation, c, incidence, incidence%group(i), value(:, i))
+        if (.not. allocated(incidence%group)) allocate (incidence%group(n_group))
+        do i = 1, n
+            call describe_group(model, formulation, formulation%first_column(j) + i, incidence, incidence%group(i), value(:, i))
         end do
-        do c = formulation%first_column(model%n_joint + 1) + 1, formulation%n_unknown
-            if (formulation%column(c)%joint /= j) cycle
-            i = i + 1
+        do i = n + 1, n_group
+            c = formulation%drive_column(formulation%drive(formulation%first_drive(j) + i - n - 1))
             call describe_group(model, formulation, c, incidence, incidence%group(i), value(:, i))
         end do
     end subroutine describe_incidence
 
-    !> One unknown in the six equations of one link.
+    !> One unknown in the equations of one link.
     subroutine describe_group(model, formulation, c, incidence, group, value)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: c
+        type(incidence_type), intent(in) :: incidence
+        type(entry_group), intent(out) :: group
+        real(wp), intent(out) :: value(6)
+        integer :: first
+
+        call describe_in_space(model, formulation, c, incidence, group, value)
+        if (.not. model%is_planar) return
+        ! Outside the plane there is nothing.
+        first = merge(4, 1, formulation%column(c)%is_moment)
+        where (formulation%row == 0) value = 0
+        where (formulation%row(first:first + 2) == 0) group%force_slot = 0
+        where (formulation%row(4:) == 0) group%moment_slot = 0
+        where (formulation%row(4:) == 0) group%slide_slot = 0
+        group%slides = any(group%slide_slot > 0)
+        group%needs_arm = any(group%moment_slot > 0)
+        group%needs_direction = group%needs_arm .or. any(group%force_slot > 0)
+    end subroutine describe_group
+
+    !> The same in all six equations.
+    subroutine describe_in_space(model, formulation, c, incidence, group, value)
         type(model_type), intent(in) :: model
         type(formulation_type), intent(in) :: formulation
         integer, intent(in) :: c
@@ -328,6 +419,8 @@ contains
             rows = merge(link%orientation, 0, formulation%row_in_link(incidence%link))
             rows_turn = rows /= link%orientation         ! arms turn against the rows
             is_fixed = .not. column%is_normal .and. column%orientation == rows
+            ! The z axis is the same for all that moves in a plane.
+            is_fixed = is_fixed .or. (model%is_planar .and. column%is_moment)
             if (column%is_moment) then
                 if (is_fixed) then
                     value(4:6) = incidence%sign*column%direction
@@ -370,7 +463,7 @@ contains
                 group%needs_arm = .true.
             end if
         end associate
-    end subroutine describe_group
+    end subroutine describe_in_space
 
     !> Components of the normal of a universal joint that vanish in the axes of one of its links: the one along its axis.
     pure function normal_is_zero(model, j, link) result(zero)
@@ -410,7 +503,7 @@ contains
         type(model_type), intent(in) :: model
         type(formulation_type), intent(inout) :: formulation
         type(matrix_entry), allocatable :: entry(:)
-        real(wp) :: value(6, 8)
+        real(wp) :: value(6, most_groups)
         integer :: j, side, i, g, n_entry
 
         allocate (formulation%incidence(2*model%n_joint), entry(2*6*formulation%n_unknown))
@@ -425,7 +518,7 @@ contains
                     incidence%needs_arm = any(incidence%group%needs_arm)
                     incidence%varies = any_varies(incidence%group)
                     do g = 1, size(incidence%group)
-                        call list_group(incidence%group(g), 6*(incidence%link - 1), &
+                        call list_group(incidence%group(g), formulation%n_row*(incidence%link - 1), &
                                         formulation%column(incidence%group(g)%column)%is_moment, value(:, g))
                     end do
                 end associate
@@ -443,14 +536,14 @@ contains
             integer :: k
 
             do k = 1, 3
-                call number_slot(group%force_slot(k), row + k + merge(3, 0, is_moment), group%column)
-                call number_slot(group%moment_slot(k), row + 3 + k, group%column)
-                call number_slot(group%slide_slot(k), row + 3 + k, group%column)
+                call number_slot(group%force_slot(k), row + formulation%row(k + merge(3, 0, is_moment)), group%column)
+                call number_slot(group%moment_slot(k), row + formulation%row(3 + k), group%column)
+                call number_slot(group%slide_slot(k), row + formulation%row(3 + k), group%column)
             end do
             do k = 1, 6
                 if (value(k) == 0) cycle
                 n_entry = n_entry + 1
-                entry(n_entry) = matrix_entry(row + k, group%column, 0, value(k))
+                entry(n_entry) = matrix_entry(row + formulation%row(k), group%column, 0, value(k))
             end do
         end subroutine list_group
 
@@ -478,7 +571,7 @@ contains
 
         ! Start from link axes for links with two joints: their equations then hardly vary.
         do i = 1, model%n_link
-            formulation%row_in_link(i) = count_joints(model, i) <= 2
+            formulation%row_in_link(i) = count_joints(model, i) <= 2 .and. .not. model%is_planar
             if (count_joints(model, i) > 0) formulation%moment_point(:, i) = joint_point(model, i, 1)
         end do
         do sweep = 1, most_sweeps
@@ -496,30 +589,23 @@ contains
     pure integer function count_joints(model, link)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link
-        integer :: j
 
-        count_joints = 0
-        do j = 1, model%n_joint
-            if (any(model%joint(j)%link == link)) count_joints = count_joints + 1
-        end do
+        count_joints = model%first_at(link + 1) - model%first_at(link)
     end function count_joints
 
-    !> The point of the link's n-th joint, link axes.
+    !> The point of the link's n-th joint, link axes; its centre of mass for n = 0.
     pure function joint_point(model, link, n) result(point)
         type(model_type), intent(in) :: model
         integer, intent(in) :: link, n
         real(wp) :: point(3)
-        integer :: j, side, found
 
-        point = model%link(link)%cog
-        found = 0
-        do j = 1, model%n_joint
-            do side = 1, 2
-                if (model%joint(j)%link(side) /= link) cycle
-                found = found + 1
-                if (found == n) point = model%joint(j)%point(:, side)
-            end do
-        end do
+        if (n == 0) then
+            point = model%link(link)%cog
+        else
+            associate (joint => model%joint(model%joint_at(model%first_at(link) + n - 1)))
+                point = joint%point(:, side_of(joint, link))
+            end associate
+        end if
     end function joint_point
 
     subroutine improve_joint(model, formulation, j, improved)
@@ -535,7 +621,7 @@ contains
             do moment = merge(0, 1, n_moment_of(model%joint(j)%kind) == 3), 2
                 formulation%force_axes(j) = force
                 formulation%moment_axes(j) = moment
-                call list_columns(model, formulation)
+                call renew_columns(model, formulation, j)
                 cost = joint_cost(model, formulation, j)
                 if (cost >= best) cycle
                 best = cost
@@ -545,7 +631,7 @@ contains
         end do
         formulation%force_axes(j) = kept(1)
         formulation%moment_axes(j) = kept(2)
-        call list_columns(model, formulation)
+        call renew_columns(model, formulation, j)
     end subroutine improve_joint
 
     !> Cost of a joint's entries in both links, and of turning its reaction into world axes.
@@ -577,7 +663,7 @@ contains
         best = link_cost(model, formulation, link)
         do n = 0, count_joints(model, link)
             point = joint_point(model, link, n)    ! n = 0: the centre of mass
-            do axes = 0, 1
+            do axes = 0, merge(0, 1, model%is_planar)    ! in a plane the world's axes make constants of most entries
                 formulation%row_in_link(link) = axes == 1
                 formulation%moment_point(:, link) = point
                 cost = link_cost(model, formulation, link)
@@ -597,15 +683,13 @@ contains
         type(model_type), intent(in) :: model
         type(formulation_type), intent(in) :: formulation
         integer, intent(in) :: link
-        integer :: j, side
+        integer :: i, j
 
         link_cost = 0
         if (.not. formulation%row_in_link(link)) link_cost = 2*cost_rotation
-        do j = 1, model%n_joint
-            do side = 1, 2
-                if (model%joint(j)%link(side) == link) &
-                    link_cost = link_cost + incidence_cost(model, formulation, j, side)
-            end do
+        do i = model%first_at(link), model%first_at(link + 1) - 1
+            j = model%joint_at(i)
+            link_cost = link_cost + incidence_cost(model, formulation, j, side_of(model%joint(j), link))
         end do
     end function link_cost
 
@@ -614,7 +698,7 @@ contains
         type(formulation_type), intent(in) :: formulation
         integer, intent(in) :: j, side
         type(incidence_type) :: incidence
-        real(wp) :: value(6, 8)
+        real(wp) :: value(6, most_groups)
         integer :: g
         logical :: arm_turns
 

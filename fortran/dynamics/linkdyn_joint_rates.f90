@@ -6,6 +6,8 @@ module linkdyn_joint_rates
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
+    use linkdyn_planar_rates, only: measure_planar_joints, planar_actuator_rates, planar_actuator_columns, &
+        planar_power_imbalance, planar_work_columns
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.dot.), operator(.cross.), &
@@ -35,6 +37,10 @@ contains
         real(wp) :: q(lanes, 3), qd(lanes, 3)
         integer :: j, n
 
+        if (model%is_planar) then
+            call measure_planar_joints(model, state, variable, rate)
+            return
+        end if
         do j = 1, model%n_joint
             call view_joint(model, state, j, state%velocity, state%omega, view)
             call variables_of_relative(model%joint(j)%kind, view%frame(1), view%frame(2), view%slide, view%slide_rate, &
@@ -75,6 +81,10 @@ contains
         real(wp), intent(out) :: rate(lanes, *)    !! (lane, n_actuator) [m/s, rad/s]
         integer :: i
 
+        if (model%is_planar) then
+            call planar_actuator_rates(model, state, rate)
+            return
+        end if
         do i = 1, model%n_actuator
             associate (leg => model%joint(model%scene%actuator(i)%joint)%leg)
                 if (leg > 0) then
@@ -94,6 +104,10 @@ contains
         real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
         integer :: i, k
 
+        if (model%is_planar) then
+            call planar_actuator_columns(model, state, rate)
+            return
+        end if
         do k = 1, model%n_q
             do i = 1, model%n_actuator
                 call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
@@ -161,6 +175,10 @@ contains
         type(vec3) :: force, moment, velocity
         integer :: i, o
 
+        if (model%is_planar) then
+            call planar_power_imbalance(model, state, load, driving_force, imbalance)
+            return
+        end if
         call actuator_rates(model, state, rate)
         total = 0
         magnitude = 0
@@ -194,6 +212,10 @@ contains
         type(vec3) :: force, moment
         integer :: i, k, o
 
+        if (model%is_planar) then
+            call planar_work_columns(model, state, load, work)
+            return
+        end if
         work = 0
         do i = 1, model%n_link
             o = model%link(i)%orientation

@@ -8,7 +8,8 @@ module linkdyn_kinematic_pass
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, is_slide
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, orientation_of
+    use linkdyn_planar_pass, only: evaluate_planar
     use linkdyn_point, only: point_velocity, point_acceleration, point_column
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion
@@ -27,6 +28,10 @@ contains
         type(kinematic_state), intent(inout) :: state
         integer :: i
 
+        if (model%is_planar) then
+            call evaluate_planar(model, state)
+            return
+        end if
         state%unreachable = .false.
         do i = 1, size(model%step)
             select case (model%step(i)%kind)
@@ -248,15 +253,6 @@ contains
             state%acceleration_body(k, link) = state%rotation(o).unrotate.state%acceleration(k, link)
         end do
     end subroutine turn_into_link
-
-    !> The orientation of a link; 0 for the frame.
-    pure integer function orientation_of(model, link)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: link
-
-        orientation_of = 0
-        if (link > 0) orientation_of = model%link(link)%orientation
-    end function orientation_of
 
     pure function from_components(c) result(v)
         real(wp), intent(in) :: c(lanes, 3)

@@ -6,7 +6,8 @@ module linkdyn_reactions
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.)
+    use linkdyn_vec2, only: vec2, operator(.rotate.)
+    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.), zero_vec3
     implicit none (type, external)
     private
     public :: solution_type, collect_reactions, unknown
@@ -42,10 +43,14 @@ contains
         type(formulation_type), intent(in) :: formulation
         type(kinematic_state), intent(in) :: state
         type(solution_type), intent(in) :: solution
-        real(wp), intent(out) :: reaction(lanes, 6, *)    !! Fx Fy Fz Mx My Mz of each joint [N, N m]
+        real(wp), intent(out) :: reaction(lanes, model%n_component, *)    !! Fx Fy Fz Mx My Mz of each joint, planar Fx Fy Mz [N, N m]
         type(vec3) :: total
         integer :: j, half
 
+        if (model%is_planar) then
+            call collect_planar_reactions(model, formulation, state, solution, reaction)
+            return
+        end if
         do j = 1, model%n_joint
             do half = 1, 2
                 associate (part => formulation%part(half, j))
@@ -63,6 +68,33 @@ contains
             end do
         end do
     end subroutine collect_reactions
+
+    !> The same for a planar mechanism: Fx, Fy, Mz.
+    subroutine collect_planar_reactions(model, formulation, state, solution, reaction)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(kinematic_state), intent(in) :: state
+        type(solution_type), intent(in) :: solution
+        real(wp), intent(out) :: reaction(lanes, 3, *)
+        type(vec2) :: force
+        type(vec3) :: total
+        integer :: j
+
+        do j = 1, model%n_joint
+            associate (part => formulation%part(1, j))
+                force = vec2(unknown(solution, part%unit_column(1)), unknown(solution, part%unit_column(2)))
+                if (.not. part%is_plain) then
+                    total = zero_vec3()
+                    call add_slanted(formulation, solution, j, .false., total)
+                    force = vec2(force%x + total%x, force%y + total%y)
+                end if
+                if (part%orientation > 0) force = state%plane%rotation(part%orientation).rotate.force
+            end associate
+            reaction(:, 1, j) = force%x
+            reaction(:, 2, j) = force%y
+            reaction(:, 3, j) = unknown(solution, formulation%part(2, j)%unit_column(3))
+        end do
+    end subroutine collect_planar_reactions
 
     !> Unknowns along directions that are not axes of the link.
     subroutine add_slanted(formulation, solution, j, is_moment, total)

@@ -94,7 +94,7 @@ contains
             return
         end if
         if (planar) then
-            call quantity_of(place, "inertia", node, inertia, link%inertia(1), status)
+            call quantity_of(place, "inertia", node, inertia, link%inertia(3), status)
         else
             call read_tensor(place, node, link%inertia, status)
         end if
@@ -138,7 +138,7 @@ contains
 
         if (.not. status%is_ok()) return
         if (planar) then
-            if (tensor(1) < 0) call refuse_value(place, "inertia", node, &
+            if (tensor(3) < 0) call refuse_value(place, "inertia", node, &
                 "is negative (expected a moment of inertia of zero or more"//advice, status)
             return
         end if

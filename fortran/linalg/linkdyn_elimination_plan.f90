@@ -48,6 +48,8 @@ module linkdyn_elimination_plan
     real(wp), parameter :: threshold = 0.05_wp      !! a pivot is at least this fraction of its column, rows scaled
     real(wp), parameter :: smallest = 1.0e5_wp*epsilon(1.0_wp)  !! a pivot below this, rows scaled, may be pure rounding
     real(wp), parameter :: alarm_factor = 1.0e2_wp  !! multipliers may exceed those at the representative poses by this
+    ! Large systems are looked at in a few short columns at a time (Zlatev, SIAM J. Numer. Anal. 17 (1980) 18).
+    integer, parameter :: large = 400, most_columns = 6
     integer, parameter :: reciprocal_cost = 8       !! of a division, in multiply-adds
 
     !> A value known to the planner: a constant, or the result of an operation, or given. References are signed:
@@ -272,7 +274,7 @@ contains
         type(planner_type), intent(in) :: p
         logical, intent(in) :: is_wanted(:)
         logical :: restrict
-        integer :: pass, c, k, e, cost, best_cost, fewest
+        integer :: pass, c, k, e, cost, best_cost, fewest, n_looked
         real(wp) :: quality, best_quality
 
         best = 0
@@ -281,11 +283,15 @@ contains
             best_cost = huge(1)
             best_quality = 0
             fewest = minval(p%column_count, mask=p%column_active)
+            n_looked = 0
             do c = 1, p%n
                 if (.not. p%column_active(c)) cycle
                 if (restrict .and. is_wanted(c)) cycle
-                ! Large systems: look only where the column is short.
-                if (p%n > 400 .and. p%column_count(c) > fewest + 2) cycle
+                if (p%n > large) then
+                    if (p%column_count(c) > fewest + 2) cycle
+                    if (n_looked >= most_columns .and. best > 0) exit
+                    n_looked = n_looked + 1
+                end if
                 do k = 1, p%in_column(c)%n
                     e = p%in_column(c)%item(k)
                     if (.not. p%entry(e)%is_active) cycle

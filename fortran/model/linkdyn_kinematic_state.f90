@@ -3,15 +3,17 @@
 !> Index 0 is the frame. Links that only slide on each other share an orientation, so rotations and angular rates
 !> are kept per orientation, points per link. Column 0 of an acceleration is what the coordinates' motion gives,
 !> column k what a unit acceleration of coordinate k adds (for a pose: of the velocity and the angular velocity).
+!> A planar scene keeps its motion in `plane`; the arrays for space are then not allocated.
 module linkdyn_kinematic_state
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
+    use linkdyn_planar_motion, only: planar_motion, prepare_planar_motion
     use linkdyn_ups_leg, only: ups_leg
-    use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of
+    use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of, lane_of, mat3_lane
     implicit none (type, external)
     private
-    public :: kinematic_state, prepare_kinematics
+    public :: kinematic_state, prepare_kinematics, link_position, link_rotation
 
     type :: kinematic_state
         integer :: n_column = 0                               !! columns besides column 0
@@ -27,6 +29,9 @@ module linkdyn_kinematic_state
         type(ups_leg), allocatable :: leg(:)                  !!                                      (n_leg)
         real(wp), allocatable :: slide(:, :)                  !! first to second marker along axis [m] (lane, n_joint)
         logical :: unreachable(lanes) = .false.               !! a loop could not be closed
+        logical :: singular(lanes) = .false.                  !! at a dead point: rates are not determined
+        logical :: not_converged(lanes) = .false.             !! an iteration ran out of steps
+        type(planar_motion) :: plane
         type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)
         ! ---- APPLIED by springs and given drives, link axes, about the origin
         logical :: has_applied = .false.
@@ -50,20 +55,24 @@ contains
 
         state%n_column = n_column
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
-            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q))
+            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), state%slide(lanes, model%n_joint))
             allocate (state%by_quaternion(model%n_pose), state%quaternion(lanes, 4, model%n_pose))
             state%by_quaternion = .false.
             state%q = 0
             state%qd = 0
             state%qdd = 0
+            state%slide = 0
+            if (model%is_planar) then
+                call prepare_planar_motion(model, n_column, state%plane)
+                return
+            end if
             allocate (state%rotation(0:n_orientation), state%omega(0:n_orientation), state%omega_body(0:n_orientation), &
                       state%gravity_body(0:n_orientation))
             allocate (state%alpha(0:n_column, 0:n_orientation), state%alpha_body(0:n_column, 0:n_orientation))
             allocate (state%position(0:n_link), state%velocity(0:n_link))
             allocate (state%applied_force(n_link), state%applied_moment(n_link))
             allocate (state%acceleration(0:n_column, 0:n_link), state%acceleration_body(0:n_column, 0:n_link))
-            allocate (state%leg(model%n_leg), state%slide(lanes, model%n_joint))
-            state%slide = 0
+            allocate (state%leg(model%n_leg))
             do i = 0, n_orientation
                 state%rotation(i) = identity_mat3()
                 state%omega(i) = zero_vec3()
@@ -84,4 +93,35 @@ contains
             end do
         end associate
     end subroutine prepare_kinematics
+
+    !> Origin of a link on one lane, world axes; z is 0 in the plane.
+    pure function link_position(model, state, link, lane) result(position)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: link, lane
+        real(wp) :: position(3)
+
+        if (model%is_planar) then
+            position = [state%plane%position(link)%x(lane), state%plane%position(link)%y(lane), 0.0_wp]
+        else
+            position = lane_of(state%position(link), lane)
+        end if
+    end function link_position
+
+    !> Rotation of a link on one lane: columns are the images of its axes.
+    pure function link_rotation(model, state, link, lane) result(rotation)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: link, lane
+        real(wp) :: rotation(3, 3)
+
+        if (model%is_planar) then
+            associate (r => state%plane%rotation(model%link(link)%orientation))
+                rotation = reshape([r%c(lane), r%s(lane), 0.0_wp, -r%s(lane), r%c(lane), 0.0_wp, &
+                                    0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
+            end associate
+        else
+            rotation = mat3_lane(state%rotation(model%link(link)%orientation), lane)
+        end if
+    end function link_rotation
 end module linkdyn_kinematic_state

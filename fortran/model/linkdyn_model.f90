@@ -4,15 +4,23 @@ module linkdyn_model
     use linkdyn_scene, only: scene_type, name_len
     implicit none (type, external)
     private
-    public :: model_type, link_type, joint_type, step_type
-    public :: step_pose, step_joint, step_ups, step_csp, step_name
+    public :: model_type, link_type, joint_type, step_type, group_type
+    public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
+    public :: is_dyad, orientation_of, side_of
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
     integer, parameter :: step_joint = 2     !! open chain: a link behind a joint whose variables are coordinates
     integer, parameter :: step_ups = 3       !! Assur group: UPS leg between two known links
-    integer, parameter :: step_csp = 4       !! Assur group: CSP between two known links
-    character(len=24), parameter :: step_name(4) = [character(len=24) :: "pose", "open chain", "UPS leg", "CSP group"]
+    integer, parameter :: step_rrr = 4       !! planar dyads, each a closed form
+    integer, parameter :: step_rrp = 5
+    integer, parameter :: step_rpr = 6
+    integer, parameter :: step_prp = 7
+    integer, parameter :: step_ppr = 8
+    integer, parameter :: step_group = 9     !! any other planar Assur group, closed by Newton's method
+    integer, parameter :: step_csp = 10      !! Assur group: CSP between two known links
+    character(len=24), parameter :: step_name(10) = [character(len=24) :: "pose", "open chain", "UPS leg", &
+        "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group"]
 
     !> Constants of a moving link.
     type :: link_type
@@ -44,14 +52,23 @@ module linkdyn_model
         integer :: link(2) = 0                !! links that the step determines
         integer :: joint(3) = 0               !! joints that it uses
         integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components
-        integer :: first = 0                  !! index of its own state in the workspace (poses, legs)
+        integer :: first = 0                  !! index of its own state in the workspace (poses, legs, dyads, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
     end type step_type
 
+    !> Links placed together by Newton's method.
+    type :: group_type
+        integer, allocatable :: link(:)
+        integer, allocatable :: joint(:)      !! between them, and to known links
+        integer, allocatable :: coordinate(:) !! that gives the joint's variable; 0: free
+        real(wp), allocatable :: start(:, :)  !! x y angle of the links at the coordinates' start (3, n)
+    end type group_type
+
     !> A mechanism ready to be computed.
     type :: model_type
         type(scene_type) :: scene
+        logical :: is_planar = .false.
         integer :: n_link = 0                 !! moving links
         integer :: n_joint = 0
         integer :: n_q = 0                    !! generalized coordinates
@@ -61,12 +78,44 @@ module linkdyn_model
         integer :: n_orientation = 0
         integer :: n_pose = 0                 !! links whose pose is given by coordinates
         integer :: n_leg = 0
+        integer :: n_dyad = 0
         integer :: n_row = 0                  !! equations: 3 a planar, 6 a spatial link
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial
         real(wp) :: gravity(3) = 0
         type(link_type), allocatable :: link(:)
         type(joint_type), allocatable :: joint(:)
         type(step_type), allocatable :: step(:)
+        type(group_type), allocatable :: group(:)
         logical, allocatable :: moves(:, :)   !! (n_q, n_link): the coordinate moves the link
+        integer, allocatable :: first_at(:)   !! joints of link l: joint_at(first_at(l):first_at(l+1)-1)
+        integer, allocatable :: joint_at(:)
+        real(wp), allocatable :: start_q(:)   !! coordinates at the start (n_q)
+        real(wp), allocatable :: branch(:)    !! of the dyads at the start: +1 or -1 (n_dyad)
     end type model_type
+
+contains
+
+    !> Is the step one of the planar dyads?
+    pure logical function is_dyad(kind)
+        integer, intent(in) :: kind
+
+        is_dyad = kind >= step_rrr .and. kind <= step_ppr
+    end function is_dyad
+
+    !> The orientation of a link; 0 for the frame.
+    pure integer function orientation_of(model, link)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+
+        orientation_of = 0
+        if (link > 0) orientation_of = model%link(link)%orientation
+    end function orientation_of
+
+    !> Is the link the first (1) or the second (2) of the joint?
+    pure integer function side_of(joint, link)
+        type(joint_type), intent(in) :: joint
+        integer, intent(in) :: link
+
+        side_of = merge(1, 2, joint%link(1) == link)
+    end function side_of
 end module linkdyn_model

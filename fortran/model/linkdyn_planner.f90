@@ -1,40 +1,45 @@
 !> The planner: orders links and joints, once, into the program of steps that the kinematics walks.
 !>
-!> A link whose pose is a coordinate is known. A joint from a known link whose variables are all coordinates gives the
-!> next link. What is left must fall apart into Assur groups between known links. A scene that cannot be planned is
-!> refused with the names of the links and joints concerned.
+!> Links whose pose is given are known. Counting constraints takes the rest apart into the smallest groups that can be
+!> placed one after the other (`linkdyn_assur_groups`): a single link is a step of an open chain, a pair with three
+!> joints a dyad or a leg with a closed form, any other planar group is left to Newton's method. A scene that cannot be
+!> planned is refused with the names of the links and joints concerned.
 module linkdyn_planner
+    use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp
+    use linkdyn_model, only: model_type, step_type, group_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, &
+        step_rpr, step_prp, step_ppr, step_group, is_dyad, side_of
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_revolute, joint_prismatic, &
-        joint_cylindrical, joint_universal, joint_spherical, joint_kind_name
+        joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
     public :: plan_steps, joint_constraints, mobility_of
 
-    !> Constraints that a joint puts on two links in space, by kind.
-    integer, parameter :: spatial_constraints(5) = [5, 5, 4, 4, 3]
+    !> Constraints that a joint puts on two links, by kind.
+    integer, parameter :: spatial_constraints(5) = [5, 5, 4, 4, 3], planar_constraints = 2
+    integer, parameter :: most_named = 4                    !! links or joints listed in a message
     real(wp), parameter :: alignment = 64*epsilon(1.0_wp)   !! how far from exact a given direction may be by rounding
 
     !> Progress of the planning.
     type :: planning
         type(step_type), allocatable :: step(:)
         integer :: n_step = 0
+        integer :: n_group = 0
         logical, allocatable :: known(:)        !! (0:n_link)
-        logical, allocatable :: joint_used(:)   !! (n_joint)
-        logical, allocatable :: coordinate_used(:)
+        integer, allocatable :: given(:, :)     !! coordinate that gives a joint variable; 0: none (3, n_joint)
     end type planning
 
 contains
 
     !> Number of constraints of a joint.
-    pure integer function joint_constraints(kind)
+    pure integer function joint_constraints(model, kind)
+        type(model_type), intent(in) :: model
         integer, intent(in) :: kind
 
-        joint_constraints = spatial_constraints(kind)
+        joint_constraints = merge(planar_constraints, spatial_constraints(kind), model%is_planar)
     end function joint_constraints
 
     !> Mobility by counting: freedoms of the links less the constraints of the joints.
@@ -42,38 +47,45 @@ contains
         type(model_type), intent(in) :: model
         integer :: i
 
-        mobility_of = 6*model%n_link
+        mobility_of = freedom_of(model)*model%n_link
         do i = 1, model%n_joint
-            mobility_of = mobility_of - joint_constraints(model%joint(i)%kind)
+            mobility_of = mobility_of - joint_constraints(model, model%joint(i)%kind)
         end do
     end function mobility_of
+
+    pure integer function freedom_of(model)
+        type(model_type), intent(in) :: model
+
+        freedom_of = merge(3, 6, model%is_planar)
+    end function freedom_of
 
     !> Fill `model%step`.
     subroutine plan_steps(model, status)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
         type(planning) :: plan
-        logical :: progress
+        type(grouping_type) :: grouping
+        type(tie_type), allocatable :: tie(:)
+        integer, allocatable :: tie_coordinate(:)
+        integer :: g
 
         if (.not. status%is_ok()) return
-        allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%joint_used(model%n_joint), &
-                  plan%coordinate_used(model%n_q))
+        allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, model%n_joint), model%group(model%n_link))
         plan%known = .false.
         plan%known(0) = .true.
-        plan%joint_used = .false.
-        plan%coordinate_used = .false.
-
         call take_poses(model, plan, status)
-        do while (status%is_ok() .and. .not. all(plan%known))
-            progress = .false.
-            call extend_open_chains(model, plan, progress, status)
-            if (.not. progress) call close_ups_legs(model, plan, progress)
-            if (.not. progress) call close_csp_group(model, plan, progress)
-            if (.not. progress) call refuse_the_rest(model, plan, status)
+        if (.not. status%is_ok()) return
+        call list_ties(model, plan, tie, tie_coordinate)
+        call find_groups(freedom_of(model), plan%known(1:), model%n_joint, tie, grouping)
+        if (grouping%excess > 0) call refuse_excess(model, grouping, tie_coordinate, status)
+        if (grouping%lack > 0) call refuse_lack(model, grouping, status)
+        do g = 1, grouping%n_group
+            call place_group(model, grouping%member(grouping%first(g):grouping%first(g + 1) - 1), plan, status)
+            if (.not. status%is_ok()) return
         end do
-        call refuse_leftovers(model, plan, status)
         if (.not. status%is_ok()) return
         model%step = plan%step(:plan%n_step)
+        model%group = model%group(:plan%n_group)
         call mark_moved_links(model)
     end subroutine plan_steps
 
@@ -92,150 +104,299 @@ contains
         type(planning), intent(inout) :: plan
         type(status_type), intent(inout) :: status
         type(step_type) :: step
-        integer :: i, j
+        integer :: given(6, model%n_link), needed(6), i, j
 
+        needed = merge([1, 1, 0, 0, 0, 1], [1, 1, 1, 1, 1, 1], model%is_planar)
+        given = 0
+        do j = 1, model%n_q
+            associate (c => model%scene%coordinate(j))
+                if (c%kind == coordinate_pose) given(c%variable, c%link) = j
+            end associate
+        end do
         do i = 1, model%n_link
-            step = step_type(kind=step_pose, n_link=1, link=[i, 0])
-            do j = 1, model%n_q
-                associate (c => model%scene%coordinate(j))
-                    if (c%kind /= coordinate_pose .or. c%link /= i) cycle
-                    step%coordinate(c%variable) = j
-                    plan%coordinate_used(j) = .true.
-                end associate
-            end do
-            if (all(step%coordinate == 0)) cycle
-            if (any(step%coordinate == 0)) then
+            if (all(given(:, i) == 0)) cycle
+            if (any(needed == 1 .and. given(:, i) == 0)) then
                 call fail(status, status_bad_input, "link "//quoted(model%link(i)%name) &
-                          //": a pose needs all six of x, y, z, roll, pitch, yaw")
+                          //": a pose needs all of "//trim(merge("x, y, yaw                ", "x, y, z, roll, pitch, yaw", &
+                                                                 model%is_planar)))
                 return
             end if
+            step = step_type(kind=step_pose, n_link=1, link=[i, 0], coordinate=given(:, i))
             model%n_pose = model%n_pose + 1
             step%first = model%n_pose
             call add_step(plan, step)
         end do
     end subroutine take_poses
 
-    !> Joints from a known to an unknown link whose variables are all coordinates.
-    subroutine extend_open_chains(model, plan, progress, status)
+    !> Joints, then coordinates given at joints, as constraints between links; known links are link 0.
+    subroutine list_ties(model, plan, tie, tie_coordinate)
         type(model_type), intent(in) :: model
         type(planning), intent(inout) :: plan
-        logical, intent(inout) :: progress
+        type(tie_type), allocatable, intent(out) :: tie(:)
+        integer, allocatable, intent(out) :: tie_coordinate(:)    !! 0: a joint
+        integer :: j, n
+
+        allocate (tie(model%n_joint + model%n_q), tie_coordinate(model%n_joint + model%n_q))
+        tie_coordinate = 0
+        plan%given = 0
+        do j = 1, model%n_joint
+            tie(j) = tie_type(unknown_links(j), joint_constraints(model, model%joint(j)%kind))
+        end do
+        n = model%n_joint
+        do j = 1, model%n_q
+            associate (c => model%scene%coordinate(j))
+                if (c%kind /= coordinate_joint) cycle
+                n = n + 1
+                tie(n) = tie_type(unknown_links(c%joint), 1)
+                tie_coordinate(n) = j
+                plan%given(c%variable, c%joint) = j
+            end associate
+        end do
+        tie = tie(:n)
+        tie_coordinate = tie_coordinate(:n)
+
+    contains
+
+        pure function unknown_links(joint) result(link)
+            integer, intent(in) :: joint
+            integer :: link(2)
+
+            link = merge(0, model%joint(joint)%link, plan%known(model%joint(joint)%link))
+        end function unknown_links
+    end subroutine list_ties
+
+    ! ---------------------------------------------------------------- groups
+
+    !> Find the step that places a group.
+    subroutine place_group(model, member, plan, status)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: member(:)
+        type(planning), intent(inout) :: plan
+        type(status_type), intent(inout) :: status
+        integer :: n_before
+
+        n_before = plan%n_step
+        if (size(member) == 1) call extend_open_chain(model, member(1), plan, status)
+        if (size(member) == 2 .and. model%is_planar) call close_dyad(model, member, plan, status)
+        if (size(member) == 2 .and. .not. model%is_planar) then
+            call close_ups_leg(model, member, plan)
+            if (plan%n_step == n_before) call close_csp_group(model, member, plan)
+        end if
+        if (.not. status%is_ok() .or. plan%n_step > n_before) return
+        if (model%is_planar) then
+            call add_newton_group(model, member, plan)
+        else
+            call fail(status, status_bad_input, "link(s) "//link_names(model, member)//" cannot be placed from the " &
+                      //"coordinates given: no open chain leads to them and they form no known group (UPS leg, CSP)")
+        end if
+    end subroutine place_group
+
+    !> A link behind a joint from a known link whose variables are all coordinates.
+    subroutine extend_open_chain(model, link, plan, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        type(planning), intent(inout) :: plan
         type(status_type), intent(inout) :: status
         type(step_type) :: step
-        integer :: j, i, n
+        integer :: i, j, n
 
-        do j = 1, model%n_joint
+        do i = model%first_at(link), model%first_at(link + 1) - 1
+            j = model%joint_at(i)
             associate (joint => model%joint(j))
-                if (plan%joint_used(j) .or. (plan%known(joint%link(1)) .eqv. plan%known(joint%link(2)))) cycle
-                step = step_type(kind=step_joint, n_link=1, joint=[j, 0, 0])
-                step%from_second = plan%known(joint%link(2))
-                step%link(1) = merge(joint%link(1), joint%link(2), step%from_second)
                 n = joint_n_variable(joint%kind)
-                do i = 1, n
-                    step%coordinate(i) = coordinate_of(model, j, i)
-                end do
-                if (any(step%coordinate(:n) == 0)) cycle
+                if (any(plan%given(:n, j) == 0) .or. .not. plan%known(joint%link(3 - side_of(joint, link)))) cycle
+                step = step_type(kind=step_joint, n_link=1, link=[link, 0], joint=[j, 0, 0])
+                step%from_second = side_of(joint, link) == 1
+                step%coordinate(:n) = plan%given(:n, j)
                 if (step%from_second .and. n > 1 .and. joint%kind /= joint_cylindrical) then
                     call fail(status, status_bad_input, "joint "//quoted(joint%name)//": its coordinates need link " &
                               //quoted(model%link(joint%link(1))%name)//" to be known first; exchange the two markers of 'between'")
                     return
                 end if
-                plan%joint_used(j) = .true.
-                plan%coordinate_used(step%coordinate(:n)) = .true.
-                call add_step(plan, step)
-                progress = .true.
             end associate
+            call add_step(plan, step)
+            return
         end do
-    end subroutine extend_open_chains
+    end subroutine extend_open_chain
 
-    !> The coordinate that gives a variable of a joint; 0 if none does.
-    pure integer function coordinate_of(model, joint, variable)
+    !> The three joints of a pair of links: to a known link, between them, to a known link. Zero if there are others.
+    pure function joints_of_pair(model, pair, plan) result(joint)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: joint, variable
+        integer, intent(in) :: pair(2)
+        type(planning), intent(in) :: plan
+        integer :: joint(3)
+        integer :: side, i, j, other, place
+
+        joint = 0
+        do side = 1, 2
+            do i = model%first_at(pair(side)), model%first_at(pair(side) + 1) - 1
+                j = model%joint_at(i)
+                other = model%joint(j)%link(3 - side_of(model%joint(j), pair(side)))
+                place = 0
+                if (other == pair(3 - side)) then
+                    place = 2
+                else if (plan%known(other)) then
+                    place = 2*side - 1
+                end if
+                if (place == 0) cycle
+                if (joint(place) /= 0 .and. joint(place) /= j) then
+                    joint = 0
+                    return
+                end if
+                joint(place) = j
+            end do
+        end do
+        if (any(joint == 0)) joint = 0
+    end function joints_of_pair
+
+    !> A planar dyad: by its signature of revolute and prismatic joints.
+    subroutine close_dyad(model, member, plan, status)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: member(2)
+        type(planning), intent(inout) :: plan
+        type(status_type), intent(inout) :: status
+        type(step_type) :: step
+        character(len=3) :: signature
+
+        step = step_type(n_link=2, link=member, joint=joints_of_pair(model, member, plan))
+        if (any(step%joint == 0)) return
+        if (any(plan%given(1, step%joint) > 0)) return
+        if (model%joint(step%joint(2))%link(1) /= member(1)) call turn_round(step)
+        signature = signature_of(model, step)
+        if (signature == "PRR" .or. signature == "RPP") then
+            call turn_round(step)
+            signature = signature_of(model, step)
+        end if
+        select case (signature)
+        case ("RRR")
+            step%kind = step_rrr
+        case ("RRP")
+            step%kind = step_rrp
+        case ("RPR")
+            step%kind = step_rpr
+        case ("PRP")
+            step%kind = step_prp
+        case ("PPR")
+            step%kind = step_ppr
+        case default
+            call fail(status, status_bad_input, "links "//link_names(model, member)//" are held by three slides, " &
+                      //joint_names(model, step%joint)//", which leave a shift free and fix the angle twice " &
+                      //"(expected a revolute joint among them)")
+            return
+        end select
+        model%n_dyad = model%n_dyad + 1
+        step%first = model%n_dyad
+        call add_step(plan, step)
+    end subroutine close_dyad
+
+    pure subroutine turn_round(step)
+        type(step_type), intent(inout) :: step
+
+        step%link = step%link([2, 1])
+        step%joint = step%joint([3, 2, 1])
+    end subroutine turn_round
+
+    pure function signature_of(model, step) result(signature)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        character(len=3) :: signature
         integer :: i
 
-        coordinate_of = 0
-        do i = 1, model%n_q
-            associate (c => model%scene%coordinate(i))
-                if (c%kind == coordinate_joint .and. c%joint == joint .and. c%variable == variable) coordinate_of = i
-            end associate
+        do i = 1, 3
+            signature(i:i) = merge("P", "R", model%joint(step%joint(i))%kind == joint_prismatic)
         end do
-    end function coordinate_of
+    end function signature_of
 
-    !> UPS legs between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_ups_leg`.
-    subroutine close_ups_legs(model, plan, progress)
+    !> Any other planar group.
+    subroutine add_newton_group(model, member, plan)
         type(model_type), intent(inout) :: model
+        integer, intent(in) :: member(:)
         type(planning), intent(inout) :: plan
-        logical, intent(inout) :: progress
         type(step_type) :: step
-        integer :: u, p, s, lower, upper
+        logical :: is_member(0:model%n_link)
+        integer :: i, j, l
 
-        do u = 1, model%n_joint
-            if (model%joint(u)%kind /= joint_universal .or. plan%joint_used(u)) cycle
-            lower = model%joint(u)%link(2)
-            if (.not. plan%known(model%joint(u)%link(1)) .or. plan%known(lower)) cycle
-            p = other_joint(model, lower, joint_prismatic, 1)
-            if (p == 0) cycle
-            upper = model%joint(p)%link(2)
-            s = other_joint(model, upper, joint_spherical, 1)
-            if (s == 0 .or. plan%known(upper)) cycle
-            if (.not. plan%known(model%joint(s)%link(2))) cycle
-            if (.not. has_leg_axes(model, u, p, s)) cycle
-            model%n_leg = model%n_leg + 1
-            step = step_type(kind=step_ups, n_link=2, link=[lower, upper], joint=[u, p, s], first=model%n_leg)
-            step%base_moves = model%joint(u)%link(1) > 0
-            plan%joint_used([u, p, s]) = .true.
-            model%joint(p)%leg = model%n_leg
-            call add_step(plan, step)
-            progress = .true.
-            call need_world(model, model%joint(u)%link(1))
-            call need_world(model, model%joint(s)%link(2))
-        end do
-    end subroutine close_ups_legs
+        plan%n_group = plan%n_group + 1
+        is_member = .false.
+        is_member(member) = .true.
+        associate (group => model%group(plan%n_group))
+            group%link = member
+            allocate (group%joint(0))
+            do i = 1, size(member)
+                l = member(i)
+                do j = model%first_at(l), model%first_at(l + 1) - 1
+                    associate (joint => model%joint(model%joint_at(j)))
+                        if (.not. all(is_member(joint%link) .or. plan%known(joint%link))) cycle
+                        if (all(is_member(joint%link)) .and. joint%link(2) == l) cycle    ! listed from its first link
+                        group%joint = [group%joint, model%joint_at(j)]
+                    end associate
+                end do
+            end do
+            group%coordinate = plan%given(1, group%joint)
+            allocate (group%start(3, size(member)))
+            group%start = 0
+        end associate
+        step = step_type(kind=step_group, n_link=0, first=plan%n_group)
+        call add_step(plan, step)
+        plan%known(member) = .true.
+    end subroutine add_newton_group
 
     !> A CSP group between known links.
-    subroutine close_csp_group(model, plan, progress)
+    subroutine close_csp_group(model, member, plan)
         type(model_type), intent(in) :: model
+        integer, intent(in) :: member(2)
         type(planning), intent(inout) :: plan
-        logical, intent(inout) :: progress
         type(step_type) :: step
+        logical :: found
 
-        call find_csp(model, plan%known, step, progress)
-        if (.not. progress) return
-        plan%joint_used(step%joint) = .true.
+        call find_csp(model, plan%known, step, found)
+        if (.not. found) return
+        if (all(step%link(1) /= member) .or. all(step%link(2) /= member)) return
         call add_step(plan, step)
     end subroutine close_csp_group
 
-    !> The joint of a kind in which the link is the first (1) or second (2), if its links have no other joints.
-    pure integer function other_joint(model, link, kind, side)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: link, kind, side
-        integer :: j, n_joint
+    !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_ups_leg`.
+    subroutine close_ups_leg(model, member, plan)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: member(2)
+        type(planning), intent(inout) :: plan
+        type(step_type) :: step
 
-        other_joint = 0
-        n_joint = 0
-        do j = 1, model%n_joint
-            if (any(model%joint(j)%link == link)) n_joint = n_joint + 1
-            if (model%joint(j)%kind == kind .and. model%joint(j)%link(side) == link) other_joint = j
-        end do
-        if (n_joint /= 2) other_joint = 0
-    end function other_joint
+        step = step_type(kind=step_ups, n_link=2, link=member, joint=joints_of_pair(model, member, plan))
+        if (any(step%joint == 0)) return
+        if (model%joint(step%joint(1))%kind /= joint_universal) call turn_round(step)
+        if (.not. is_ups_leg(model, step)) return
+        model%n_leg = model%n_leg + 1
+        step%first = model%n_leg
+        step%base_moves = model%joint(step%joint(1))%link(1) > 0
+        model%joint(step%joint(2))%leg = model%n_leg
+        call add_step(plan, step)
+        call need_world(model, model%joint(step%joint(1))%link(1))
+        call need_world(model, model%joint(step%joint(3))%link(2))
+    end subroutine close_ups_leg
 
-    !> Are the markers where the closed form has them: U, P at the origin of lower, P, S at the origin of upper, slide
-    !> along z, second universal axis along y?
-    pure logical function has_leg_axes(model, u, p, s)
+    !> Are the joints universal, prismatic, spherical, written from base to platform, their markers where the closed
+    !> form has them: U, P at the origin of lower, P, S at the origin of upper, slide along z, second universal axis
+    !> along y?
+    pure logical function is_ups_leg(model, step)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: u, p, s
+        type(step_type), intent(in) :: step
         real(wp), parameter :: y(3) = [0, 1, 0], z(3) = [0, 0, 1]
 
-        associate (universal => model%joint(u), prismatic => model%joint(p), spherical => model%joint(s))
-            has_leg_axes = all(universal%point(:, 2) == 0) .and. all(prismatic%point == 0) &
-                           .and. all(spherical%point(:, 1) == 0) &
-                           .and. all(abs(universal%frame(:, 3, 2) - y) <= alignment) &
-                           .and. all(abs(prismatic%frame(:, 3, 1) - z) <= alignment) &
-                           .and. all(prismatic%frame(:, :, 1) == prismatic%frame(:, :, 2))
+        associate (universal => model%joint(step%joint(1)), prismatic => model%joint(step%joint(2)), &
+                   spherical => model%joint(step%joint(3)), lower => step%link(1), upper => step%link(2))
+            is_ups_leg = universal%kind == joint_universal .and. prismatic%kind == joint_prismatic &
+                         .and. spherical%kind == joint_spherical &
+                         .and. universal%link(2) == lower .and. all(prismatic%link == [lower, upper]) &
+                         .and. spherical%link(1) == upper
+            if (.not. is_ups_leg) return
+            is_ups_leg = all(universal%point(:, 2) == 0) .and. all(prismatic%point == 0) &
+                         .and. all(spherical%point(:, 1) == 0) &
+                         .and. all(abs(universal%frame(:, 3, 2) - y) <= alignment) &
+                         .and. all(abs(prismatic%frame(:, 3, 1) - z) <= alignment) &
+                         .and. all(prismatic%frame(:, :, 1) == prismatic%frame(:, :, 2))
         end associate
-    end function has_leg_axes
+    end function is_ups_leg
 
     subroutine need_world(model, link)
         type(model_type), intent(inout) :: model
@@ -244,109 +405,115 @@ contains
         if (link > 0) model%link(link)%needs_world = .true.
     end subroutine need_world
 
-    !> Say why the remaining links cannot be placed.
-    subroutine refuse_the_rest(model, plan, status)
-        type(model_type), intent(in) :: model
-        type(planning), intent(in) :: plan
-        type(status_type), intent(inout) :: status
-        character(len=:), allocatable :: names
-        integer :: i, n_shown
+    ! ---------------------------------------------------------------- refusals
 
-        names = ""
-        n_shown = 0
-        do i = 1, model%n_link
-            if (plan%known(i)) cycle
-            n_shown = n_shown + 1
-            if (n_shown == 4) names = names//", ..."
-            if (n_shown > 3) cycle
-            if (n_shown > 1) names = names//", "
-            names = names//quoted(model%link(i)%name)
-        end do
-        if (mobility_of(model) > model%n_q) then
-            call fail(status, status_bad_input, "mobility is "//to_text(mobility_of(model))//" but "//to_text(model%n_q) &
-                      //" coordinate(s) are given: nothing determines link(s) "//names)
+    !> Joints that contradict each other, or coordinates for what is determined without them.
+    subroutine refuse_excess(model, grouping, tie_coordinate, status)
+        type(model_type), intent(in) :: model
+        type(grouping_type), intent(in) :: grouping
+        integer, intent(in) :: tie_coordinate(:)
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: joints
+        integer :: i, failed
+
+        failed = tie_coordinate(grouping%failed_tie)
+        joints = joint_names(model, pack([(i, i=1, model%n_joint)], grouping%tie_at_fault(:model%n_joint)))
+        if (failed > 0) then
+            call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(failed)%name) &
+                      //" is one too many: joints "//joints//" and the other coordinates determine its links without it " &
+                      //"(mobility is "//to_text(mobility_of(model))//", "//to_text(model%n_q)//" coordinate(s) given)")
+        else if (count(grouping%link_at_fault) == 0) then
+            call fail(status, status_bad_input, "joint "//joints//" over-constrains its links by "//to_text(grouping%excess) &
+                      //": both are already determined by the coordinates")
         else
-            call fail(status, status_bad_input, "link(s) "//names//" cannot be placed from the coordinates given: no open " &
-                      //"chain leads to them and they form no known group (UPS leg, CSP)")
+            call fail(status, status_bad_input, "joints "//joints//" over-constrain links " &
+                      //link_names(model, pack([(i, i=1, model%n_link)], grouping%link_at_fault)) &
+                      //" by "//to_text(grouping%excess))
         end if
-    end subroutine refuse_the_rest
+    end subroutine refuse_excess
 
-    !> Joints and coordinates that no step used contradict the others.
-    subroutine refuse_leftovers(model, plan, status)
+    subroutine refuse_lack(model, grouping, status)
         type(model_type), intent(in) :: model
-        type(planning), intent(in) :: plan
+        type(grouping_type), intent(in) :: grouping
         type(status_type), intent(inout) :: status
+        integer :: i, n
+
+        n = count(grouping%link_at_fault)
+        call fail(status, status_bad_input, "mobility is "//to_text(mobility_of(model))//" but "//to_text(model%n_q) &
+                  //" coordinate(s) "//trim(merge("is ", "are", model%n_q == 1))//" given: nothing determines " &
+                  //trim(merge("link ", "links", n == 1))//" " &
+                  //link_names(model, pack([(i, i=1, model%n_link)], grouping%link_at_fault)))
+    end subroutine refuse_lack
+
+    function link_names(model, link) result(names)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:)
+        character(len=:), allocatable :: names
+
+        names = names_in_a_row(model%link(link)%name)
+    end function link_names
+
+    function joint_names(model, joint) result(names)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: joint(:)
+        character(len=:), allocatable :: names
+
+        names = names_in_a_row(model%joint(joint)%name)
+    end function joint_names
+
+    function names_in_a_row(name) result(names)
+        character(len=*), intent(in) :: name(:)
+        character(len=:), allocatable :: names
         integer :: i
 
-        if (.not. status%is_ok()) return
-        do i = 1, model%n_joint
-            if (plan%joint_used(i)) cycle
-            associate (joint => model%joint(i))
-                call fail(status, status_bad_input, "joint "//quoted(joint%name)//" ("//trim(joint_kind_name(joint%kind)) &
-                          //") over-constrains its links by "//to_text(joint_constraints(joint%kind)) &
-                              //": both are already determined by the coordinates and the other joints")
-            end associate
-            return
+        names = ""
+        do i = 1, min(size(name), most_named)
+            if (i > 1) names = names//", "
+            names = names//quoted(name(i))
         end do
-        do i = 1, model%n_q
-            if (plan%coordinate_used(i)) cycle
-            call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(i)%name) &
-                      //" is one too many: its link is already determined without it (mobility is " &
-                      //to_text(mobility_of(model))//")")
-            return
-        end do
-    end subroutine refuse_leftovers
+        if (size(name) > most_named) names = names//" and "//to_text(size(name) - most_named)//" more"
+    end function names_in_a_row
+
+    ! ---------------------------------------------------------------- what moves what
 
     !> Which coordinate moves which link.
     subroutine mark_moved_links(model)
         type(model_type), intent(inout) :: model
-        logical :: moved(model%n_q, 0:model%n_link)
+        logical, allocatable :: moved(:, :)
         integer :: i, j
 
+        allocate (moved(model%n_q, 0:model%n_link))
         moved = .false.
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                do j = 1, step%n_link
-                    where (step_uses(step, model%n_q)) moved(:, step%link(j)) = .true.
-                end do
-                select case (step%kind)
-                case (step_joint)
-                    j = model%joint(step%joint(1))%link(merge(2, 1, step%from_second))
-                    moved(:, step%link(1)) = moved(:, step%link(1)) .or. moved(:, j)
-                case (step_ups)
-                    do j = 1, 2
-                        moved(:, step%link(j)) = moved(:, model%joint(step%joint(1))%link(1)) &
-                                                 .or. moved(:, model%joint(step%joint(3))%link(2))
-                    end do
-                case (step_csp)
-                    call move_csp_links(step)
-                end select
+                if (step%kind == step_group) then
+                    associate (group => model%group(step%first))
+                        call move_together(group%link, group%joint, pack(group%coordinate, group%coordinate > 0))
+                    end associate
+                else
+                    call move_together(step%link(:step%n_link), pack(step%joint, step%joint > 0), &
+                                       pack(step%coordinate, step%coordinate > 0))
+                end if
             end associate
         end do
+        allocate (model%moves(model%n_q, model%n_link))
         model%moves = moved(:, 1:)
 
     contains
 
-        !> Both links follow the link with the axis and the link with the slide.
-        subroutine move_csp_links(step)
-            type(step_type), intent(in) :: step
-            integer :: axis_link, slide_link
+        !> Links move with the step's coordinates and with whatever moves the links that the joints hold them to.
+        subroutine move_together(link, joint, coordinate)
+            integer, intent(in) :: link(:), joint(:), coordinate(:)
+            logical :: any_move(model%n_q)
 
-            axis_link = sum(model%joint(step%joint(1))%link) - step%link(1)
-            slide_link = sum(model%joint(step%joint(3))%link) - step%link(2)
-            moved(:, step%link(1)) = moved(:, axis_link) .or. moved(:, slide_link)
-            moved(:, step%link(2)) = moved(:, step%link(1))
-        end subroutine move_csp_links
+            any_move = .false.
+            any_move(coordinate) = .true.
+            do j = 1, size(joint)
+                any_move = any_move .or. moved(:, model%joint(joint(j))%link(1)) .or. moved(:, model%joint(joint(j))%link(2))
+            end do
+            do j = 1, size(link)
+                moved(:, link(j)) = any_move
+            end do
+        end subroutine move_together
     end subroutine mark_moved_links
-
-    pure function step_uses(step, n_q) result(uses)
-        type(step_type), intent(in) :: step
-        integer, intent(in) :: n_q
-        logical :: uses(n_q)
-        integer :: i
-
-        do i = 1, n_q
-            uses(i) = any(step%coordinate == i)
-        end do
-    end function step_uses
 end module linkdyn_planner

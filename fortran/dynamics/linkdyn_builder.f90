@@ -1,7 +1,8 @@
-!> From a scene to a model: constants in the form the engine wants, then the plan.
+!> From a scene to a model: constants in the form the engine wants, the plan, and the assembly at the start.
 module linkdyn_builder
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_type, joint_type
+    use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, joint_n_variable, joint_prismatic, frame_link
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -22,6 +23,7 @@ contains
 
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
+        model%is_planar = scene%planar
         model%n_link = size(scene%link)
         model%n_joint = size(scene%joint)
         model%n_q = size(scene%coordinate)
@@ -34,10 +36,6 @@ contains
             call fail(status, status_bad_input, "the scene has no moving link (expected at least one [[link]])")
             return
         end if
-        if (scene%planar) then
-            call fail(status, status_bad_input, "planar scenes cannot be computed yet (expected space = ""spatial"")")
-            return
-        end if
         allocate (model%link(model%n_link), model%joint(model%n_joint))
         do i = 1, model%n_link
             call take_link(scene%link(i), model%link(i))
@@ -47,8 +45,10 @@ contains
             model%joint(i)%first_variable = model%n_variable
             model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
+        call list_joints_of_links(model)
         call share_orientations(model)
         call plan_steps(model, status)
+        call assemble_start(model, status)
     end subroutine build_model
 
     subroutine take_link(spec, link)
@@ -69,6 +69,7 @@ contains
         type(scene_type), intent(in) :: scene
         integer, intent(in) :: index
         type(joint_type), intent(out) :: joint
+        type(marker_spec) :: marker
         integer :: side
 
         associate (spec => scene%joint(index))
@@ -77,14 +78,27 @@ contains
             joint%link = spec%link
             do side = 1, 2
                 if (spec%link(side) == frame_link) then
-                    call take_marker(scene%frame%marker(spec%marker(side)), joint%point(:, side), joint%frame(:, :, side))
+                    marker = scene%frame%marker(spec%marker(side))
                 else
-                    call take_marker(scene%link(spec%link(side))%marker(spec%marker(side)), &
-                                     joint%point(:, side), joint%frame(:, :, side))
+                    marker = scene%link(spec%link(side))%marker(spec%marker(side))
                 end if
+                if (scene%planar) call lay_in_plane(spec%kind, marker)
+                call take_marker(marker, joint%point(:, side), joint%frame(:, :, side))
             end do
         end associate
     end subroutine take_joint
+
+    !> A planar marker as one in space: a revolute joint turns about z, a slide lies in the plane.
+    subroutine lay_in_plane(kind, marker)
+        integer, intent(in) :: kind
+        type(marker_spec), intent(inout) :: marker
+
+        if (kind == joint_prismatic) then
+            marker%x_axis = [-marker%axis(2), marker%axis(1), 0.0_wp]
+        else
+            marker%axis = [0.0_wp, 0.0_wp, 1.0_wp]
+        end if
+    end subroutine lay_in_plane
 
     !> A marker's point and its frame: z along the axis, x as given, y completing it.
     subroutine take_marker(marker, point, frame)
@@ -98,6 +112,31 @@ contains
             frame(:, 2) = [z(2)*x(3) - z(3)*x(2), z(3)*x(1) - z(1)*x(3), z(1)*x(2) - z(2)*x(1)]
         end associate
     end subroutine take_marker
+
+    !> Which joints a link has, so that nobody need search for them.
+    subroutine list_joints_of_links(model)
+        type(model_type), intent(inout) :: model
+        integer :: place(0:model%n_link), i, j, side
+
+        place = 0
+        do j = 1, model%n_joint
+            place(model%joint(j)%link) = place(model%joint(j)%link) + 1
+        end do
+        allocate (model%first_at(model%n_link + 1), model%joint_at(sum(place(1:))))
+        model%first_at(1) = 1
+        do i = 1, model%n_link
+            model%first_at(i + 1) = model%first_at(i) + place(i)
+        end do
+        place(1:) = model%first_at(:model%n_link)
+        do j = 1, model%n_joint
+            do side = 1, 2
+                i = model%joint(j)%link(side)
+                if (i == frame_link) cycle
+                model%joint_at(place(i)) = j
+                place(i) = place(i) + 1
+            end do
+        end do
+    end subroutine list_joints_of_links
 
     !> Links joined by a prismatic joint with parallel link axes have one orientation; the frame's is 0.
     subroutine share_orientations(model)

@@ -1,0 +1,132 @@
+!> Values of the planar equations: the varying matrix entries, and the right-hand sides from Newton and Euler.
+!>
+!> Rows stand in world axes; only arms and the directions of slides turn.
+module linkdyn_planar_assembly
+    use linkdyn_formulation, only: formulation_type, wrench_column
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_planar_motion, only: level_given
+    use linkdyn_planar_point, only: carried
+    use linkdyn_scene, only: axes_link
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.cross.), operator(.rotate.), &
+        vec2_of, zero_vec2
+    implicit none (type, external)
+    private
+    public :: assemble_planar_matrix, assemble_planar_right, planar_link_wrench
+
+contains
+
+    !> Fill slots 1..n_slot with the varying entries.
+    subroutine assemble_planar_matrix(model, formulation, state, slot)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(inout) :: slot(lanes, *)
+        type(vec2) :: arm, direction
+        integer :: i, g, k
+
+        do i = 1, size(formulation%incidence)
+            associate (incidence => formulation%incidence(i))
+                if (.not. incidence%varies) cycle
+                if (incidence%needs_arm) then
+                    arm = vec2_of(incidence%arm(:2))
+                    if (incidence%slides) arm = arm + state%slide(:, incidence%joint)*vec2_of(incidence%arm_slide(:2))
+                    arm = incidence%sign*(state%plane%rotation(model%link(incidence%link)%orientation).rotate.arm)
+                end if
+                do g = 1, size(incidence%group)
+                    associate (group => incidence%group(g))
+                        if (group%slides) slot(:, group%slide_slot(3)) = group%slide_fixed(3) &
+                            + group%slide_rate(3)*state%slide(:, incidence%joint)
+                        if (.not. group%needs_direction) cycle
+                        associate (column => formulation%column(group%column))
+                            if (column%orientation == 0) then
+                                direction = vec2_of(column%direction(:2))
+                            else
+                                direction = state%plane%rotation(column%orientation).rotate.column%direction(:2)
+                            end if
+                        end associate
+                        if (group%needs_arm) slot(:, group%moment_slot(3)) = arm.cross.direction
+                        k = group%force_slot(1)
+                        if (k > 0) slot(:, k) = incidence%sign*direction%x
+                        k = group%force_slot(2)
+                        if (k > 0) slot(:, k) = incidence%sign*direction%y
+                    end associate
+                end do
+            end associate
+        end do
+    end subroutine assemble_planar_matrix
+
+    !> Fill the right-hand sides: slot(:, first + row) for every row that is not zero by rule.
+    subroutine assemble_planar_right(model, formulation, state, load, first, slot)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)         !! (lane, 6, n_load): force and moment [N, N m]
+        integer, intent(in) :: first
+        real(wp), intent(inout) :: slot(lanes, *)
+        type(vec2) :: force
+        real(wp) :: moment(lanes)
+        integer :: l, row
+
+        do l = 1, model%n_link
+            if (.not. formulation%has_right(l)) cycle
+            call planar_link_wrench(model, l, formulation%moment_point(:2, l), state, load, force, moment)
+            row = first + 3*(l - 1)
+            slot(:, row + 1) = force%x
+            slot(:, row + 2) = force%y
+            slot(:, row + 3) = moment
+        end do
+    end subroutine assemble_planar_right
+
+    !> What the joints must supply to a link: m (a_G - g) and I alpha + (G - point) x m (a_G - g), less the loads.
+    subroutine planar_link_wrench(model, l, point, state, load, force, moment)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: l
+        real(wp), intent(in) :: point(2)              !! moment point, link axes [m]
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)
+        type(vec2), intent(out) :: force              !! world axes [N]
+        real(wp), intent(out) :: moment(lanes)        !! [N m]
+        type(vec2) :: arm
+        integer :: i, o
+
+        o = model%link(l)%orientation
+        associate (plane => state%plane, link => model%link(l))
+            force = zero_vec2()
+            moment = 0
+            if (.not. link%is_massless) then
+                arm = plane%rotation(o).rotate.link%cog(:2)
+                force = link%mass*(carried(plane, level_given, l, o, arm) - vec2_of(model%gravity(:2)))
+                moment = link%inertia(3, 3)*plane%angular(:, level_given, o)
+                if (any(link%cog(:2) /= point)) &
+                    moment = moment + ((plane%rotation(o).rotate.(link%cog(:2) - point)).cross.force)
+            end if
+        end associate
+        do i = 1, model%n_load
+            if (model%scene%load(i)%link == l) call subtract_load(model, i, point, state, load, force, moment)
+        end do
+    end subroutine planar_link_wrench
+
+    subroutine subtract_load(model, i, point, state, load, force, moment)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        real(wp), intent(in) :: point(2)
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)
+        type(vec2), intent(inout) :: force
+        real(wp), intent(inout) :: moment(lanes)
+        type(vec2) :: f
+
+        associate (spec => model%scene%load(i))
+            associate (r => state%plane%rotation(model%link(spec%link)%orientation), &
+                       at => model%scene%link(spec%link)%marker(spec%marker)%at(:2))
+                f = vec2(load(:, 1, i), load(:, 2, i))
+                if (spec%axes == axes_link) f = r.rotate.f
+                force = force - f
+                moment = moment - load(:, 6, i) - ((r.rotate.(at - point)).cross.f)
+            end associate
+        end associate
+    end subroutine subtract_load
+end module linkdyn_planar_assembly

@@ -1,0 +1,330 @@
+!> Any planar Assur group (triads and larger, joints with given variables): closed by Newton's method on its constraints.
+!>
+!> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it; a
+!> joint whose variable is a coordinate one more. Velocities and accelerations obey the Jacobian of the same gaps.
+module linkdyn_planar_group
+    use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, group_type, joint_type, orientation_of
+    use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
+    use linkdyn_planar_point, only: carried
+    use linkdyn_scene, only: joint_prismatic
+    use linkdyn_vec2, only: vec2, rot2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+        operator(.rotate.), perp, rot2_by_angle, zero_vec2, vec2_of
+    implicit none (type, external)
+    private
+    public :: close_group
+
+    integer, parameter :: most_steps = 30
+    ! Newton's method squares the error: after a correction below this, the next error is below rounding.
+    real(wp), parameter :: small_step = 1.0e-2_wp*sqrt(epsilon(1.0_wp))
+
+    !> A joint of the group, world axes.
+    type :: joint_view
+        logical :: slides = .false.
+        integer :: link(2) = 0, o(2) = 0
+        integer :: place(2) = 0            !! of its links among the group's; 0: known
+        type(vec2) :: arm(2)               !! origins to where the gap is measured
+        type(vec2) :: gap                  !! second less first marker
+        type(vec2) :: u                    !! along the slide
+        real(wp) :: turn(lanes)            !! second less first marker's direction [rad]
+    end type joint_view
+
+contains
+
+    !> Positions from where the iteration stands, then all levels.
+    subroutine close_group(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: largest(lanes), growth(lanes)
+        logical :: is_singular(lanes)
+        integer :: n, step
+
+        n = 3*size(group%link)
+        largest = huge(1.0_wp)
+        associate (matrix => state%plane%group%matrix, right => state%plane%group%right)
+            do step = 1, most_steps
+                call put_links(model, group, state%plane)
+                call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
+                call solve_part(n, 1, matrix, right, growth, is_singular)
+                call correct(group, right(:, :n, 1), state%plane, largest)
+                if (all(largest <= small_step)) exit
+            end do
+            state%not_converged = state%not_converged .or. .not. largest <= small_step
+            state%singular = state%singular .or. is_singular
+            call put_links(model, group, state%plane)
+        end associate
+        call move_group(model, group, state)
+    end subroutine close_group
+
+    !> The leading n x n part of the work space.
+    subroutine solve_part(n, n_rhs, matrix, right, growth, is_singular)
+        integer, intent(in) :: n, n_rhs
+        real(wp), intent(inout) :: matrix(:, :, :), right(:, :, :)
+        real(wp), intent(out) :: growth(lanes)
+        logical, intent(out) :: is_singular(lanes)
+
+        call solve_gauss_jordan(n, n_rhs, matrix(:, :n, :n), right(:, :n, :n_rhs), growth, is_singular)
+    end subroutine solve_part
+
+    !> The iterate as rotations and positions.
+    subroutine put_links(model, group, plane)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(planar_motion), intent(inout) :: plane
+        integer :: i
+
+        do i = 1, size(group%link)
+            associate (l => group%link(i))
+                plane%position(l) = plane%group%position(l)
+                plane%rotation(orientation_of(model, l)) = rot2_by_angle(plane%group%angle(:, l))
+            end associate
+        end do
+    end subroutine put_links
+
+    !> Take the correction; how large it was, relative to the links' distances.
+    subroutine correct(group, correction, plane, largest)
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: correction(:, :)
+        type(planar_motion), intent(inout) :: plane
+        real(wp), intent(out) :: largest(lanes)
+        real(wp) :: extent(lanes), shift(lanes)
+        integer :: i
+
+        extent = 0
+        shift = 0
+        largest = 0
+        do i = 1, size(group%link)
+            associate (l => group%link(i), d => correction(:, 3*i - 2:3*i))
+                plane%group%position(l) = plane%group%position(l) - vec2(d(:, 1), d(:, 2))
+                plane%group%angle(:, l) = plane%group%angle(:, l) - d(:, 3)
+                shift = max(shift, abs(d(:, 1)), abs(d(:, 2)))
+                extent = max(extent, abs(plane%group%position(l)%x), abs(plane%group%position(l)%y))
+                largest = max(largest, abs(d(:, 3)))
+            end associate
+        end do
+        largest = largest + shift/max(extent, tiny(1.0_wp))
+        where (.not. largest <= huge(1.0_wp)) largest = huge(1.0_wp)
+    end subroutine correct
+
+    ! ---------------------------------------------------------------- gaps and their Jacobian
+
+    function view_of(model, group, j, plane) result(view)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        integer, intent(in) :: j
+        type(planar_motion), intent(in) :: plane
+        type(joint_view) :: view
+        type(vec2) :: point(2), direction(2)
+        integer :: side, axis
+
+        associate (joint => model%joint(j))
+            view%slides = joint%kind == joint_prismatic
+            axis = merge(3, 1, view%slides)
+            do side = 1, 2
+                view%link(side) = joint%link(side)
+                view%o(side) = orientation_of(model, joint%link(side))
+                view%place(side) = findloc(group%link, joint%link(side), dim=1)
+                view%arm(side) = plane%rotation(view%o(side)).rotate.joint%point(:2, side)
+                point(side) = plane%position(joint%link(side)) + view%arm(side)
+                direction(side) = plane%rotation(view%o(side)).rotate.joint%frame(:2, axis, side)
+            end do
+        end associate
+        view%gap = point(2) - point(1)
+        view%u = direction(1)
+        view%turn = atan2(direction(1).cross.direction(2), direction(1).dot.direction(2))
+        ! Across a slide the first link is felt at the second's marker.
+        if (view%slides) view%arm(1) = view%arm(1) + view%gap
+    end function view_of
+
+    !> Gaps at the iterate and how the links close them.
+    subroutine assemble_gaps(model, group, state, matrix, right)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        real(wp), intent(out) :: matrix(:, :, :), right(:, :)
+        type(joint_view) :: view
+        integer :: i, row, c
+
+        matrix = 0
+        row = 0
+        do i = 1, size(group%joint)
+            view = view_of(model, group, group%joint(i), state%plane)
+            c = group%coordinate(i)
+            if (view%slides) then
+                call put_turn_row(view, row + 1, matrix)
+                right(:, row + 1) = view%turn
+                call put_row(view, perp(view%u), row + 2, matrix)
+                right(:, row + 2) = view%u.cross.view%gap
+                state%slide(:, group%joint(i)) = view%u.dot.view%gap
+            else
+                call put_row(view, vec2_of([1.0_wp, 0.0_wp]), row + 1, matrix)
+                call put_row(view, vec2_of([0.0_wp, 1.0_wp]), row + 2, matrix)
+                right(:, row + 1) = view%gap%x
+                right(:, row + 2) = view%gap%y
+            end if
+            row = row + 2
+            if (c == 0) cycle
+            row = row + 1
+            if (view%slides) then
+                call put_row(view, view%u, row, matrix)
+                right(:, row) = (view%u.dot.view%gap) - state%q(:, c)
+            else
+                call put_turn_row(view, row, matrix)
+                right(:, row) = least_turn(view%turn - state%q(:, c))
+            end if
+        end do
+    end subroutine assemble_gaps
+
+    !> The angle brought to (-pi, pi].
+    pure function least_turn(angle) result(least)
+        real(wp), intent(in) :: angle(lanes)
+        real(wp) :: least(lanes)
+
+        least = atan2(sin(angle), cos(angle))
+    end function least_turn
+
+    !> How the gap along a direction grows with the links' coordinates.
+    subroutine put_row(view, direction, row, matrix)
+        type(joint_view), intent(in) :: view
+        type(vec2), intent(in) :: direction
+        integer, intent(in) :: row
+        real(wp), intent(inout) :: matrix(:, :, :)
+        real(wp) :: sign
+        integer :: side, k
+
+        do side = 1, 2
+            if (view%place(side) == 0) cycle
+            sign = merge(-1.0_wp, 1.0_wp, side == 1)
+            k = 3*(view%place(side) - 1)
+            matrix(:, row, k + 1) = sign*direction%x
+            matrix(:, row, k + 2) = sign*direction%y
+            matrix(:, row, k + 3) = sign*(view%arm(side).cross.direction)
+        end do
+    end subroutine put_row
+
+    subroutine put_turn_row(view, row, matrix)
+        type(joint_view), intent(in) :: view
+        integer, intent(in) :: row
+        real(wp), intent(inout) :: matrix(:, :, :)
+
+        if (view%place(1) > 0) matrix(:, row, 3*view%place(1)) = -1
+        if (view%place(2) > 0) matrix(:, row, 3*view%place(2)) = 1
+    end subroutine put_turn_row
+
+    ! ---------------------------------------------------------------- velocities and accelerations
+
+    !> All levels but the given acceleration at once, then that one, which needs the velocities.
+    subroutine move_group(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: growth(lanes)
+        logical :: is_singular(lanes)
+        integer :: n, level
+
+        n = 3*size(group%link)
+        associate (matrix => state%plane%group%matrix, right => state%plane%group%right)
+            call rest_links(model, group, state%plane)
+            call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
+            call assemble_level(model, group, state, level_velocity, right(:, :n, 1))
+            do level = 1, state%n_column
+                call assemble_level(model, group, state, level, right(:, :n, level + 1))
+            end do
+            call solve_part(n, state%n_column + 1, matrix, right, growth, is_singular)
+            call take_level(model, group, right(:, :n, 1), level_velocity, state%plane)
+            do level = 1, state%n_column
+                call take_level(model, group, right(:, :n, level + 1), level, state%plane)
+            end do
+            call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
+            call assemble_level(model, group, state, level_given, right(:, :n, 1))
+            call solve_part(n, 1, matrix, right, growth, is_singular)
+            call take_level(model, group, right(:, :n, 1), level_given, state%plane)
+        end associate
+    end subroutine move_group
+
+    subroutine rest_links(model, group, plane)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(planar_motion), intent(inout) :: plane
+        integer :: i, level
+
+        do i = 1, size(group%link)
+            plane%angular(:, :, orientation_of(model, group%link(i))) = 0
+            do level = lbound(plane%linear, 1), ubound(plane%linear, 1)
+                plane%linear(level, group%link(i)) = zero_vec2()
+            end do
+        end do
+    end subroutine rest_links
+
+    !> How fast the gaps would open if the group's links had no rates at this level.
+    subroutine assemble_level(model, group, state, level, right)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: level
+        real(wp), intent(out) :: right(:, :)
+        type(joint_view) :: view
+        type(vec2) :: opening
+        real(wp), dimension(lanes) :: turning, slide_rate, given
+        integer :: i, row, c
+
+        row = 0
+        do i = 1, size(group%joint)
+            view = view_of(model, group, group%joint(i), state%plane)
+            opening = opening_of(state%plane, view, level)
+            turning = state%plane%angular(:, level, view%o(2)) - state%plane%angular(:, level, view%o(1))
+            if (view%slides) then
+                if (level == level_given) then
+                    slide_rate = view%u.dot.opening_of(state%plane, view, level_velocity)
+                    opening = opening - (2*state%plane%angular(:, level_velocity, view%o(1))*slide_rate)*perp(view%u)
+                end if
+                right(:, row + 1) = turning
+                right(:, row + 2) = view%u.cross.opening
+            else
+                right(:, row + 1) = opening%x
+                right(:, row + 2) = opening%y
+            end if
+            row = row + 2
+            c = group%coordinate(i)
+            if (c == 0) cycle
+            row = row + 1
+            select case (level)
+            case (level_velocity)
+                given = state%qd(:, c)
+            case (level_given)
+                given = state%qdd(:, c)
+            case default
+                given = merge(1, 0, level == c)
+            end select
+            right(:, row) = merge(view%u.dot.opening, turning, view%slides) - given
+        end do
+    end subroutine assemble_level
+
+    pure function opening_of(plane, view, level) result(opening)
+        type(planar_motion), intent(in) :: plane
+        type(joint_view), intent(in) :: view
+        integer, intent(in) :: level
+        type(vec2) :: opening
+
+        opening = carried(plane, level, view%link(2), view%o(2), view%arm(2)) &
+                  - carried(plane, level, view%link(1), view%o(1), view%arm(1))
+    end function opening_of
+
+    subroutine take_level(model, group, right, level, plane)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: right(:, :)
+        integer, intent(in) :: level
+        type(planar_motion), intent(inout) :: plane
+        integer :: i
+
+        do i = 1, size(group%link)
+            plane%linear(level, group%link(i)) = vec2(-right(:, 3*i - 2), -right(:, 3*i - 1))
+            plane%angular(:, level, orientation_of(model, group%link(i))) = -right(:, 3*i)
+        end do
+    end subroutine take_level
+end module linkdyn_planar_group

@@ -1,0 +1,34 @@
+!> Motion of a point fixed to a planar link, at any level: velocity, acceleration, or one of its columns.
+module linkdyn_planar_point
+    use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), perp
+    implicit none (type, external)
+    private
+    public :: carried, carry
+
+contains
+
+    !> The point at `arm` from the link's origin. The lecture's coupler_point.
+    pure function carried(plane, level, link, o, arm) result(motion)
+        type(planar_motion), intent(in) :: plane
+        integer, intent(in) :: level, link
+        integer, intent(in) :: o          !! orientation of the link
+        type(vec2), intent(in) :: arm     !! world axes [m]
+        type(vec2) :: motion
+
+        motion = carry(plane, level, plane%linear(level, link), o, arm)
+    end function carried
+
+    !> The same from the motion of any other point of the link.
+    pure function carry(plane, level, from, o, arm) result(motion)
+        type(planar_motion), intent(in) :: plane
+        integer, intent(in) :: level
+        type(vec2), intent(in) :: from
+        integer, intent(in) :: o
+        type(vec2), intent(in) :: arm     !! from that point to the other
+        type(vec2) :: motion
+
+        motion = from + plane%angular(:, level, o)*perp(arm)
+        if (level == level_given) motion = motion - plane%angular(:, level_velocity, o)**2*arm
+    end function carry
+end module linkdyn_planar_point

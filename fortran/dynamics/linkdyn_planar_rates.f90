@@ -1,0 +1,146 @@
+!> Joint variables and rates, and the power balance, of a planar mechanism.
+module linkdyn_planar_rates
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, orientation_of
+    use linkdyn_planar_assembly, only: planar_link_wrench
+    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_planar_point, only: carried
+    use linkdyn_scene, only: joint_prismatic
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(.dot.), operator(.cross.), operator(.rotate.)
+    implicit none (type, external)
+    private
+    public :: measure_planar_joints, planar_actuator_rates, planar_actuator_columns, planar_power_imbalance, &
+        planar_work_columns
+
+    real(wp), parameter :: origin(2) = 0
+
+contains
+
+    !> All joint variables and rates: angles in (-pi, pi].
+    subroutine measure_planar_joints(model, state, variable, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: variable(lanes, *), rate(lanes, *)    !! (lane, n_variable) [m, rad]
+        type(vec2) :: x(2)
+        integer :: j, k, side
+
+        do j = 1, model%n_joint
+            k = model%joint(j)%first_variable + 1
+            rate(:, k) = planar_joint_rate(model, state, j, level_velocity)
+            if (model%joint(j)%kind == joint_prismatic) then
+                variable(:, k) = state%slide(:, j)
+                cycle
+            end if
+            do side = 1, 2
+                x(side) = state%plane%rotation(orientation_of(model, model%joint(j)%link(side))) &
+                          .rotate.model%joint(j)%frame(:2, 1, side)
+            end do
+            variable(:, k) = atan2(x(1).cross.x(2), x(1).dot.x(2))
+        end do
+    end subroutine measure_planar_joints
+
+    !> Rate of a joint's variable; at level k for a unit rate of coordinate k.
+    pure function planar_joint_rate(model, state, j, level) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+        integer, intent(in) :: level      !! the velocity or a column
+        real(wp) :: rate(lanes)
+        type(vec2) :: arm(2), gap
+        integer :: side, o(2)
+
+        associate (joint => model%joint(j), plane => state%plane)
+            o = [orientation_of(model, joint%link(1)), orientation_of(model, joint%link(2))]
+            if (joint%kind /= joint_prismatic) then
+                rate = plane%angular(:, level, o(2)) - plane%angular(:, level, o(1))
+                return
+            end if
+            do side = 1, 2
+                arm(side) = plane%rotation(o(side)).rotate.joint%point(:2, side)
+            end do
+            ! The first link is felt at the second's marker.
+            gap = plane%position(joint%link(2)) + arm(2) - plane%position(joint%link(1))
+            rate = (carried(plane, level, joint%link(2), o(2), arm(2)) - carried(plane, level, joint%link(1), o(1), gap)) &
+                   .dot.(plane%rotation(o(1)).rotate.joint%frame(:2, 3, 1))
+        end associate
+    end function planar_joint_rate
+
+    subroutine planar_actuator_rates(model, state, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: rate(lanes, *)    !! (lane, n_actuator) [m/s, rad/s]
+        integer :: i
+
+        do i = 1, model%n_actuator
+            rate(:, i) = planar_joint_rate(model, state, model%scene%actuator(i)%joint, level_velocity)
+        end do
+    end subroutine planar_actuator_rates
+
+    !> The actuators' Jacobian. Needs the acceleration columns.
+    subroutine planar_actuator_columns(model, state, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
+        integer :: i, k
+
+        do k = 1, model%n_q
+            do i = 1, model%n_actuator
+                rate(:, i, k) = planar_joint_rate(model, state, model%scene%actuator(i)%joint, k)
+            end do
+        end do
+    end subroutine planar_actuator_columns
+
+    !> Power of the drives less that of the links' inertia, gravity and loads, relative to the sum of the magnitudes.
+    subroutine planar_power_imbalance(model, state, load, driving_force, imbalance)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)             !! (lane, 6, n_load)
+        real(wp), intent(in) :: driving_force(lanes, *)   !! (lane, n_actuator)
+        real(wp), intent(out) :: imbalance(lanes)
+        real(wp) :: rate(lanes, max(1, model%n_actuator)), term(lanes), moment(lanes), total(lanes), magnitude(lanes)
+        type(vec2) :: force
+        integer :: i
+
+        call planar_actuator_rates(model, state, rate)
+        total = 0
+        magnitude = 0
+        do i = 1, model%n_actuator
+            term = driving_force(:, i)*rate(:, i)
+            total = total + term
+            magnitude = magnitude + abs(term)
+        end do
+        do i = 1, model%n_link
+            call planar_link_wrench(model, i, origin, state, load, force, moment)
+            term = force.dot.state%plane%linear(level_velocity, i)
+            total = total - term
+            magnitude = magnitude + abs(term)
+            term = moment*state%plane%angular(:, level_velocity, model%link(i)%orientation)
+            total = total - term
+            magnitude = magnitude + abs(term)
+        end do
+        imbalance = merge(total/magnitude, 0.0_wp, magnitude > 0)
+    end subroutine planar_power_imbalance
+
+    !> What the drives must supply by virtual work, per coordinate. Needs the acceleration columns.
+    subroutine planar_work_columns(model, state, load, work)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)              !! (lane, 6, n_load)
+        real(wp), intent(out) :: work(lanes, model%n_q)
+        type(vec2) :: force
+        real(wp) :: moment(lanes)
+        integer :: i, k
+
+        work = 0
+        do i = 1, model%n_link
+            call planar_link_wrench(model, i, origin, state, load, force, moment)
+            do k = 1, model%n_q
+                if (.not. model%moves(k, i)) cycle
+                work(:, k) = work(:, k) + (force.dot.state%plane%linear(k, i)) &
+                             + moment*state%plane%angular(:, k, model%link(i)%orientation)
+            end do
+        end do
+    end subroutine planar_work_columns
+end module linkdyn_planar_rates

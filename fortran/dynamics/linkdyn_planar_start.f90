@@ -1,0 +1,251 @@
+!> The assembly of a planar mechanism at its start: which branch each dyad is on.
+!>
+!> A `branch` given at one of its joints decides. Otherwise the branch nearest to the starting positions that the scene
+!> gives for the dyad's links and joints is taken. If the scene gives none but the links, left where their markers are
+!> written, fit together at the start, that is their assembly. If nothing speaks, it is branch +1.
+module linkdyn_planar_start
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_laws, only: evaluate_law
+    use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, orientation_of
+    use linkdyn_planar_motion, only: planar_motion
+    use linkdyn_planar_pass, only: run_planar_step
+    use linkdyn_scene, only: law_none, joint_prismatic
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_text, only: quoted
+    use linkdyn_vec2, only: vec2, vec2_of, operator(+), operator(-), operator(.rotate.), lane_of
+    implicit none (type, external)
+    private
+    public :: assemble_start
+
+    real(wp), parameter :: fit = 1.0e-6_wp    !! markers this near, relative to the scene's size, were meant to coincide
+
+contains
+
+    !> Fill `model%start_q`, `model%branch` and the groups' starts.
+    subroutine assemble_start(model, status)
+        type(model_type), intent(inout) :: model
+        type(status_type), intent(inout) :: status
+        type(kinematic_state) :: state
+        integer :: i, k
+
+        if (.not. status%is_ok() .or. .not. model%is_planar) return
+        allocate (model%start_q(model%n_q), model%branch(model%n_dyad))
+        model%branch = 1
+        do k = 1, model%n_q
+            model%start_q(k) = start_of_coordinate(model, k)
+        end do
+        do i = 1, size(model%group)
+            call guess_group(model, model%group(i))
+        end do
+        call prepare_kinematics(model, 0, state)
+        do k = 1, model%n_q
+            state%q(:, k) = model%start_q(k)
+        end do
+        state%qd = 0
+        state%qdd = 0
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (is_dyad(step%kind)) call choose_branch(model, step, state, status)
+                call run_planar_step(model, step, state)
+                if (step%kind == step_group) call keep_group(model, model%group(step%first), state, status)
+            end associate
+            if (.not. status%is_ok()) return
+        end do
+    end subroutine assemble_start
+
+    !> As written, or where the motion begins.
+    real(wp) function start_of_coordinate(model, k) result(q)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+        real(wp) :: rate, rate2
+
+        associate (c => model%scene%coordinate(k))
+            q = c%start_position
+            if (.not. c%has_start .and. c%motion%kind /= law_none) &
+                call evaluate_law(c%motion, model%scene%time%first, q, rate, rate2)
+        end associate
+    end function start_of_coordinate
+
+    ! ---------------------------------------------------------------- dyads
+
+    subroutine choose_branch(model, step, state, status)
+        type(model_type), intent(inout) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state
+        type(status_type), intent(inout) :: status
+        real(wp) :: distance(2)
+        integer :: forced, i
+        logical :: has_hints
+
+        forced = forced_branch(model, step, status)
+        if (.not. any(step%kind == [step_rrr, step_rrp, step_rpr])) return
+        has_hints = any(model%scene%link(step%link)%has_start) .or. any(model%scene%joint(step%joint)%has_start)
+        if (forced /= 0) then
+            model%branch(step%first) = forced
+        else if (has_hints .or. fits_as_written(model, step%link, step%joint, state%plane)) then
+            do i = 1, 2
+                state%plane%branch(:, step%first) = 3 - 2*i
+                call run_planar_step(model, step, state)
+                distance(i) = distance_to_hints(model, step, has_hints, state)
+            end do
+            if (distance(2) < distance(1)) model%branch(step%first) = -1
+        end if
+        state%plane%branch(:, step%first) = model%branch(step%first)
+    end subroutine choose_branch
+
+    !> The branch written at a joint of the dyad; 0: none.
+    integer function forced_branch(model, step, status) result(branch)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        branch = 0
+        do i = 1, 3
+            associate (spec => model%scene%joint(step%joint(i)))
+                if (spec%branch == 0) cycle
+                if (.not. any(step%kind == [step_rrr, step_rrp, step_rpr])) then
+                    call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' has no meaning here: " &
+                              //"a dyad with two slides has one assembly")
+                else if (branch == -spec%branch) then
+                    call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' contradicts that of " &
+                              //"another joint of the same dyad")
+                end if
+                branch = spec%branch
+            end associate
+        end do
+    end function forced_branch
+
+    !> How far lane 1 is from the starting positions given; each part relative, so that lengths and angles compare.
+    real(wp) function distance_to_hints(model, step, has_hints, state) result(distance)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        logical, intent(in) :: has_hints       !! false: compare with the links where their markers are written
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: size2
+        integer :: i
+
+        size2 = scene_size(model)**2
+        distance = 0
+        do i = 1, 2
+            associate (spec => model%scene%link(step%link(i)))
+                if (has_hints .and. .not. spec%has_start) cycle
+                associate (r => state%plane%rotation(orientation_of(model, step%link(i))), p => state%plane%position(step%link(i)))
+                    distance = distance + ((p%x(1) - spec%start(1))**2 + (p%y(1) - spec%start(2))**2)/size2 &
+                               + (r%c(1) - cos(spec%start(6)))**2 + (r%s(1) - sin(spec%start(6)))**2
+                end associate
+            end associate
+        end do
+        do i = 1, 3
+            associate (spec => model%scene%joint(step%joint(i)))
+                if (.not. spec%has_start) cycle
+                if (spec%kind == joint_prismatic) then
+                    distance = distance + (state%slide(1, step%joint(i)) - spec%start(1))**2/size2
+                else
+                    distance = distance + angle_distance(model, step%joint(i), spec%start(1), state%plane)
+                end if
+            end associate
+        end do
+        if (.not. ieee_is_finite(distance)) distance = huge(1.0_wp)
+    end function distance_to_hints
+
+    !> Squared chord between a joint's angle and the one given.
+    real(wp) function angle_distance(model, j, angle, plane)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+        real(wp), intent(in) :: angle
+        type(planar_motion), intent(in) :: plane
+        real(wp) :: x(2, 2)
+        integer :: side
+
+        associate (joint => model%joint(j))
+            do side = 1, 2
+                x(:, side) = lane_of(plane%rotation(orientation_of(model, joint%link(side))).rotate.joint%frame(:2, 1, side), 1)
+            end do
+        end associate
+        angle_distance = (dot_product(x(:, 1), x(:, 2)) - cos(angle))**2 &
+                         + (x(1, 1)*x(2, 2) - x(2, 1)*x(1, 2) - sin(angle))**2
+    end function angle_distance
+
+    !> Do the joints close if the links are left where their markers are written?
+    logical function fits_as_written(model, link, joint, plane)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:), joint(:)
+        type(planar_motion), intent(in) :: plane
+        real(wp) :: gap(2), u(2)
+        integer :: i
+
+        fits_as_written = .true.
+        do i = 1, size(joint)
+            associate (joint => model%joint(joint(i)))
+                gap = placed(joint%link(2), joint%point(:2, 2), .true.) - placed(joint%link(1), joint%point(:2, 1), .true.)
+                if (joint%kind == joint_prismatic) then
+                    u = placed(joint%link(1), joint%frame(:2, 3, 1), .false.)
+                    gap = [0.0_wp, u(1)*gap(2) - u(2)*gap(1)]
+                end if
+                fits_as_written = fits_as_written .and. norm2(gap) <= fit*scene_size(model)
+            end associate
+        end do
+
+    contains
+
+        !> A point or direction of a link of the group as written, of another link where it is.
+        function placed(l, v, is_point) result(w)
+            integer, intent(in) :: l
+            real(wp), intent(in) :: v(2)
+            logical, intent(in) :: is_point
+            real(wp) :: w(2)
+
+            w = v
+            if (any(link == l)) return
+            w = lane_of(plane%rotation(orientation_of(model, l)).rotate.v, 1)
+            if (is_point) w = w + lane_of(plane%position(l), 1)
+        end function placed
+    end function fits_as_written
+
+    !> A length typical of the scene.
+    pure real(wp) function scene_size(model)
+        type(model_type), intent(in) :: model
+        integer :: j
+
+        scene_size = tiny(1.0_wp)
+        do j = 1, model%n_joint
+            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)))
+        end do
+    end function scene_size
+
+    ! ---------------------------------------------------------------- groups
+
+    !> Where Newton's method starts: the starting positions of the scene.
+    subroutine guess_group(model, group)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(inout) :: group
+        integer :: i
+
+        do i = 1, size(group%link)
+            associate (spec => model%scene%link(group%link(i)))
+                if (spec%has_start) group%start(:, i) = spec%start([1, 2, 6])
+            end associate
+        end do
+    end subroutine guess_group
+
+    subroutine keep_group(model, group, state, status)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(inout) :: group
+        type(kinematic_state), intent(inout) :: state
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        if (state%not_converged(1) .or. state%singular(1)) then
+            call fail(status, status_bad_input, "link "//quoted(model%link(group%link(1))%name)//" and the links assembled with " &
+                      //"it cannot be closed at the start (expected 'start' positions of these links near a closed assembly)")
+            return
+        end if
+        do i = 1, size(group%link)
+            group%start(:2, i) = lane_of(state%plane%group%position(group%link(i)), 1)
+            group%start(3, i) = state%plane%group%angle(1, group%link(i))
+        end do
+    end subroutine keep_group
+end module linkdyn_planar_start

@@ -1,0 +1,64 @@
+!> The linear map of a planar dyad: one 2x2 system serves velocities and every column of accelerations, whatever the group.
+!>
+!> Two unknown rates r1, r2 (angular rates of links, rates of slides) close the gap that the known links leave:
+!>     r1 first - r2 second = gap
+!> `first` and `second` are how the gap moves for a unit rate. Their cross product vanishes at the dead points; divided by
+!> both lengths it is the sine of the transmission angle.
+module linkdyn_dyad_map
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_vec2, only: vec2, operator(.cross.), operator(.dot.)
+    implicit none (type, external)
+    private
+    public :: dyad_map, make_dyad_map, solve_dyad, transmission_sine
+    public :: half_chord
+
+    type :: dyad_map
+        type(vec2) :: first, second         !! [m] for a rotation, 1 for a slide
+        real(wp) :: determinant(lanes)      !! first x second
+        real(wp) :: inverse(lanes)          !! of the determinant
+    end type dyad_map
+
+contains
+
+    pure function make_dyad_map(first, second) result(map)
+        type(vec2), intent(in) :: first, second
+        type(dyad_map) :: map
+
+        map%first = first
+        map%second = second
+        map%determinant = first.cross.second
+        map%inverse = 1/map%determinant
+    end function make_dyad_map
+
+    pure subroutine solve_dyad(map, gap, rate1, rate2)
+        type(dyad_map), intent(in) :: map
+        type(vec2), intent(in) :: gap
+        real(wp), intent(out) :: rate1(lanes), rate2(lanes)
+
+        rate1 = map%inverse*(gap.cross.map%second)
+        rate2 = map%inverse*(gap.cross.map%first)
+    end subroutine solve_dyad
+
+    !> Sine of the transmission angle: 1 is best, 0 a dead point.
+    pure function transmission_sine(map) result(sine)
+        type(dyad_map), intent(in) :: map
+        real(wp) :: sine(lanes)
+
+        sine = abs(map%determinant)/sqrt((map%first.dot.map%first)*(map%second.dot.map%second))
+    end function transmission_sine
+
+    !> Square root of (radius - distance)(radius + distance), the half chord of a circle: kept factored, it has all its
+    !> digits near zero. What rounding alone pushed below zero is zero; beyond that the circle is out of reach.
+    pure subroutine half_chord(radius, distance, half, is_reachable)
+        real(wp), intent(in) :: radius(lanes), distance(lanes)    !! [m]; distance of either sign
+        real(wp), intent(out) :: half(lanes)
+        logical, intent(out) :: is_reachable(lanes)
+        real(wp), parameter :: rounding = 8*epsilon(1.0_wp)
+        real(wp) :: square(lanes)
+
+        square = (radius - distance)*(radius + distance)
+        is_reachable = square >= -rounding*radius**2
+        half = sqrt(max(square, 0.0_wp))
+    end subroutine half_chord
+end module linkdyn_dyad_map

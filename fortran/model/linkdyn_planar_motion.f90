@@ -1,0 +1,95 @@
+!> Motion of the links of a planar mechanism on one block of lanes: what `kinematic_state` keeps for planar scenes.
+!>
+!> Everything is in world axes. Velocities and columns of accelerations obey the same linear maps, so they stand in one
+!> row of levels: -1 the velocity, 0 the acceleration that the coordinates' motion gives, k what a unit acceleration of
+!> coordinate k adds. Only level 0 has centripetal and Coriolis parts.
+module linkdyn_planar_motion
+    use linkdyn_dyad_map, only: dyad_map
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_vec2, only: vec2, rot2, vec2_of, zero_vec2, identity_rot2
+    implicit none (type, external)
+    private
+    public :: planar_motion, group_motion, prepare_planar_motion, level_velocity, level_given
+
+    integer, parameter :: level_velocity = -1, level_given = 0
+
+    !> Groups closed by Newton's method: where the iteration stands, and the assembly from which it sets out.
+    type :: group_motion
+        type(vec2), allocatable :: position(:), start_position(:)    !! by link                (0:n_link)
+        real(wp), allocatable :: angle(:, :), start_angle(:, :)      !! (lane, 0:n_link) [rad]
+        real(wp), allocatable :: start_q(:, :)                       !! coordinates there      (lane, n_q)
+        real(wp), allocatable :: matrix(:, :, :), right(:, :, :)     !! (lane, row, column)
+    end type group_motion
+
+    type :: planar_motion
+        type(rot2), allocatable :: rotation(:)           !! link axes to world               (0:n_orientation)
+        type(vec2), allocatable :: position(:)           !! origin [m]                       (0:n_link)
+        real(wp), allocatable :: angular(:, :, :)        !! (lane, -1:n_column, 0:n_orientation)
+        type(vec2), allocatable :: linear(:, :)          !! of the origin                    (-1:n_column, 0:n_link)
+        type(dyad_map), allocatable :: dyad(:)           !!                                  (n_dyad)
+        real(wp), allocatable :: branch(:, :)            !! assembly of the dyads, +1 or -1  (lane, n_dyad)
+        real(wp), allocatable :: drift(:, :)             !! rate of the map's determinant    (lane, n_dyad)
+        type(group_motion) :: group
+    end type planar_motion
+
+contains
+
+    subroutine prepare_planar_motion(model, n_column, motion)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n_column
+        type(planar_motion), intent(out) :: motion
+        integer :: i, k
+
+        associate (n_o => model%n_orientation, n_link => model%n_link)
+            allocate (motion%rotation(0:n_o), motion%position(0:n_link), motion%angular(lanes, -1:n_column, 0:n_o), &
+                      motion%linear(-1:n_column, 0:n_link))
+            allocate (motion%dyad(model%n_dyad), motion%branch(lanes, model%n_dyad), motion%drift(lanes, model%n_dyad))
+            motion%angular = 0
+            do i = 0, n_o
+                motion%rotation(i) = identity_rot2()
+            end do
+            do i = 0, n_link
+                motion%position(i) = zero_vec2()
+                do k = -1, n_column
+                    motion%linear(k, i) = zero_vec2()
+                end do
+            end do
+        end associate
+        motion%branch = 1
+        motion%drift = 0
+        if (allocated(model%branch)) then
+            do i = 1, model%n_dyad
+                motion%branch(:, i) = model%branch(i)
+            end do
+        end if
+        if (size(model%group) > 0) call prepare_groups(model, n_column, motion%group)
+    end subroutine prepare_planar_motion
+
+    !> Groups closed by iteration start from their assembly at the scene's start.
+    subroutine prepare_groups(model, n_column, motion)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n_column
+        type(group_motion), intent(out) :: motion
+        integer :: g, i, largest
+
+        allocate (motion%position(0:model%n_link), motion%start_position(0:model%n_link), &
+                  motion%angle(lanes, 0:model%n_link), motion%start_angle(lanes, 0:model%n_link))
+        motion%start_angle = 0
+        motion%start_q = spread(model%start_q, 1, lanes)
+        largest = 0
+        do g = 1, size(model%group)
+            associate (group => model%group(g))
+                largest = max(largest, size(group%link))
+                do i = 1, size(group%link)
+                    motion%start_position(group%link(i)) = vec2_of(group%start(:2, i))
+                    motion%start_angle(:, group%link(i)) = group%start(3, i)
+                end do
+            end associate
+        end do
+        motion%position = motion%start_position
+        motion%angle = motion%start_angle
+        allocate (motion%matrix(lanes, 3*largest, 3*largest), motion%right(lanes, 3*largest, n_column + 2))
+    end subroutine prepare_groups
+end module linkdyn_planar_motion
