@@ -43,7 +43,7 @@ contains
         type(formulation_type), intent(in) :: formulation
         type(kinematic_state), intent(in) :: state
         type(solution_type), intent(in) :: solution
-        real(wp), intent(out) :: reaction(lanes, model%n_component, *)    !! Fx Fy Fz Mx My Mz of each joint, planar Fx Fy Mz [N, N m]
+        real(wp), intent(out) :: reaction(lanes, model%n_component, *)    !! Fx Fy Fz Mx My Mz, planar Fx Fy Mz [N, N m]
         type(vec3) :: total
         integer :: j, half
 

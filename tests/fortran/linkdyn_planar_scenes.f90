@@ -98,7 +98,11 @@ contains
         joint = connect(scene, "B", "R", b, [0.05_wp, 0.0_wp], 0, [1.0_wp, 0.1_wp])
         call drive(scene, joint)
         joint = connect(scene, "outer1", signature(1:1), a, [0.3_wp, 0.1_wp], x, [0.02_wp, 0.01_wp], 0.9_wp, 0.2_wp)
-        joint = connect(scene, "inner", signature(2:2), y, [0.55_wp, 0.1_wp], x, [0.7_wp, -0.1_wp], 2.0_wp, -0.3_wp)
+        if (signature(2:2) == "R") then
+            joint = connect(scene, "inner", "R", y, [0.55_wp, 0.1_wp], x, [0.7_wp, -0.1_wp])
+        else
+            joint = connect(scene, "inner", "P", y, [0.05_wp, 0.1_wp], x, [0.07_wp, -0.1_wp], 2.0_wp, -0.3_wp)
+        end if
         joint = connect(scene, "outer2", signature(3:3), y, [0.03_wp, -0.04_wp], b, [-0.2_wp, 0.15_wp], 0.4_wp, 1.9_wp)
         scene%joint(4)%branch = merge(1, 0, index("RRR RRP PRR RPR", signature) > 0)
         call start_at(scene, [0.4_wp, -0.3_wp])

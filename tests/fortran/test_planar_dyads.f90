@@ -103,7 +103,7 @@ contains
 
         do lane = 1, lanes
             do i = 1, model%n_q
-                state%q(lane, i) = model%start_q(i) + 0.02_wp*(lane - lanes/2)*(-1)**i
+                state%q(lane, i) = model%start_q(i) + 0.08_wp*(lane - lanes/2)/lanes*(-1)**i
                 state%qd(lane, i) = 0.7_wp - 0.4_wp*i + 0.05_wp*lane
                 state%qdd(lane, i) = -1.1_wp + 0.9_wp*i
             end do

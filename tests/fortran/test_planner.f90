@@ -190,7 +190,7 @@ contains
 
         call open_chain_scene(scene, .false.)
         joint = add_joint(scene, "brace", joint_spherical, 0, origin, z_axis, 4, origin, z_axis)
-        call check_refused(error, scene, [character(len=24) :: "'brace'", "spherical", "over-constrains", "by 3"])
+        call check_refused(error, scene, [character(len=24) :: "one too many", "mobility is 3"])
     end subroutine test_over_constrained
 
     subroutine test_extra_coordinate(error)
