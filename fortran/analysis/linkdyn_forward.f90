@@ -75,6 +75,8 @@ contains
 
         run%model => model
         call check_options(options%integrator, status)
+        if (model%is_planar) call fail(status, status_bad_input, "forward dynamics of planar scenes cannot be computed yet " &
+                                       //"(expected space = ""spatial"")")
         if (.not. status%is_ok()) return
         allocate (run%system)
         call build_forward_system(model, options%stage_solver, run%system, status)

@@ -20,7 +20,7 @@ module linkdyn_planner
 
     !> Constraints that a joint puts on two links, by kind.
     integer, parameter :: spatial_constraints(5) = [5, 5, 4, 4, 3], planar_constraints = 2
-    integer, parameter :: most_named = 4                    !! links or joints listed in a message
+    integer, parameter :: most_named = 6                    !! links or joints listed in a message
     real(wp), parameter :: alignment = 64*epsilon(1.0_wp)   !! how far from exact a given direction may be by rounding
 
     !> Progress of the planning.
