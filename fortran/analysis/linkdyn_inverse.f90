@@ -34,21 +34,21 @@ module linkdyn_inverse
 
     !> Where results go; what is not associated is not computed.
     type :: inverse_results
-        real(wp), pointer :: driving_force(:, :) => null()      !! (n_actuator, n) [N, N m]
-        real(wp), pointer :: reaction(:, :, :) => null()        !! (n_component, n_joint, n) world axes [N, N m]
-        real(wp), pointer :: joint_variable(:, :) => null()     !! (n_variable, n) [m, rad]
-        real(wp), pointer :: joint_rate(:, :) => null()         !! (n_variable, n)
-        integer, pointer :: status(:) => null()                 !! (n) one of `sample_*`
-        real(wp), pointer :: rcond(:) => null()                 !! (n) NaN where the solver has none
-        real(wp), pointer :: error(:) => null()                 !! (n) NaN where the solver has none
-        real(wp), pointer :: growth(:) => null()                !! (n) reciprocal pivot growth; NaN but for gauss-jordan
-        real(wp), pointer :: power_imbalance(:) => null()       !! (n)
-        real(wp), pointer :: acceleration(:, :) => null()       !! (n_q, n) of the coordinates, found or given
-        real(wp), pointer :: kinetic_energy(:) => null()        !! (n) [J]
-        real(wp), pointer :: potential_energy(:) => null()      !! (n) of gravity and springs [J]
-        real(wp), pointer :: closure(:) => null()               !! (n) largest gap of a joint [m, rad]
-        real(wp), pointer :: position(:, :, :) => null()        !! (3, n_link, n) origins [m]
-        real(wp), pointer :: rotation(:, :, :, :) => null()     !! (3, 3, n_link, n) columns: the link's axes
+        real(wp), pointer, contiguous :: driving_force(:, :) => null() !! (n_actuator, n) [N, N m]
+        real(wp), pointer, contiguous :: reaction(:, :, :) => null() !! (n_component, n_joint, n) world axes [N, N m]
+        real(wp), pointer, contiguous :: joint_variable(:, :) => null() !! (n_variable, n) [m, rad]
+        real(wp), pointer, contiguous :: joint_rate(:, :) => null() !! (n_variable, n)
+        integer, pointer, contiguous :: status(:) => null()     !! (n) one of `sample_*`
+        real(wp), pointer, contiguous :: rcond(:) => null()     !! (n) NaN where the solver has none
+        real(wp), pointer, contiguous :: error(:) => null()     !! (n) NaN where the solver has none
+        real(wp), pointer, contiguous :: growth(:) => null()    !! (n) reciprocal pivot growth; NaN but for gauss-jordan
+        real(wp), pointer, contiguous :: power_imbalance(:) => null() !! (n)
+        real(wp), pointer, contiguous :: acceleration(:, :) => null() !! (n_q, n) of the coordinates, found or given
+        real(wp), pointer, contiguous :: kinetic_energy(:) => null() !! (n) [J]
+        real(wp), pointer, contiguous :: potential_energy(:) => null() !! (n) of gravity and springs [J]
+        real(wp), pointer, contiguous :: closure(:) => null()   !! (n) largest gap of a joint [m, rad]
+        real(wp), pointer, contiguous :: position(:, :, :) => null() !! (3, n_link, n) origins [m]
+        real(wp), pointer, contiguous :: rotation(:, :, :, :) => null() !! (3, 3, n_link, n) columns: the link's axes
         integer :: n_fallback = 0                               !! samples that the elimination handed to the dense solver
     end type inverse_results
 

@@ -8,6 +8,7 @@
 module linkdyn_f2py_api
     use, intrinsic :: iso_c_binding, only: c_double, c_int
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
     use linkdyn_description, only: scene_as_json, layout_as_json
     use linkdyn_explain, only: explain_model
@@ -257,7 +258,7 @@ contains
     end subroutine api_motion
 
     !> Inverse dynamics of a batch.
-    subroutine api_inverse(handle, solver, threads, first, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
+    subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
             n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
             n_variable, joint_variable, joint_rate, n_check, rcond, error, growth, power_imbalance, sample_status, code, message)
         !f2py threadsafe
@@ -265,6 +266,7 @@ contains
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
+        integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
         integer(c_int), intent(in) :: wanted(5)            ! 1: driving force, power, reaction, joint variables, checks
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
@@ -283,6 +285,7 @@ contains
         type(model_type), pointer :: model
         type(inverse_solver), pointer :: planned
         type(status_type) :: status
+        type(assembly_trail) :: trail
         type(inverse_results) :: results
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
@@ -331,7 +334,11 @@ contains
                 allocate (own_rate(model%n_variable, n))
                 results%joint_rate => own_rate
             end if
-            call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results)
+            if (in_order == 1) then
+                call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results, trail=trail)
+            else
+                call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results)
+            end if
             if (wanted(2) == 1) then
                 speed2(1:model%n_actuator, 1:n) => driving_speed
                 power2(1:model%n_actuator, 1:n) => driving_power

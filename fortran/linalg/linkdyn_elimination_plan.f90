@@ -114,8 +114,33 @@ module linkdyn_elimination_plan
 contains
 
     !> Choose the pivots and record the operations.
+    !>
+    !> Where not all unknowns are wanted there are two ways: to leave the wanted ones for last, which drops the most of
+    !> the back-substitution, or to go by cost alone. The cheaper plan is taken.
     subroutine make_plan(system, plan)
         type(sparse_system), intent(in) :: system
+        type(elimination_plan), intent(out) :: plan
+        type(elimination_plan) :: other
+
+        call plan_in_order(system, system%is_wanted, plan)
+        if (all(system%is_wanted)) return
+        call plan_in_order(system, spread(.false., 1, system%n), other)
+        if (.not. other%is_complete) return
+        if (plan%is_complete .and. cost_of(plan) <= cost_of(other)) return
+        plan = other
+    end subroutine make_plan
+
+    !> Operations of a plan, divisions weighted.
+    pure integer function cost_of(plan)
+        type(elimination_plan), intent(in) :: plan
+
+        cost_of = plan%n_term + plan%n_scale + reciprocal_cost*plan%n_reciprocal
+    end function cost_of
+
+    !> A plan that leaves some unknowns for last.
+    subroutine plan_in_order(system, comes_last, plan)
+        type(sparse_system), intent(in) :: system
+        logical, intent(in) :: comes_last(:)
         type(elimination_plan), intent(out) :: plan
         type(planner_type) :: p
         integer, allocatable :: solution(:)
@@ -123,7 +148,7 @@ contains
 
         call start(system, p)
         do k = 1, system%n
-            e = best_pivot(p, system%is_wanted)
+            e = best_pivot(p, comes_last)
             if (e == 0) return
             call eliminate(p, e, p%pivot(k))
         end do
@@ -131,7 +156,7 @@ contains
         where (.not. system%is_wanted) solution = 0
         call keep_needed(p, solution)
         call emit(system, p, solution, plan)
-    end subroutine make_plan
+    end subroutine plan_in_order
 
     ! ---------------------------------------------------------------- set-up
 
@@ -269,24 +294,24 @@ contains
 
     ! ---------------------------------------------------------------- pivots
 
-    !> The cheapest acceptable pivot; unwanted unknowns first, so that their back-substitution can be dropped.
-    integer function best_pivot(p, is_wanted) result(best)
+    !> The cheapest acceptable pivot; unknowns that come last wait, so that the others' back-substitution can be dropped.
+    integer function best_pivot(p, comes_last) result(best)
         type(planner_type), intent(in) :: p
-        logical, intent(in) :: is_wanted(:)
+        logical, intent(in) :: comes_last(:)
         logical :: restrict
         integer :: pass, c, k, e, cost, best_cost, fewest, n_looked
         real(wp) :: quality, best_quality
 
         best = 0
         do pass = 1, 2
-            restrict = pass == 1 .and. any(p%column_active .and. .not. is_wanted)
+            restrict = pass == 1 .and. any(p%column_active .and. .not. comes_last)
             best_cost = huge(1)
             best_quality = 0
             fewest = minval(p%column_count, mask=p%column_active)
             n_looked = 0
             do c = 1, p%n
                 if (.not. p%column_active(c)) cycle
-                if (restrict .and. is_wanted(c)) cycle
+                if (restrict .and. comes_last(c)) cycle
                 if (p%n > large) then
                     if (p%column_count(c) > fewest + 2) cycle
                     if (n_looked >= most_columns .and. best > 0) exit

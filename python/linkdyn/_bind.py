@@ -153,6 +153,7 @@ def inverse(
     solver: str,
     threads: int,
     first: int,
+    in_order: bool,
     inputs: tuple[Floats, Floats, Floats, Floats],
     outputs: dict[str, NDArray[Any]],
 ) -> None:
@@ -162,6 +163,8 @@ def inverse(
     ----------
     first
         Number of the first sample, for messages.
+    in_order
+        The samples follow each other: the assembly of a planar mechanism is followed by continuity.
     inputs
         q, qd, qdd (n, n_q) and load (n, n_load, 6).
     outputs
@@ -169,7 +172,8 @@ def inverse(
     """
     wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
     arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for name in _OUTPUTS]
-    check(*_api.api_inverse(handle, solver, threads, first, wanted, *map(_flat, inputs), *arrays, outputs["status"]))
+    settings = (handle, solver, threads, first, int(in_order), wanted)
+    check(*_api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"]))
 
 
 def forward(

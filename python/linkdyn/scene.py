@@ -398,13 +398,17 @@ class Scene:
         extra = [self._wrench(marker, values, n) for marker, values in (wrench or {}).items()]
         outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         inputs = (given["q"], given["qd"], given["qdd"])
-        for first in range(0, n, BLOCK):
-            block = slice(first, min(first + BLOCK, n))
+        in_order = "time" in given
+        # A motion that may change its assembly on the way is one piece.
+        length = max(1, n) if in_order and self.planar else BLOCK
+        for first in range(0, n, length):
+            block = slice(first, min(first + length, n))
             _bind.inverse(
                 job.handle,
                 job.solver,
                 threads,
                 first,
+                in_order,
                 (*(values[block] for values in inputs), _spread(load, extra, block, n)),
                 {name: values[block] for name, values in outputs.items()},
             )
