@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
 """Draw the pictures in the READMEs of the examples: forces.png, reactions.png and scene.png beside each scene.
 
+Scenes in which nothing is given a motion run forward. Reactions of many unlike joints would be a tower of panels: left out.
+
     python examples/draw_pictures.py [EXAMPLE ...]
 """
 from __future__ import annotations
@@ -12,6 +14,7 @@ import matplotlib
 
 matplotlib.use("Agg")   # pictures go to files
 import matplotlib.pyplot as plt
+import numpy as np
 from PIL import Image
 
 import linkdyn
@@ -19,6 +22,7 @@ import linkdyn.plot
 
 FOLDER = Path(__file__).resolve().parent
 COLOURS = 256   # a palette is enough, and a third of the size
+MOST_PANELS = 4
 
 
 def save(file: Path) -> None:
@@ -31,11 +35,13 @@ def main() -> None:
     names = sys.argv[1:] or sorted(path.parent.name for path in FOLDER.glob("*/scene.toml"))
     for name in names:
         scene = linkdyn.load(FOLDER / name / "scene.toml")
-        run = scene.inverse()
+        moves = any(np.ptp(values) > 0 for values in scene.motion()[0].T)
+        run = scene.inverse() if moves else scene.forward()
         linkdyn.plot.driving_forces(run)
         save(FOLDER / name / "forces.png")
-        linkdyn.plot.reactions(run)
-        save(FOLDER / name / "reactions.png")
+        if len(linkdyn.plot.reactions(run)[1]) <= MOST_PANELS:
+            save(FOLDER / name / "reactions.png")
+        plt.close("all")
         linkdyn.plot.scene3d(scene)
         save(FOLDER / name / "scene.png")
 
