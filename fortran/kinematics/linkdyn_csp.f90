@@ -88,7 +88,7 @@ contains
             u_rate2 = (alpha.cross.u) + (omega.cross.group%u_rate)
             e = group%w_rate - sigma*group%u_rate
             slide_rate2 = (n.dot.(group%sigma_rate*group%u_rate + sigma*u_rate2 - span_acceleration)) - (e.dot.e) &
-                          + group%sigma_rate*(group%sigma_rate - (group%w_rate.dot.u))
+                          + group%sigma_rate*(group%w_rate.dot.u)
             slide_rate2 = slide_rate2*group%per_slope
             ! n turns with the coupler; its part along u does not matter here.
             n_rate2 = span_acceleration + slide_rate2*group%y - (2*group%sigma_rate)*group%u_rate - sigma*u_rate2
