@@ -1,5 +1,5 @@
 !> What forward dynamics integrates: for every free coordinate its value and rate, for every free pose position,
-!> quaternion, velocity and angular velocity; last the work of the driving forces and loads.
+!> quaternion, velocity and angular velocity; last the work of the driving forces.
 module linkdyn_forward_state
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_joint_motion, only: variables_of_relative, kind_spherical

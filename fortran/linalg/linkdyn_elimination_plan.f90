@@ -338,28 +338,11 @@ contains
     pure integer function pivot_cost(p, e)
         type(planner_type), intent(in) :: p
         integer, intent(in) :: e
-        integer :: n_left, n_left_fixed, n_upper, n_upper_fixed, k, other
+        integer :: n_left, n_left_fixed, n_upper, n_upper_fixed
 
-        n_left = 0
-        n_left_fixed = 0
-        associate (list => p%in_column(p%entry(e)%column))
-            do k = 1, list%n
-                other = list%item(k)
-                if (other == e .or. .not. p%entry(other)%is_active) cycle
-                n_left = n_left + 1
-                if (p%entry(other)%is_constant) n_left_fixed = n_left_fixed + 1
-            end do
-        end associate
-        n_upper = 1
-        n_upper_fixed = 0
-        associate (list => p%in_row(p%entry(e)%row))
-            do k = 1, list%n
-                other = list%item(k)
-                if (other == e .or. .not. p%entry(other)%is_active) cycle
-                n_upper = n_upper + 1
-                if (p%entry(other)%is_constant) n_upper_fixed = n_upper_fixed + 1
-            end do
-        end associate
+        call count_others(p, p%in_column(p%entry(e)%column), e, n_left, n_left_fixed)
+        call count_others(p, p%in_row(p%entry(e)%row), e, n_upper, n_upper_fixed)
+        n_upper = n_upper + 1    ! the right-hand side
         ! The last +n_upper: the row takes part in the back-substitution.
         if (p%entry(e)%is_constant) then
             pivot_cost = n_left*n_upper - n_left_fixed*n_upper_fixed + n_upper
@@ -367,6 +350,24 @@ contains
             pivot_cost = n_left*n_upper + min(n_left, n_upper) + reciprocal_cost + n_upper
         end if
     end function pivot_cost
+
+    !> Active entries of a row or column besides one, and how many of them are constant.
+    pure subroutine count_others(p, list, e, n, n_fixed)
+        type(planner_type), intent(in) :: p
+        type(list_type), intent(in) :: list
+        integer, intent(in) :: e
+        integer, intent(out) :: n, n_fixed
+        integer :: k, other
+
+        n = 0
+        n_fixed = 0
+        do k = 1, list%n
+            other = list%item(k)
+            if (other == e .or. .not. p%entry(other)%is_active) cycle
+            n = n + 1
+            if (p%entry(other)%is_constant) n_fixed = n_fixed + 1
+        end do
+    end subroutine count_others
 
     !> Smallest ratio, over the representative poses, of the pivot to the largest entry of its column.
     pure real(wp) function pivot_quality(p, e)
