@@ -384,8 +384,6 @@ contains
             call assemble_matrix(model, formulation, workspace%state, workspace%slot%value)
             call assemble_accelerations(model, formulation, equations%accelerations, workspace%state, workspace%slot%value)
             call assemble_right(model, formulation, workspace%state, workspace%load, formulation%n_slot, workspace%slot%value)
-            call flag_not_finite(workspace%slot%value(:, formulation%n_slot + 1:formulation%n_slot + model%n_row), &
-                                 workspace%status, formulation%row_has_right)
             select case (equations%solver)
             case (solver_gauss_jordan)
                 call solve_by_gauss_jordan(model, formulation, workspace)
@@ -425,20 +423,15 @@ contains
         end do
     end subroutine apply_known_forces
 
-    !> A motion or load that is not finite has no forces. Where a link has no right-hand side, its slots hold what the
-    !> block before left there.
-    pure subroutine flag_not_finite(value, status, is_used)
-        real(wp), intent(in) :: value(:, :)          !! (lane, row)
+    !> A motion or load that is not finite has no forces.
+    pure subroutine flag_not_finite(value, status)
+        real(wp), intent(in) :: value(:, :)          !! (lane, any)
         integer, intent(inout) :: status(lanes)
-        logical, intent(in), optional :: is_used(:)  !! (row); all if absent
         real(wp) :: total(lanes)
         integer :: k
 
         total = 0
         do k = 1, size(value, 2)
-            if (present(is_used)) then
-                if (.not. is_used(k)) cycle
-            end if
             total = total + abs(value(:, k))
         end do
         where (status == sample_ok .and. .not. total <= huge(1.0_wp)) status = sample_unreachable
