@@ -5,7 +5,7 @@ module linkdyn_csp_step
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type
+    use linkdyn_model, only: model_type, step_type, orientation_of
     use linkdyn_point, only: point_velocity, point_acceleration, point_column
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), vec3_of
@@ -132,12 +132,4 @@ contains
             geometry%radius = norm2(geometry%offset(1:2))
         end associate
     end subroutine sort_sides
-
-    pure integer function orientation_of(model, link)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: link
-
-        orientation_of = 0
-        if (link > 0) orientation_of = model%link(link)%orientation
-    end function orientation_of
 end module linkdyn_csp_step
