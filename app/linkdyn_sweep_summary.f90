@@ -88,7 +88,8 @@ contains
             worst = max(worst, abs(high))
         end do
         if (worst_at >= 0 .and. quantity%id /= quantity_driving_position) &
-            write (unit, "(a)") trim(merge("  smallest at", "  largest at ", quantity%id == quantity_clearance))//" "//place_text(run, worst_at)
+            write (unit, "(a)") trim(merge("  smallest at", "  largest at ", quantity%id == quantity_clearance))// &
+            " "//place_text(run, worst_at)
     end subroutine print_peaks
 
     !> Extremes over all designs.

@@ -87,8 +87,13 @@ contains
                 kept%code(i) = code(l)
                 kept%axis(:, i) = axis(:, l)
                 kept%value(:, i) = design%value(l, keep)
-                if (code(l) /= code_feasible .and. code(l) < first_bound) &
+                if (code(l) == code_feasible) cycle
+                if (code(l) < first_bound) then
                     kept%value(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
+                else if (is_excluded_early(spec, code(l))) then
+                    ! Whether its forces were computed depends on its neighbours.
+                    where (keep > row%n_early) kept%value(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
+                end if
             end do
         end subroutine keep_block
 
@@ -357,6 +362,16 @@ contains
         is_limit = .false.
         if (code >= first_bound) is_limit = spec%bound(code - first_bound + 1)%is_limit
     end function is_limit_code
+
+    !> Is the pose excluded by what needs no forces?
+    pure logical function is_excluded_early(spec, code) result(is_excluded)
+        type(sweep_spec), intent(in) :: spec
+        integer, intent(in) :: code                     !! of a bound
+
+        associate (bound => spec%bound(code - first_bound + 1))
+            is_excluded = .not. bound%is_limit .and. .not. needs_forces(bound%quantity)
+        end associate
+    end function is_excluded_early
 
     !> Which lanes take part in the reductions.
     subroutine check_counts(spec, code, n_here, counts)
