@@ -9,6 +9,8 @@ module linkdyn_mass_matrix
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, link_type
     use linkdyn_newton_euler, only: inertia_times
+    use linkdyn_planar_assembly, only: planar_inertia
+    use linkdyn_vec2, only: vec2, operator(.dot.)
     use linkdyn_vec3, only: vec3, mat3, operator(-), operator(*), operator(.cross.), &
         operator(.rotate.)
     implicit none (type, external)
@@ -27,7 +29,8 @@ contains
         integer :: i, k, l
 
         mass = 0
-        do l = 1, model%n_link
+        if (model%is_planar) call add_planar_links(model, state, mass)
+        do l = 1, merge(0, model%n_link, model%is_planar)
             if (state%carries_legs .and. model%link(l)%is_carried_leg) cycle
             call own_inertia(model%link(l), state%rotation(model%link(l)%orientation), inertia)
             if (state%carries_legs) call add_leg_inertia(model, state, l, inertia)
@@ -43,6 +46,29 @@ contains
             end do
         end do
     end subroutine mass_matrix
+
+    subroutine add_planar_links(model, state, mass)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(inout) :: mass(lanes, model%n_q, model%n_q)
+        real(wp), parameter :: origin(2) = 0
+        type(vec2) :: force
+        real(wp) :: moment(lanes)
+        integer :: i, k, l
+
+        do l = 1, model%n_link
+            if (model%link(l)%is_massless) cycle
+            do k = 1, model%n_q
+                if (.not. model%moves(k, l)) cycle
+                call planar_inertia(model, l, origin, k, state%plane, force, moment)
+                do i = 1, k
+                    if (.not. model%moves(i, l)) cycle
+                    mass(:, i, k) = mass(:, i, k) + (force.dot.state%plane%linear(i, l)) &
+                                    + moment*state%plane%angular(:, i, model%link(l)%orientation)
+                end do
+            end do
+        end do
+    end subroutine add_planar_links
 
     !> Upper triangle of a link's inertia: mass, mass times arm of the centre, tensor about the origin.
     pure subroutine own_inertia(link, rotation, inertia)
