@@ -103,7 +103,7 @@ contains
         if (self%options%method == method_rk4) then
             call advance_rk4(self, system, t_end, y)
         else
-            call advance_adaptive(self, t_end, y)
+            call advance_adaptive(self, system, t_end, y)
         end if
     end subroutine advance
 
@@ -133,14 +133,17 @@ contains
             if (i == n) self%t = t_end
             where (.not. self%failed) self%good_until = self%t
             if (all(self%failed)) return
+            call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
             call note_step(self, h)
         end do
     end subroutine advance_rk4
 
-    subroutine advance_adaptive(self, t_end, y)
+    subroutine advance_adaptive(self, system, t_end, y)
         type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
+        real(wp), parameter :: shortest = 1.0e-12_wp    !! step, of the time on the clock or to go
         real(wp) :: h, t_before, solution(size(y, 2))
         logical :: ok
         integer :: k
@@ -150,6 +153,8 @@ contains
             h = self%next_step
             t_before = self%t
             call self%gsl%take_step(self%t, t_end, h, solution, ok)
+            ! Steps that shrink without end lead nowhere: at a singular position, say.
+            if (self%t < t_end .and. self%t - t_before < shortest*max(abs(self%t), t_end - t_before)) ok = .false.
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then
                 self%failed = .true.
                 exit
@@ -157,6 +162,7 @@ contains
             do k = 1, size(solution)
                 y(:, k) = solution(k)
             end do
+            call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
             self%good_until = self%t
             call note_step(self, self%t - t_before)
             ! A step cut short by t_end says nothing against the longer one proposed before.
