@@ -1,6 +1,6 @@
 !> Where the links are: kinematics alone, without equations, so that a scene can be drawn that has no actuators.
 module linkdyn_poses
-    use linkdyn_assembly_trail, only: assembly_trail, follow_assembly
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
@@ -25,11 +25,16 @@ contains
         integer, intent(out) :: sample_status(:)        !! (n) one of `sample_*`
         type(assembly_trail), intent(inout), optional :: trail
         type(kinematic_state) :: state
-        real(wp), allocatable :: branch(:, :)
+        type(sample_assembly) :: assembly
         integer :: first, lane, sample, i
 
-        if (model%n_dyad > 0) branch = spread(model%branch, 2, size(q, 2))
-        if (present(trail) .and. model%n_dyad > 0 .and. size(q, 2) > 0) call follow_assembly(model, q, trail, branch)
+        if (model%is_planar .and. size(q, 2) > 0) then
+            if (present(trail)) then
+                call follow_assembly(model, q, trail, assembly)
+            else
+                call make_room(model, size(q, 2), assembly)
+            end if
+        end if
         call prepare_kinematics(model, 0, state)
         state%qd = 0
         state%qdd = 0
@@ -37,7 +42,7 @@ contains
             do lane = 1, lanes
                 sample = min(first + lane - 1, size(q, 2))
                 state%q(lane, :) = q(:, sample)
-                if (model%n_dyad > 0) state%plane%branch(lane, :) = branch(:, sample)
+                if (model%is_planar) call place_sample(model, assembly, sample, lane, state)
             end do
             call evaluate_kinematics(model, state)
             do lane = 1, min(lanes, size(q, 2) - first + 1)
