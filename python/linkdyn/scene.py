@@ -260,7 +260,8 @@ class Scene:
         t
             (N,) increasing instants of output [s] instead; the run starts at the first.
         method
-            "rk8pd" or "rkf45" (adaptive), "msbdf" (adaptive, for stiff scenes), "rk4" (fixed step).
+            "rk8pd" or "rkf45" (adaptive), "gbs" (adaptive, high order: many digits), "msbdf" (adaptive, for
+            stiff scenes), "rk4" (fixed step).
         step
             The fixed step, or the first one tried [s].
         rtol, atol
