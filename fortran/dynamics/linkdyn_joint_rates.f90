@@ -1,13 +1,14 @@
 !> Joint variables and their rates, and the power balance, from the motion of the links.
 module linkdyn_joint_rates
     use linkdyn_assembly, only: link_wrench
+    use linkdyn_carried_legs, only: add_leg_wrench, carried_leg_of, leg_slide_column
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_planar_rates, only: measure_planar_joints, planar_actuator_rates, planar_actuator_columns, &
-        planar_power_imbalance, planar_work_columns
+    use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
+        planar_actuator_columns, planar_power_imbalance, planar_work_columns
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.dot.), operator(.cross.), &
@@ -62,6 +63,10 @@ contains
         type(joint_view) :: view
         real(wp) :: q(lanes, 3), qd(lanes, 3)
 
+        if (model%is_planar) then
+            call measure_planar_variable(model, state, j, value, rate)
+            return
+        end if
         if (model%joint(j)%leg > 0) then
             value = state%leg(model%joint(j)%leg)%length
             rate = state%leg(model%joint(j)%leg)%rate
@@ -102,7 +107,7 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
-        integer :: i, k
+        integer :: i, k, leg
 
         if (model%is_planar) then
             call planar_actuator_columns(model, state, rate)
@@ -110,7 +115,12 @@ contains
         end if
         do k = 1, model%n_q
             do i = 1, model%n_actuator
-                call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
+                leg = carried_leg_of(model, model%scene%actuator(i)%joint)
+                if (state%carries_legs .and. leg > 0) then
+                    rate(:, i, k) = leg_slide_column(model, state, leg, k)
+                else
+                    call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
+                end if
             end do
         end do
     end subroutine actuator_columns
@@ -218,12 +228,34 @@ contains
         end if
         work = 0
         do i = 1, model%n_link
+            if (state%carries_legs .and. model%link(i)%is_carried_leg) cycle
             o = model%link(i)%orientation
             call link_wrench(model, i, origin, state, load, force, moment)
+            force = state%rotation(o).rotate.force
+            moment = state%rotation(o).rotate.moment
+            if (state%carries_legs) call add_leg_wrench(model, state, i, load, force, moment)
+            if (model%link(i)%pose > 0) then
+                call add_pose_work(model%step(model%link(i)%pose)%coordinate)
+                cycle
+            end if
             do k = 1, model%n_q
                 if (.not. model%moves(k, i)) cycle
-                work(:, k) = work(:, k) + (force.dot.state%acceleration_body(k, i)) + (moment.dot.state%alpha_body(k, o))
+                work(:, k) = work(:, k) + (force.dot.state%acceleration(k, i)) + (moment.dot.state%alpha(k, o))
             end do
         end do
+
+    contains
+
+        !> A pose moves its link by unit columns.
+        subroutine add_pose_work(c)
+            integer, intent(in) :: c(6)
+
+            work(:, c(1)) = work(:, c(1)) + force%x
+            work(:, c(2)) = work(:, c(2)) + force%y
+            work(:, c(3)) = work(:, c(3)) + force%z
+            work(:, c(4)) = work(:, c(4)) + moment%x
+            work(:, c(5)) = work(:, c(5)) + moment%y
+            work(:, c(6)) = work(:, c(6)) + moment%z
+        end subroutine add_pose_work
     end subroutine work_columns
 end module linkdyn_joint_rates
