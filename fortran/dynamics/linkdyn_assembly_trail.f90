@@ -6,6 +6,8 @@
 !> mechanism is seen to turn back before the dead point or the dead point is reached to within `near_dead`, and passed
 !> in the direction of the motion. What is nearer to a dead point than that cannot be told from passing through it.
 !>
+!> Groups closed by iteration set out, every `lanes` samples, from the assembly of the sample where they did last.
+!>
 !> A sample on its own, outside a motion, is on the branch of the start.
 module linkdyn_assembly_trail
     use linkdyn_dyad_map, only: transmission_sine
@@ -14,9 +16,11 @@ module linkdyn_assembly_trail
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_rrr, step_rrp, step_rpr
     use linkdyn_planar_pass, only: evaluate_planar
+    use linkdyn_vec2, only: lane_of
     implicit none (type, external)
     private
-    public :: assembly_trail, follow_assembly
+    public :: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, keep_lane
+    public :: begin_trail, cross_step, untrusted, look_ahead
 
     ! The sine of the transmission angle is known to about sqrt(epsilon), its rate loses its digits below 10 times that.
     real(wp), parameter :: untrusted = 7*sqrt(epsilon(1.0_wp))
@@ -24,10 +28,17 @@ module linkdyn_assembly_trail
     real(wp), parameter :: look_ahead = 1.5_wp      !! steps: a dead point at the very end of a step must not be missed
     integer, parameter :: deepest = 12              !! cuts of a step into `lanes` parts
 
+    !> On which assembly each of some samples is to be computed.
+    type :: sample_assembly
+        real(wp), allocatable :: branch(:, :)       !! (n_dyad, n)
+        real(wp), allocatable :: q(:, :)            !! coordinates at which groups set out (n_q, n)
+        real(wp), allocatable :: place(:, :, :)     !! x y angle of their links there (3, n_link, n)
+    end type sample_assembly
+
     !> Where the motion stood last.
     type :: assembly_trail
         logical :: has_begun = .false.
-        logical :: is_needed = .false.              !! the model has dyads with two branches
+        logical :: is_needed = .false.              !! the model has dyads with two branches, or groups
         real(wp), allocatable :: q(:)               !! (n_q)
         real(wp), allocatable :: branch(:)          !! (n_dyad)
         logical, allocatable :: has_branches(:)     !! (n_dyad)
@@ -36,8 +47,105 @@ module linkdyn_assembly_trail
 
 contains
 
-    !> Branches at samples that follow each other and those of the last call.
-    subroutine follow_assembly(model, q, trail, branch)
+    !> Room for n samples, on the assembly of the start.
+    subroutine make_room(model, n, assembly)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        type(sample_assembly), intent(out) :: assembly
+        integer :: g, i
+
+        assembly%branch = spread(model%branch, 2, n)
+        if (size(model%group) == 0) return
+        assembly%q = spread(model%start_q, 2, n)
+        allocate (assembly%place(3, model%n_link, n))
+        do g = 1, size(model%group)
+            do i = 1, size(model%group(g)%link)
+                assembly%place(:, model%group(g)%link(i), :) = spread(model%group(g)%start(:, i), 2, n)
+            end do
+        end do
+    end subroutine make_room
+
+    !> Put a lane of the state on the assembly of a sample.
+    subroutine place_sample(model, assembly, sample, lane, state)
+        type(model_type), intent(in) :: model
+        type(sample_assembly), intent(in) :: assembly
+        integer, intent(in) :: sample, lane
+        type(kinematic_state), intent(inout) :: state
+        integer :: g, i
+
+        state%plane%branch(lane, :) = assembly%branch(:, sample)
+        if (size(model%group) == 0) return
+        associate (group => state%plane%group)
+            group%start_q(lane, :) = assembly%q(:, sample)
+            do g = 1, size(model%group)
+                do i = 1, size(model%group(g)%link)
+                    associate (l => model%group(g)%link(i))
+                        group%start_position(l)%x(lane) = assembly%place(1, l, sample)
+                        group%start_position(l)%y(lane) = assembly%place(2, l, sample)
+                        group%start_angle(lane, l) = assembly%place(3, l, sample)
+                    end associate
+                end do
+            end do
+        end associate
+    end subroutine place_sample
+
+    !> Where a lane's groups have been closed, for samples i to j.
+    subroutine keep_lane(model, state, lane, i, j, assembly)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: lane, i, j
+        type(sample_assembly), intent(inout) :: assembly
+        integer :: g, k, sample
+
+        do sample = i, j
+            assembly%q(:, sample) = state%q(lane, :)
+            do g = 1, size(model%group)
+                do k = 1, size(model%group(g)%link)
+                    associate (l => model%group(g)%link(k))
+                        assembly%place(:2, l, sample) = lane_of(state%plane%group%position(l), lane)
+                        assembly%place(3, l, sample) = state%plane%group%angle(lane, l)
+                    end associate
+                end do
+            end do
+        end do
+    end subroutine keep_lane
+
+    !> Assembly at samples that follow each other and those of the last call.
+    subroutine follow_assembly(model, q, trail, assembly)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        type(assembly_trail), intent(inout) :: trail
+        type(sample_assembly), intent(out) :: assembly
+        integer :: n, i
+
+        n = size(q, 2)
+        if (.not. trail%has_begun) call begin_trail(model, q(:, 1), trail)
+        call make_room(model, n, assembly)
+        if (any(trail%has_branches)) call follow_branches(model, q, trail, assembly%branch)
+        if (size(model%group) == 0) return
+        trail%state%qd = 0
+        trail%state%qdd = 0
+        do i = 1, n, lanes
+            trail%state%q = spread(q(:, i), 1, lanes)
+            trail%state%plane%branch = spread(assembly%branch(:, i), 1, lanes)
+            call evaluate_planar(model, trail%state)
+            associate (state => trail%state, group => trail%state%plane%group)
+                ! Where the links cannot be placed, the next samples set out from where they last could.
+                if (.not. (state%unreachable(1) .or. state%not_converged(1))) then
+                    group%start_position = group%position
+                    group%start_angle = group%angle
+                    group%start_q = state%q
+                end if
+                group%position = group%start_position
+                group%angle = group%start_angle
+                trail%state%q = group%start_q
+            end associate
+            call keep_lane(model, trail%state, 1, i, min(n, i + lanes - 1), assembly)
+        end do
+    end subroutine follow_assembly
+
+    !> Branches of the dyads at samples that follow each other.
+    subroutine follow_branches(model, q, trail, branch)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
@@ -46,11 +154,6 @@ contains
         integer :: n, i, next, lane
 
         n = size(q, 2)
-        if (.not. trail%has_begun) call begin_trail(model, q(:, 1), trail)
-        if (.not. trail%is_needed) then
-            branch = spread(model%branch, 2, n)
-            return
-        end if
         call pass_step(model, trail%q, q(:, 1), 0, trail)
         branch(:, 1) = trail%branch
         i = 1
@@ -74,7 +177,7 @@ contains
             end do
         end do
         trail%q = q(:, n)
-    end subroutine follow_assembly
+    end subroutine follow_branches
 
     subroutine begin_trail(model, q, trail)
         type(model_type), intent(in) :: model
@@ -90,7 +193,7 @@ contains
         do i = 1, size(model%step)
             if (any(model%step(i)%kind == [step_rrr, step_rrp, step_rpr])) trail%has_branches(model%step(i)%first) = .true.
         end do
-        trail%is_needed = any(trail%has_branches)
+        trail%is_needed = any(trail%has_branches) .or. size(model%group) > 0
         if (trail%is_needed) call prepare_kinematics(model, 0, trail%state)
     end subroutine begin_trail
 
@@ -114,6 +217,18 @@ contains
                              .and. transmission_sine(trail%state%plane%dyad(d)) > untrusted
         end do
     end subroutine find_doubts
+
+    !> The branches after a step between two positions, from those before it.
+    subroutine cross_step(model, from, to, trail, branch)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: from(:), to(:)       !! (n_q)
+        type(assembly_trail), intent(inout) :: trail !! its groups set out from `from`
+        real(wp), intent(inout) :: branch(:)         !! (n_dyad)
+
+        trail%branch = branch
+        call pass_step(model, from, to, 0, trail)
+        branch = trail%branch
+    end subroutine cross_step
 
     !> Go from one position to another, in parts.
     recursive subroutine pass_step(model, from, to, depth, trail)

@@ -6,8 +6,8 @@ module linkdyn_joint_rates
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_planar_rates, only: measure_planar_joints, planar_actuator_rates, planar_actuator_columns, &
-        planar_power_imbalance, planar_work_columns
+    use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
+        planar_actuator_columns, planar_power_imbalance, planar_work_columns
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.dot.), operator(.cross.), &
@@ -62,6 +62,10 @@ contains
         type(joint_view) :: view
         real(wp) :: q(lanes, 3), qd(lanes, 3)
 
+        if (model%is_planar) then
+            call measure_planar_variable(model, state, j, value, rate)
+            return
+        end if
         if (model%joint(j)%leg > 0) then
             value = state%leg(model%joint(j)%leg)%length
             rate = state%leg(model%joint(j)%leg)%rate

@@ -5,6 +5,8 @@ module linkdyn_mass_matrix
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_newton_euler, only: inertia_column
+    use linkdyn_planar_assembly, only: planar_inertia
+    use linkdyn_vec2, only: vec2, operator(.dot.)
     use linkdyn_vec3, only: vec3, operator(.dot.)
     implicit none (type, external)
     private
@@ -20,6 +22,8 @@ contains
         real(wp), intent(out) :: mass(lanes, model%n_q, model%n_q)
         real(wp), parameter :: origin(3) = 0
         type(vec3) :: force, moment
+        type(vec2) :: plane_force
+        real(wp) :: plane_moment(lanes)
         integer :: i, k, l, o
 
         mass = 0
@@ -28,11 +32,20 @@ contains
             o = model%link(l)%orientation
             do k = 1, model%n_q
                 if (.not. model%moves(k, l)) cycle
-                call inertia_column(model%link(l), origin, state%acceleration_body(k, l), state%alpha_body(k, o), force, moment)
+                if (model%is_planar) then
+                    call planar_inertia(model, l, origin(:2), k, state%plane, plane_force, plane_moment)
+                else
+                    call inertia_column(model%link(l), origin, state%acceleration_body(k, l), state%alpha_body(k, o), force, moment)
+                end if
                 do i = 1, k
                     if (.not. model%moves(i, l)) cycle
-                    mass(:, i, k) = mass(:, i, k) + (force.dot.state%acceleration_body(i, l)) &
-                                    + (moment.dot.state%alpha_body(i, o))
+                    if (model%is_planar) then
+                        mass(:, i, k) = mass(:, i, k) + (plane_force.dot.state%plane%linear(i, l)) &
+                                        + plane_moment*state%plane%angular(:, i, o)
+                    else
+                        mass(:, i, k) = mass(:, i, k) + (force.dot.state%acceleration_body(i, l)) &
+                                        + (moment.dot.state%alpha_body(i, o))
+                    end if
                 end do
             end do
         end do

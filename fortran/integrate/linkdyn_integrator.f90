@@ -103,7 +103,7 @@ contains
         if (self%options%method == method_rk4) then
             call advance_rk4(self, system, t_end, y)
         else
-            call advance_adaptive(self, t_end, y)
+            call advance_adaptive(self, system, t_end, y)
         end if
     end subroutine advance
 
@@ -133,12 +133,14 @@ contains
             if (i == n) self%t = t_end
             where (.not. self%failed) self%good_until = self%t
             if (all(self%failed)) return
+            call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
             call note_step(self, h)
         end do
     end subroutine advance_rk4
 
-    subroutine advance_adaptive(self, t_end, y)
+    subroutine advance_adaptive(self, system, t_end, y)
         type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
         real(wp) :: h, t_before, solution(size(y, 2))
@@ -157,6 +159,7 @@ contains
             do k = 1, size(solution)
                 y(:, k) = solution(k)
             end do
+            call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
             self%good_until = self%t
             call note_step(self, self%t - t_before)
             ! A step cut short by t_end says nothing against the longer one proposed before.
