@@ -26,6 +26,7 @@ from planar_taylor import number
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parents[1] / "examples"
 DIGITS = 20
+RCSP_RATE = 10     # of the crank at the start of rcsp_free [rad/s]
 
 
 def load(path: str) -> dict:
@@ -52,7 +53,7 @@ def starts(scene: dict) -> tuple[list, list]:
 def guess_fourbar(q, scene):
     crank = 10 + 4 * complex(mp.expj(q[0]))
     top = planar_oracle.meet(0j, 8, crank, 8, 1)
-    return [*planar_oracle.pose(10 + 0j, crank), *planar_oracle.pose(top, crank), *planar_oracle.pose(0j, top)]
+    return [10, 0, q[0], *planar_oracle.pose(top, crank), *planar_oracle.pose(0j, top)]
 
 
 def guess_starts(q, scene):
@@ -167,17 +168,43 @@ def rcsp_start() -> list[dict]:
 
 
 def rcsp_free() -> list[dict]:
-    """Let go at one turn a second, without torque."""
+    """Let go at 10 rad/s, without torque: energy gives the rate as a function of the angle, and a quadrature the time."""
     mechanism = spatial_motion.rcsp(load("rcsp_start/scene.toml"), lambda t, q, qd: mpf(0))
-    rate = lambda t, y: [y[1], mechanism.accelerations(y[:1], y[1:], t)[0]]
-    instants = [mpf(0), mpf("0.5"), mpf(1), mpf(2)]
-    start = [mpf(0), mpf(6)]
-    states, error = spatial_motion.integrate(rate, start, instants, 8)
-    other, _ = spatial_motion.integrate(rate, start, instants, 6)
-    difference = max(abs(a - b) for u, v in zip(states, other) for a, b in zip(u, v))
-    print(f"  rcsp_free: two step lengths differ by {float(difference):.1e}", flush=True)
-    assert difference < mpf("1e-17")
-    return [spatial_state(mechanism, float(t), y[:1], y[1:]) for t, y in zip(instants[1:], states[1:])]
+
+    def energies(angle):
+        """Kinetic energy at a rate of 1 rad/s, and potential energy."""
+        bodies, _ = mechanism.bodies_of(mechanism.series([angle], [1], [0]))
+        kinetic = sum(spatial_motion.momenta(body)[2].value for body in bodies.values())
+        weight = sum(body["mass"] * body["cog"][2].value for body in bodies.values()) * -mechanism.gravity[2]
+        return kinetic, weight
+
+    unit, weight = energies(mpf(0))
+    total = unit * RCSP_RATE**2 + weight
+
+    def slowness(angle):
+        unit, weight = energies(angle)
+        return mp.sqrt(unit / (total - weight))
+
+    states, angle, time = [], mpf(0), mpf(0)
+    for t in (mpf("0.5"), mpf(1), mpf(2)):
+        new = angle + RCSP_RATE * (t - time)        # Newton's method on the time of arrival
+        came = arrival(slowness, angle, new)
+        while abs(miss := t - time - came) > mpf(10) ** -27:
+            came += arrival(slowness, new, new + miss / slowness(new))
+            new += miss / slowness(new)
+        angle, time = new, t
+        states.append(spatial_state(mechanism, float(t), [angle], [1 / slowness(angle)]))
+        print(f"  rcsp_free t = {float(t)}: {mp.nstr(angle, 20)}", flush=True)
+    return states
+
+
+def arrival(slowness, begin, end):
+    """Integral of the slowness by Gauss and Legendre, twice."""
+    pieces = max(1, int(abs(end - begin) / mpf("0.25")))
+    knots = [begin + (end - begin) * i / pieces for i in range(pieces + 1)]
+    value, error = mp.quad(slowness, knots, method="gauss-legendre", maxdegree=4, error=True)
+    assert error < mpf(10) ** -20, error
+    return value
 
 
 def spatial_state(mechanism, t, q, qd) -> dict:
