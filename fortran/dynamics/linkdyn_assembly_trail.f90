@@ -41,6 +41,8 @@ module linkdyn_assembly_trail
         logical :: is_needed = .false.              !! the model has dyads with two branches, or groups
         real(wp), allocatable :: q(:)               !! (n_q)
         real(wp), allocatable :: branch(:)          !! (n_dyad)
+        real(wp) :: rest = 0                        !! no dead point is looked for this far ahead, one having just been passed
+        real(wp) :: clear = 0                       !! the same, as part of the step under way
         logical, allocatable :: has_branches(:)     !! (n_dyad)
         type(kinematic_state) :: state
     end type assembly_trail
@@ -154,7 +156,7 @@ contains
         integer :: n, i, next, lane
 
         n = size(q, 2)
-        call pass_step(model, trail%q, q(:, 1), 0, trail)
+        call go_on(trail%q, q(:, 1))
         branch(:, 1) = trail%branch
         i = 1
         do while (i < n)
@@ -167,7 +169,7 @@ contains
             do lane = 1, lanes
                 if (i == n) exit
                 if (any(doubtful(lane, :))) then
-                    call pass_step(model, q(:, i), q(:, i + 1), 0, trail)
+                    call go_on(q(:, i), q(:, i + 1))
                     i = i + 1
                     branch(:, i) = trail%branch
                     exit
@@ -177,6 +179,18 @@ contains
             end do
         end do
         trail%q = q(:, n)
+
+    contains
+
+        subroutine go_on(from, to)
+            real(wp), intent(in) :: from(:), to(:)
+            real(wp) :: branch_there(model%n_dyad), rest
+
+            branch_there = trail%branch
+            rest = trail%rest
+            call cross_step(model, from, to, trail, branch_there, rest)
+            trail%rest = rest
+        end subroutine go_on
     end subroutine follow_branches
 
     subroutine begin_trail(model, q, trail)
@@ -219,61 +233,59 @@ contains
     end subroutine find_doubts
 
     !> The branches after a step between two positions, from those before it.
-    subroutine cross_step(model, from, to, trail, branch)
+    subroutine cross_step(model, from, to, trail, branch, clear)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: from(:), to(:)       !! (n_q)
         type(assembly_trail), intent(inout) :: trail !! its groups set out from `from`
         real(wp), intent(inout) :: branch(:)         !! (n_dyad)
+        real(wp), intent(inout) :: clear             !! how far ahead no dead point is looked for, one having just been passed
+        real(wp) :: length
 
+        length = norm2(to - from)
+        if (length == 0) return
         trail%branch = branch
-        call pass_step(model, from, to, 0, trail)
+        trail%clear = clear/length
+        call pass_part(model, from, to - from, 0.0_wp, 1.0_wp, 0, trail)
         branch = trail%branch
+        clear = max(0.0_wp, (trail%clear - 1)*length)
     end subroutine cross_step
 
-    !> Go from one position to another, in parts.
-    recursive subroutine pass_step(model, from, to, depth, trail)
+    !> Go a part of the way from a position, in smaller parts.
+    recursive subroutine pass_part(model, from, way, first, last, depth, trail)
         type(model_type), intent(in) :: model
-        real(wp), intent(in) :: from(:), to(:)       !! (n_q)
+        real(wp), intent(in) :: from(:), way(:)      !! (n_q)
+        real(wp), intent(in) :: first, last          !! of the way
         integer, intent(in) :: depth
         type(assembly_trail), intent(inout) :: trail
-        logical :: doubtful(lanes, model%n_dyad), is_near(model%n_dyad)
-        real(wp) :: part(model%n_q)
+        logical :: doubtful(lanes, model%n_dyad)
+        real(wp) :: part, at(lanes + 1), sine(lanes, model%n_dyad)
         integer :: done, lane, d
 
-        part = (to - from)/lanes
-        if (all(part == 0)) return
+        part = (last - first)/lanes
         done = 0
         do while (done < lanes)
+            at = [(max(first + (lane - 1)*part, trail%clear), lane=1, lanes + 1)]
             do lane = 1, lanes
-                trail%state%q(lane, :) = from + (lane - 1)*part
-                trail%state%qd(lane, :) = part
+                trail%state%q(lane, :) = from + at(lane)*way
+                trail%state%qd(lane, :) = (at(lane + 1) - at(lane))*way
             end do
             call find_doubts(model, trail, doubtful)
             do lane = done + 1, lanes
                 if (any(doubtful(lane, :))) exit
             end do
-            if (lane > lanes) return
+            if (lane > lanes .or. depth == deepest) return
             do d = 1, model%n_dyad
-                is_near(d) = doubtful(lane, d) .and. depth < deepest
-                if (is_near(d)) is_near(d) = sine_at(trail, d, lane) <= near_dead
+                sine(:, d) = transmission_sine(trail%state%plane%dyad(d))
             end do
-            if (any(is_near)) then
-                call pass_dead_points(model, from + (lane + 2)*part, is_near, trail)
-            else if (depth < deepest) then
-                call pass_step(model, from + (lane - 1)*part, from + lane*part, depth + 1, trail)
+            if (all(sine(lane, :) <= near_dead .or. .not. doubtful(lane, :))) then
+                trail%clear = at(lane) + 3*part
+                call pass_dead_points(model, from + trail%clear*way, doubtful(lane, :), trail)
+            else
+                call pass_part(model, from, way, at(lane), at(lane + 1), depth + 1, trail)
             end if
             done = lane
         end do
-    end subroutine pass_step
-
-    real(wp) function sine_at(trail, dyad, lane) result(sine)
-        type(assembly_trail), intent(in) :: trail
-        integer, intent(in) :: dyad, lane
-        real(wp) :: all_sines(lanes)
-
-        all_sines = transmission_sine(trail%state%plane%dyad(dyad))
-        sine = all_sines(lane)
-    end function sine_at
+    end subroutine pass_part
 
     !> Change the branches of the dyads at their dead points, unless their loops cannot close beyond.
     subroutine pass_dead_points(model, beyond, is_near, trail)

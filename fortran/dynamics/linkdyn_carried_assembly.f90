@@ -23,6 +23,8 @@ module linkdyn_carried_assembly
         real(wp), allocatable :: branch(:, :)          !!                                (lane, n_dyad)
         real(wp), allocatable :: determinant(:, :)     !! of the dyads' maps             (lane, n_dyad)
         real(wp), allocatable :: drift(:, :)           !! its rate; 0 where untrusted    (lane, n_dyad)
+        real(wp) :: clear(lanes) = 0                   !! no dead point is looked for this far ahead
+        real(wp) :: clear_tried(lanes) = 0             !! the same at the state tried last
         type(vec2), allocatable :: position(:)         !! of the groups' links           (0:n_link)
         real(wp), allocatable :: angle(:, :)           !!                                (lane, 0:n_link)
         type(kinematic_state) :: state                 !! scratch: positions and velocities of the state to be accepted
@@ -68,9 +70,11 @@ contains
             state%plane%group%start_angle = assembly%angle
         end if
         call evaluate_planar(model, state)
+        assembly%clear_tried = 0
         doubtful = may_have_passed(assembly, t, state)
         if (.not. any(doubtful)) return
         branch = assembly%branch
+        assembly%clear_tried = merge(assembly%clear, 0.0_wp, doubtful)
         call follow_ways(model, doubtful, assembly, state%q, branch)
         if (all(branch == assembly%branch)) return
         state%plane%branch = branch
@@ -87,7 +91,8 @@ contains
         real(wp) :: ahead(lanes)
         integer :: d
 
-        doubtful = .false.
+        ! On the wrong branch the loops behind the dyad may not close.
+        doubtful = state%unreachable .and. any(assembly%trail%has_branches)
         ahead = look_ahead*(t - assembly%t)
         do d = 1, size(assembly%branch, 2)
             if (.not. assembly%trail%has_branches(d)) cycle
@@ -96,7 +101,6 @@ contains
                            .or. now*(now - ahead*state%plane%drift(:, d)) < 0
             end associate
         end do
-        doubtful = doubtful .and. .not. state%unreachable
     end function may_have_passed
 
     !> Branches at the positions tried, lane by lane, along the straight way from the accepted ones.
@@ -120,7 +124,8 @@ contains
                     end do
                 end associate
             end if
-            call cross_step(model, assembly%q(lane, :), q(lane, :), assembly%trail, branch(lane, :))
+            call cross_step(model, assembly%q(lane, :), q(lane, :), assembly%trail, branch(lane, :), &
+                            assembly%clear_tried(lane))
         end do
     end subroutine follow_ways
 
@@ -136,7 +141,10 @@ contains
         call evaluate_on_assembly(model, t, assembly, assembly%state)
         associate (state => assembly%state)
             stays = .not. is_accepted .or. state%unreachable .or. state%not_converged
-            where (.not. stays) assembly%t = t
+            where (.not. stays)
+                assembly%t = t
+                assembly%clear = assembly%clear_tried
+            end where
             do k = 1, model%n_q
                 where (.not. stays) assembly%q(:, k) = state%q(:, k)
             end do

@@ -143,6 +143,7 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
+        real(wp), parameter :: shortest = 1.0e-12_wp    !! step, of the time on the clock or to go
         real(wp) :: h, t_before, solution(size(y, 2))
         logical :: ok
         integer :: k
@@ -152,6 +153,8 @@ contains
             h = self%next_step
             t_before = self%t
             call self%gsl%take_step(self%t, t_end, h, solution, ok)
+            ! Steps that shrink without end lead nowhere: at a singular position, say.
+            if (self%t < t_end .and. self%t - t_before < shortest*max(abs(self%t), t_end - t_before)) ok = .false.
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then
                 self%failed = .true.
                 exit
