@@ -31,7 +31,7 @@ module linkdyn_forward
     type :: forward_options
         type(integrator_options) :: integrator
         real(wp) :: t_start = 0                        !! [s]
-        integer :: stage_solver = solver_elimination   !! of the right-hand side, which needs no reactions
+        integer :: stage_solver = 0                    !! of the right-hand side, which needs no reactions; 0: the fastest
         integer :: solver = solver_elimination         !! of the forces at output instants
         logical :: wants_reactions = .true.
         integer :: threads = 1

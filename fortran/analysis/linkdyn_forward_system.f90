@@ -3,7 +3,7 @@ module linkdyn_forward_system
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
     use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
-        prepare_workspace, solve_equations, solver_reduced
+        prepare_workspace, solve_equations, solver_elimination, solver_reduced
     use linkdyn_forward_state, only: state_layout, plan_layout, choose_free, unpack_state, pack_rates
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
@@ -55,7 +55,7 @@ contains
     !> Plan the equations of the stages.
     subroutine build_forward_system(model, solver, system, status)
         type(model_type), intent(in), target :: model      !! must outlive the system
-        integer, intent(in) :: solver                      !! of the stages; no reaction is computed there
+        integer, intent(in) :: solver                      !! of the stages; no reaction is computed there; 0: the fastest
         type(forward_system), intent(inout) :: system
         type(status_type), intent(inout) :: status
         type(unknown_choice) :: unknown
@@ -63,7 +63,7 @@ contains
         system%model => model
         call choose_unknowns(model, unknown, status)
         if (.not. status%is_ok()) return
-        call build_equations(model, solver, .false., system%equations, status, unknown)
+        call build_equations(model, merge(solver, fastest_solver(unknown), solver > 0), .false., system%equations, status, unknown)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, system%equations, system%workspace)
         call plan_layout(model, unknown%acceleration, system%layout)
@@ -75,6 +75,15 @@ contains
             if (status%is_ok()) call prepare_workspace(model, system%inverse_equations, system%inverse_workspace)
         end if
     end subroutine build_forward_system
+
+    !> Virtual work asks for as many equations as there are coordinates: cheaper unless these are many.
+    pure integer function fastest_solver(unknown) result(solver)
+        type(unknown_choice), intent(in) :: unknown
+        integer, parameter :: n_few = 12
+
+        solver = solver_elimination
+        if (all(unknown%acceleration) .and. size(unknown%acceleration) <= n_few) solver = solver_reduced
+    end function fastest_solver
 
     !> Does a drive need a joint variable that is neither a coordinate nor the length of a leg?
     pure logical function measures_joints(model)

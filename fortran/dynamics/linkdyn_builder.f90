@@ -1,5 +1,6 @@
 !> From a scene to a model: constants in the form the engine wants, the plan, and the assembly at the start.
 module linkdyn_builder
+    use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_type, joint_type
     use linkdyn_planar_start, only: assemble_start
@@ -48,6 +49,7 @@ contains
         call list_joints_of_links(model)
         call share_orientations(model)
         call plan_steps(model, status)
+        if (status%is_ok()) call plan_carried_legs(model)
         call assemble_start(model, status)
     end subroutine build_model
 

@@ -1,6 +1,7 @@
 !> Joint variables and their rates, and the power balance, from the motion of the links.
 module linkdyn_joint_rates
     use linkdyn_assembly, only: link_wrench
+    use linkdyn_carried_legs, only: add_leg_wrench, carried_leg_of, leg_slide_column
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -106,7 +107,7 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
-        integer :: i, k
+        integer :: i, k, leg
 
         if (model%is_planar) then
             call planar_actuator_columns(model, state, rate)
@@ -114,7 +115,12 @@ contains
         end if
         do k = 1, model%n_q
             do i = 1, model%n_actuator
-                call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
+                leg = carried_leg_of(model, model%scene%actuator(i)%joint)
+                if (state%carries_legs .and. leg > 0) then
+                    rate(:, i, k) = leg_slide_column(model, state, leg, k)
+                else
+                    call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
+                end if
             end do
         end do
     end subroutine actuator_columns
@@ -222,12 +228,34 @@ contains
         end if
         work = 0
         do i = 1, model%n_link
+            if (state%carries_legs .and. model%link(i)%is_carried_leg) cycle
             o = model%link(i)%orientation
             call link_wrench(model, i, origin, state, load, force, moment)
+            force = state%rotation(o).rotate.force
+            moment = state%rotation(o).rotate.moment
+            if (state%carries_legs) call add_leg_wrench(model, state, i, load, force, moment)
+            if (model%link(i)%pose > 0) then
+                call add_pose_work(model%step(model%link(i)%pose)%coordinate)
+                cycle
+            end if
             do k = 1, model%n_q
                 if (.not. model%moves(k, i)) cycle
-                work(:, k) = work(:, k) + (force.dot.state%acceleration_body(k, i)) + (moment.dot.state%alpha_body(k, o))
+                work(:, k) = work(:, k) + (force.dot.state%acceleration(k, i)) + (moment.dot.state%alpha(k, o))
             end do
         end do
+
+    contains
+
+        !> A pose moves its link by unit columns.
+        subroutine add_pose_work(c)
+            integer, intent(in) :: c(6)
+
+            work(:, c(1)) = work(:, c(1)) + force%x
+            work(:, c(2)) = work(:, c(2)) + force%y
+            work(:, c(3)) = work(:, c(3)) + force%z
+            work(:, c(4)) = work(:, c(4)) + moment%x
+            work(:, c(5)) = work(:, c(5)) + moment%y
+            work(:, c(6)) = work(:, c(6)) + moment%z
+        end subroutine add_pose_work
     end subroutine work_columns
 end module linkdyn_joint_rates

@@ -34,6 +34,7 @@ contains
 
         tests = [ &
             new_test("accelerations from driving forces, every solver", test_forward), &
+            new_test("legs of any shape, with loads", test_general_legs), &
             new_test("some coordinates driven, some free", test_mixed), &
             new_test("every planar step", test_planar_steps), &
             new_test("mixed in the plane", test_planar_mixed), &
@@ -42,15 +43,17 @@ contains
     end subroutine collect_accelerations
 
     !> A scene at instants of its motion, its forces by LAPACK.
-    subroutine make_case(name, case, error)
+    subroutine make_case(name, case, error, skewed)
         character(len=*), intent(in) :: name
         type(motion_case), intent(out) :: case
         type(test_error), intent(inout) :: error
+        logical, intent(in), optional :: skewed       !! links of no symmetry, the loads on a leg
         type(scene_type) :: scene
         type(status_type) :: status
 
         call read_scene("examples/"//name//"/scene.toml", scene, status)
         call check(error, status%is_ok(), trim(status%message))
+        if (present(skewed)) call skew(scene)
         if (status%is_ok()) call make_case_of(scene, case, error)
     end subroutine make_case
 
@@ -78,6 +81,22 @@ contains
         end associate
         call check(error, status%is_ok(), trim(status%message))
     end subroutine make_case_of
+
+    !> Every link gets a centre of mass off its axes and products of inertia, each its own; loads go to the last leg.
+    subroutine skew(scene)
+        type(scene_type), intent(inout) :: scene
+        integer :: l
+
+        do l = 1, size(scene%link)
+            scene%link(l)%cog = scene%link(l)%cog + [0.05_wp, -0.03_wp, 0.02_wp]*(1 + 0.1_wp*l)
+            scene%link(l)%inertia(4:6) = scene%link(l)%inertia(4:6) &
+                                         + [0.10_wp, -0.07_wp, 0.04_wp]*(1 + 0.1_wp*l)*scene%link(l)%inertia(1)
+        end do
+        do l = 1, size(scene%load)
+            scene%load(l)%link = size(scene%link) - modulo(l, 2)
+            scene%load(l)%marker = 1
+        end do
+    end subroutine skew
 
     !> Solve for what is unknown and compare with the case.
     subroutine compare(case, unknown, solver, error)
@@ -135,6 +154,22 @@ contains
     end subroutine test_forward
 
     !> Position driven, orientation free: three driving forces found, three given.
+    !> Legs carried by the platform (`reduced`) against columns for every link.
+    subroutine test_general_legs(error)
+        type(test_error), intent(inout) :: error
+        type(motion_case) :: case
+        type(unknown_choice) :: unknown
+
+        call make_case("stewart_drilling", case, error, skewed=.true.)
+        if (allocated(error%message)) return
+        call check(error, size(case%load, 2) > 0, "the scene has loads")
+        unknown = find_drives(case%model)
+        call compare(case, unknown, solver_reduced, error)
+        unknown%acceleration = .true.
+        unknown%drive = .false.
+        call compare(case, unknown, solver_reduced, error)
+    end subroutine test_general_legs
+
     subroutine test_mixed(error)
         type(test_error), intent(inout) :: error
         type(motion_case) :: case
