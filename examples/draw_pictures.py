@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Draw the pictures in the READMEs of the examples: forces.png, reactions.png and scene.png beside each scene.
+"""Draw the pictures in the READMEs of the examples: forces.png, reactions.png, scene.png and motion.gif beside each scene;
+hodograph.png and polar.png where a README shows them.
 
-Scenes in which nothing is given a motion, and those named below, run forward; motion.png and energies.png come with them.
-Reactions of many unlike joints would be a tower of panels: left out.
+Scenes in which nothing is given a motion, and those named below, run forward; states.png and energies.png come with them. Reactions of many unlike joints would be a tower of panels: left out.
 
     python examples/draw_pictures.py [EXAMPLE ...]
 """
@@ -16,6 +16,7 @@ import matplotlib
 matplotlib.use("Agg")   # pictures go to files
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
 from PIL import Image
 
 import linkdyn
@@ -31,6 +32,7 @@ STROBES = {                                         # instants of the stroboscop
     "fivebar_motors": (0.0, 0.6, 31),
     "fourbar_constant_torque": (2.0, 4.6, 27),
     "fourbar_start": (0.0, 6.2, 32),
+    "n_fourbar": (0.0, 0.97, 24),
 }
 
 
@@ -45,7 +47,7 @@ def strobe(scene: linkdyn.Scene, instants: np.ndarray) -> None:
     start = scene.times()[0]
     grid = instants if instants[0] == start else np.concatenate([[start], instants])
     q = scene.forward(t=grid, want="driving_force").q.values[-len(instants):]
-    poses = scene.poses(q)
+    poses = scene.poses(q, in_order=True)
     jointed = {(link, marker) for joint in scene.description["joints"] for link, marker in zip(joint["links"], joint["markers"])}
     figure, axis = plt.subplots(figsize=(8.0, 5.5), layout="constrained")
     colours = plt.get_cmap("plasma")(np.linspace(0.0, 0.92, len(instants)))
@@ -62,10 +64,9 @@ def strobe(scene: linkdyn.Scene, instants: np.ndarray) -> None:
     figure.colorbar(scale, ax=axis, label="time [s]", shrink=0.7)
 
 
-def draw_forward(folder: Path, scene: linkdyn.Scene) -> None:
-    run = scene.forward()
+def draw_forward(folder: Path, scene: linkdyn.Scene, run: xr.Dataset) -> None:
     linkdyn.plot.motion(run)
-    save(folder / "motion.png")
+    save(folder / "states.png")
     linkdyn.plot.energies(run)
     save(folder / "energies.png")
     if folder.name in STROBES:
@@ -87,12 +88,18 @@ def main() -> None:
         if len(linkdyn.plot.reactions(run)[1]) <= MOST_PANELS:
             save(folder / "reactions.png")
         plt.close("all")
-        linkdyn.plot.scene3d(scene)
+        linkdyn.plot.mechanism(scene)
         save(folder / "scene.png")
+        linkdyn.plot.animate(run, folder / "motion.gif", scene=scene)
+        for kind, draw in (("hodograph", linkdyn.plot.hodograph), ("polar", linkdyn.plot.polar)):
+            if f"{kind}.png" in (folder / "README.md").read_text():
+                draw(run)
+                save(folder / f"{kind}.png")
         if goes_forward:
-            draw_forward(folder, scene)
+            draw_forward(folder, scene, run)
         if name in BESIDE:
-            draw_forward(folder, linkdyn.load(folder / BESIDE[name]))
+            beside = linkdyn.load(folder / BESIDE[name])
+            draw_forward(folder, beside, beside.forward())
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ module linkdyn_forward
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system, choose_unknowns
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
-        method_rk4, method_rkf45, method_rk8pd, method_msbdf
+        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
     use linkdyn_inverse, only: inverse_results, inverse_solver, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -26,7 +26,7 @@ module linkdyn_forward
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, finish_forward
     public :: run_forward, run_ensemble, integrator_options, choose_method, method_name
-    public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf
+    public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
 
     type :: forward_options
         type(integrator_options) :: integrator

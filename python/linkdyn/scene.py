@@ -146,20 +146,35 @@ class Scene:
         instants = self.times() if t is None else self._instants(t)
         return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[:3]
 
-    def poses(self, q: ArrayLike | None = None) -> Poses:
+    def load_values(self, t: ArrayLike | None = None) -> NDArray[np.float64]:
+        """The scene's own loads: (N, number of loads, 6) Fx Fy Fz [N] Mx My Mz [N m], in the axes of each load.
+
+        Parameters
+        ----------
+        t
+            (N,) instants [s]; default: `times`.
+        """
+        instants = self.times() if t is None else self._instants(t)
+        return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[3]
+
+    def poses(self, q: ArrayLike | None = None, *, in_order: bool | None = None) -> Poses:
         """Poses of all moving links.
 
         Parameters
         ----------
         q
             (N, n) or (n,) coordinates [m, rad]; default: the scene's motion.
+        in_order
+            The samples follow each other along a motion, and so does the assembly of a planar mechanism, as in
+            `inverse`; otherwise each is on the branch of the start. Default: only without ``q``.
         """
+        follows = q is None if in_order is None else in_order
         if q is None:
             q = self.motion()[0]
         elif np.ndim(q) == 1:
             q = np.asarray(q)[np.newaxis]
         values = self._batch("q", q, None)
-        return Poses(*_bind.poses(self._handle, values, len(self.links)))
+        return Poses(*_bind.poses(self._handle, values, len(self.links), follows))
 
     def inverse(
         self,
@@ -245,7 +260,8 @@ class Scene:
         t
             (N,) increasing instants of output [s] instead; the run starts at the first.
         method
-            "rk8pd" or "rkf45" (adaptive), "msbdf" (adaptive, for stiff scenes), "rk4" (fixed step).
+            "rk8pd" or "rkf45" (adaptive), "gbs" (adaptive, high order: many digits), "msbdf" (adaptive, for
+            stiff scenes), "rk4" (fixed step).
         step
             The fixed step, or the first one tried [s].
         rtol, atol
