@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 import weakref
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,8 +16,10 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
+from ._changes import changed
 from .errors import InputError
 from .results import result_shapes, to_dataset
+from .sweep import run_sweep
 
 __all__ = ["Scene", "Poses", "load"]
 
@@ -99,7 +102,8 @@ class Scene:
     ) -> None:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        handle = _bind.open_scene(data, name, os.fspath(folder if folder is not None else beside))
+        self._folder = os.fspath(folder if folder is not None else beside)
+        handle = _bind.open_scene(data, name, self._folder)
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
@@ -118,6 +122,31 @@ class Scene:
             f"<linkdyn.Scene {self.title!r}: {len(self.links)} links, {len(self.joints)} joints, "
             f"{len(self.coordinates)} coordinates, {len(self.actuators)} actuators>"
         )
+
+    def with_(self, changes: Mapping[str, Any]) -> Scene:
+        """The scene with some values changed; this one stays as it is.
+
+        Parameters
+        ----------
+        changes
+            Path in the scene file to new value. Tables of a list go by their name, coordinates and actuators by their
+            joint (or link), loads by their marker: "link.crank.mass", "actuator.J1.law.value", "spring.S1.rest",
+            "coordinate.J1.start", "time.end". ``None`` takes a key or table out; a table puts or replaces one:
+            ``{"actuator.J1.law": {"type": "constant", "value": 3.0}}``.
+
+        Raises
+        ------
+        InputError
+            A path leads nowhere.
+        SceneError
+            The scene changed so cannot be computed.
+
+        Examples
+        --------
+        >>> scene = linkdyn.load("examples/fourbar/scene.toml")
+        >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
+        """
+        return Scene(changed(tomllib.loads(self.text), changes), folder=self._folder)
 
     def explain(self) -> str:
         """What is modelled, how it is computed, what is left out."""
@@ -304,6 +333,58 @@ class Scene:
         names = ("steps", "rejected_steps", "right_hand_sides")
         run.attrs |= {"method": method, **dict(zip(names, map(int, statistics))), "stopped": stopped}
         return run
+
+    def sweep(
+        self,
+        sweep: Mapping[str, Any] | None = None,
+        *,
+        keep: str | Iterable[str] = (),
+        solver: str = "elimination",
+        threads: int = 1,
+        progress: bool = False,
+    ) -> xr.Dataset:
+        """What the table ``[sweep]`` asks for: peaks over a workspace, load cases and designs.
+
+        Memory does not grow with the number of samples, unless they are kept. For runs of hours use the executable: it
+        can be interrupted and resumed.
+
+        Parameters
+        ----------
+        sweep
+            The table, as in a scene file (``{"axis": [{"coordinate": "platform.x", "linspace": [0, 1, 5]}, ...]}``);
+            default: the scene's own.
+        keep
+            Quantities to be kept of every sample, e.g. "driving_force", beside those that the table names.
+        solver, threads
+            As for `inverse`; the results do not depend on the number of threads.
+        progress
+            Show a bar.
+
+        Returns
+        -------
+        xarray.Dataset
+            As the executable writes it: docs/sweep.md lists the variables.
+
+        Raises
+        ------
+        SceneError
+            Something is wrong in the table: what, what was expected.
+        InputError
+            The scene has no sweep; an unknown quantity or solver; too many or too few actuators.
+        """
+        if sweep is not None:
+            content = tomllib.loads(self.text) | {"sweep": sweep}
+            return Scene(content, folder=self._folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
+        return run_sweep(
+            self._handle,
+            self._folder,
+            self.description,
+            self.text,
+            keep=keep,
+            solver=str(solver),
+            threads=_count("threads", threads),
+            progress=progress,
+        )
 
     def _output_instants(self, t_end: float | None) -> NDArray[np.float64]:
         """Instants of a forward run: the scene's, or as many up to another end."""
