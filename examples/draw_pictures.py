@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Draw the pictures in the READMEs of the examples: forces.png, reactions.png, scene.png and motion.gif beside each scene;
-hodograph.png and polar.png where a README shows them.
+hodograph.png, polar.png and motion_NAME.gif (of scene_NAME.toml) where a README shows them.
 
 Scenes in which nothing is given a motion run forward. Reactions of many unlike joints would be a tower of panels: left out.
 
@@ -46,8 +46,13 @@ def main() -> None:
         linkdyn.plot.mechanism(scene)
         save(FOLDER / name / "scene.png")
         linkdyn.plot.animate(run, FOLDER / name / "motion.gif", scene=scene)
+        readme = (FOLDER / name / "README.md").read_text()
+        for other in sorted((FOLDER / name).glob("scene_*.toml")):
+            picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
+            if picture.name in readme:
+                linkdyn.plot.animate((also := linkdyn.load(other)).inverse(), picture, scene=also)
         for kind, draw in (("hodograph", linkdyn.plot.hodograph), ("polar", linkdyn.plot.polar)):
-            if f"{kind}.png" in (FOLDER / name / "README.md").read_text():
+            if f"{kind}.png" in readme:
                 draw(run)
                 save(FOLDER / name / f"{kind}.png")
 
