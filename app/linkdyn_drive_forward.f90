@@ -128,7 +128,7 @@ contains
             call put_results(layout, block, first, n, output, status)
             if (.not. status%is_ok()) exit
             call add_to_summary(layout, block, n, n_fallback, summary)
-            call show_progress(first + n - 1, size(t), progress)
+            call show_progress(int(first + n - 1, int64), size(t, kind=int64), progress)
         end do
         call end_progress(progress)
         call close_results(output, status)

@@ -165,7 +165,7 @@ contains
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n
-            call show_progress(n_done, n_sample, progress)
+            call show_progress(int(n_done, int64), int(n_sample, int64), progress)
             !$omp end critical (linkdyn_progress)
         end subroutine take_block
     end subroutine run_blocks

@@ -59,11 +59,14 @@ contains
         type(forward_system), intent(inout) :: system
         type(status_type), intent(inout) :: status
         type(unknown_choice) :: unknown
+        integer :: stage_solver
 
         system%model => model
         call choose_unknowns(model, unknown, status)
         if (.not. status%is_ok()) return
-        call build_equations(model, merge(solver, fastest_solver(unknown), solver > 0), .false., system%equations, status, unknown)
+        stage_solver = solver
+        if (solver == 0) stage_solver = fastest_solver(model, unknown)
+        call build_equations(model, stage_solver, .false., system%equations, status, unknown)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, system%equations, system%workspace)
         call plan_layout(model, unknown%acceleration, system%layout)
@@ -76,13 +79,13 @@ contains
         end if
     end subroutine build_forward_system
 
-    !> Virtual work asks for as many equations as there are coordinates: cheaper unless these are many.
-    pure integer function fastest_solver(unknown) result(solver)
+    !> Virtual work where a link carries legs, which then need three columns instead of n; the planned elimination else.
+    pure integer function fastest_solver(model, unknown) result(solver)
+        type(model_type), intent(in) :: model
         type(unknown_choice), intent(in) :: unknown
-        integer, parameter :: n_few = 12
 
         solver = solver_elimination
-        if (all(unknown%acceleration) .and. size(unknown%acceleration) <= n_few) solver = solver_reduced
+        if (all(unknown%acceleration) .and. any(model%leg%is_carried)) solver = solver_reduced
     end function fastest_solver
 
     !> Does a drive need a joint variable that is neither a coordinate nor the length of a leg?

@@ -119,7 +119,8 @@ contains
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint > 0) then
-                    call measure_variable(model, state, spring%joint, spring%variable, value, rate)
+                    call measure_variable(model, state, spring%joint, spring%variable, spread(spring%rest, 1, lanes), &
+                                          value, rate)
                     call apply_drive(model, spring%joint, spring%variable, -tension(spring, value, rate), state)
                 else
                     call apply_between_markers(model, spring, state)
@@ -155,7 +156,8 @@ contains
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint > 0) then
-                    call measure_variable(model, state, spring%joint, spring%variable, value, rate)
+                    call measure_variable(model, state, spring%joint, spring%variable, spread(spring%rest, 1, lanes), &
+                                          value, rate)
                 else
                     call measure_distance(model, spring, state, point, line, value, rate)
                 end if

@@ -57,6 +57,7 @@ module linkdyn_model
         integer :: first = 0                  !! index of its own state in the workspace (poses, legs, dyads, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
+        integer :: branch = 1                 !! of a CSP group: +1 the farther meeting along the slide, -1 the nearer
     end type step_type
 
     !> A UPS leg as the link at its spherical joint sees it.

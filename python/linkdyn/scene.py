@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 import weakref
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
+from ._changes import changed
 from .errors import InputError
 from .results import result_shapes, to_dataset
 
@@ -99,7 +101,8 @@ class Scene:
     ) -> None:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        handle = _bind.open_scene(data, name, os.fspath(folder if folder is not None else beside))
+        self._folder = os.fspath(folder if folder is not None else beside)
+        handle = _bind.open_scene(data, name, self._folder)
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
@@ -118,6 +121,31 @@ class Scene:
             f"<linkdyn.Scene {self.title!r}: {len(self.links)} links, {len(self.joints)} joints, "
             f"{len(self.coordinates)} coordinates, {len(self.actuators)} actuators>"
         )
+
+    def with_(self, changes: Mapping[str, Any]) -> Scene:
+        """The scene with some values changed; this one stays as it is.
+
+        Parameters
+        ----------
+        changes
+            Path in the scene file to new value. Tables of a list go by their name, coordinates and actuators by their
+            joint (or link), loads by their marker: "link.crank.mass", "actuator.J1.law.value", "spring.S1.rest",
+            "coordinate.J1.start", "time.end". ``None`` takes a key or table out; a table puts or replaces one:
+            ``{"actuator.J1.law": {"type": "constant", "value": 3.0}}``.
+
+        Raises
+        ------
+        InputError
+            A path leads nowhere.
+        SceneError
+            The scene changed so cannot be computed.
+
+        Examples
+        --------
+        >>> scene = linkdyn.load("examples/fourbar/scene.toml")
+        >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
+        """
+        return Scene(changed(tomllib.loads(self.text), changes), folder=self._folder)
 
     def explain(self) -> str:
         """What is modelled, how it is computed, what is left out."""

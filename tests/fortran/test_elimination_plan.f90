@@ -108,8 +108,8 @@ contains
         end do
     end subroutine make_system
 
-    !> Two unknowns in turning axes: [c s; -s c] at angles all the way round, so that neither c nor s may be a pivot; a
-    !> third row holds both, and a fourth unknown hangs on all three.
+    !> Two unknowns in turning axes, [c s; -s c] at angles all the way round, so that neither c nor s may be a pivot; two
+    !> more unknowns hang on the first.
     subroutine test_turned(error)
         type(test_error), intent(inout) :: error
         integer, parameter :: n = 4
@@ -134,8 +134,7 @@ contains
         ! Too small at some of the angles, as those above.
         call add(3, 1, 0.5_wp*cos(2*angle), 0.5_wp*cos(2*other))
         call add(3, 3, 1 + 0.3_wp*sin(angle), 1 + 0.3_wp*sin(other))
-        call add(1, 4, sin(3*angle), sin(3*other))
-        call add(2, 4, cos(2*angle), cos(2*other))
+        call add(4, 1, sin(3*angle), sin(3*other))
         call add(4, 3, sin(angle), sin(other))
         call add(4, 4, spread(3.0_wp, 1, n_pose), spread(3.0_wp, 1, lanes))
         system%sparse%right_slot = [(size(system%sparse%row) + i, i=1, n)]
