@@ -180,9 +180,9 @@ contains
 
         call add_dimension(dataset, "outcome", run%shape%n_code)
         call add_texts(dataset, "outcome", "outcome", code_names(run))
-        allocate (n_code(0))
+        allocate (n_code(run%shape%n_code*size(run%total)))
         do d = 1, size(run%total)
-            n_code = [n_code, run%total(d)%n_code]
+            n_code((d - 1)*run%shape%n_code + 1:d*run%shape%n_code) = run%total(d)%n_code
         end do
         call add_integers(dataset, "samples", by_design, run%total%n_sample, "samples")
         call add_integers(dataset, "samples_reduced", by_design, run%total%n_reduced, &
@@ -429,16 +429,19 @@ contains
         type(dataset_type), intent(inout) :: dataset
         real(wp), allocatable :: share(:)
         real(wp) :: gain, total, back
-        integer :: d, i
+        integer :: d, i, k
 
-        allocate (share(0))
+        allocate (share(size(run%shape%power)*size(run%total)))
+        k = 0
         do d = 1, size(run%total)
             associate (totals => run%total(d))
                 do i = 1, size(run%shape%power)
                     gain = totals%gain(i) + totals%gain_rest(i)
                     total = totals%sum(run%shape%power(i)) + totals%sum_rest(run%shape%power(i))
                     back = gain - total
-                    share = [share, merge(back/(gain + back), 0.0_wp, gain + back > 0)]
+                    k = k + 1
+                    share(k) = 0
+                    if (gain + back > 0) share(k) = back/(gain + back)
                 end do
             end associate
         end do
@@ -461,12 +464,13 @@ contains
         real(wp), allocatable :: direction(:)
         real(wp) :: row(3)
         integer(int64) :: sample
-        integer :: d, k
+        integer :: d, k, place
 
         call add_dimension(dataset, "direction", 3)
         if (first_component == 0 .or. run%row%place(quantity_force_amplification) == 0) &
             call add_texts(dataset, "direction", "direction", ["x", "y", "z"])
-        allocate (direction(0))
+        allocate (direction(3*quantity%n*size(run%total)))
+        place = 0
         do d = 1, size(run%total)
             do k = 1, quantity%n
                 sample = run%total(d)%high_at(quantity%first + k)
@@ -478,7 +482,8 @@ contains
                     row = design%force(1, k, first_component + 1:first_component + 3)
                     row = row/norm2(row)
                 end if
-                direction = [direction, row]
+                direction(place + 1:place + 3) = row
+                place = place + 3
             end do
         end do
         call close_design(design)
