@@ -14,11 +14,13 @@ module linkdyn_results
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
     public :: describe_results, choose_wanted, all_wanted, prepare_block, view_values, find_driving_power
     public :: variable_index, samples_width, label_len, wanted_name
-    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, n_dimension
+    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
+    public :: result_driving_force_error, result_reaction_error
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
+    public :: result_transmission_angle
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
     integer, parameter :: unit_len = 8
@@ -31,7 +33,8 @@ module linkdyn_results
     integer, parameter :: dim_component = 4
     integer, parameter :: dim_coordinate = 5
     integer, parameter :: dim_variable = 6
-    integer, parameter :: n_dimension = 6
+    integer, parameter :: dim_dyad = 7
+    integer, parameter :: n_dimension = 7
 
     ! ---- variables
     integer, parameter :: result_time = 1
@@ -54,6 +57,9 @@ module linkdyn_results
     integer, parameter :: result_work = 18
     integer, parameter :: result_closure = 19
     integer, parameter :: result_step = 20
+    integer, parameter :: result_driving_force_error = 21   ! of inverse dynamics, on demand
+    integer, parameter :: result_reaction_error = 22
+    integer, parameter :: result_transmission_angle = 23    ! of planar dyads
 
     ! ---- what the user may ask for
     character(len=14), parameter :: wanted_name(6) = [character(len=14) :: &
@@ -63,9 +69,10 @@ module linkdyn_results
     type :: wanted_type
         logical :: driving_force = .true.
         logical :: reaction = .true.
-        logical :: joint_variable = .true.   !! with its rate
+        logical :: joint_variable = .true.   !! with its rate, and the transmission angles
         logical :: power = .true.            !! speed and power of every actuator
         logical :: checks = .true.           !! rcond, error, growth, power_imbalance
+        logical :: errors = .false.          !! error estimates of what of the forces is wanted
     end type wanted_type
 
     !> One dimension. `label` and `unit` are absent for the samples.
@@ -79,7 +86,7 @@ module linkdyn_results
     !> One variable; dimensions slowest first, as netCDF tools and Python show them.
     type :: variable_type
         integer :: id = 0                                  !! one of `result_*`
-        character(len=16) :: name = ""
+        character(len=20) :: name = ""
         character(len=96) :: long_name = ""
         character(len=unit_list_len) :: units = ""         !! several where they differ along the last dimension
         character(len=unit_list_len), allocatable :: entry_unit(:)  !! along the last dimension, or a single one
@@ -159,20 +166,24 @@ contains
     end subroutine choose_wanted
 
     !> Dimensions, labels and variables of the results of inverse dynamics, or of forward dynamics.
-    subroutine describe_results(scene, wanted, has_time, layout, is_forward)
+    subroutine describe_results(scene, wanted, has_time, layout, is_forward, dyad)
         type(scene_type), intent(in) :: scene
         type(wanted_type), intent(in) :: wanted
         logical, intent(in) :: has_time              !! samples are instants of a motion
         type(layout_type), intent(out) :: layout
         logical, intent(in), optional :: is_forward  !! absent: false
+        character(len=*), intent(in), optional :: dyad(:)    !! names of the planar dyads; absent: none
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
-            "sample", "actuator", "joint", "component", "coordinate", "variable"]
+            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         call describe_components(scene, layout)
         call describe_coordinates(scene, layout)
+        allocate (layout%dimension(dim_dyad)%label(0))
+        if (present(dyad)) layout%dimension(dim_dyad)%label = dyad
+        layout%dimension(dim_dyad)%size = size(layout%dimension(dim_dyad)%label)
         call describe_variables(wanted, has_time, layout)
         if (present(is_forward)) then
             if (is_forward) call describe_run(wanted, layout)
@@ -277,17 +288,26 @@ contains
             if (wanted%reaction) call add(layout, result_reaction, "reaction", &
                 "wrench of the first link of the joint on the second, at the joint point, world axes", &
                 of=[dim_joint, dim_component], units=of_component)
+            if (wanted%errors .and. wanted%driving_force) call add(layout, result_driving_force_error, "driving_force_error", &
+                "estimated error of the driving force, infinite where it says nothing", &
+                of=[dim_actuator], units=of_actuator)
+            if (wanted%errors .and. wanted%reaction) call add(layout, result_reaction_error, "reaction_error", &
+                "estimated error of the reaction, infinite where it says nothing", &
+                of=[dim_joint, dim_component], units=of_component)
             if (wanted%joint_variable) then
                 call add(layout, result_joint_variable, "joint_variable", "joint variables", &
                     of=[dim_variable], units=of_variable)
                 call add(layout, result_joint_rate, "joint_rate", "rates of the joint variables", &
                     of=[dim_variable], units=per(of_variable, "/s"))
+                if (layout%dimension(dim_dyad)%size > 0) call add(layout, result_transmission_angle, "transmission_angle", &
+                    "transmission angle of the dyad, 0 at its dead points to pi/2", "rad", of=[dim_dyad])
             end if
         end associate
         call add(layout, result_status, "status", "outcome of the sample", "1", is_integer=.true.)
+        if (wanted%checks .or. wanted%errors) call add(layout, result_error, "error", &
+            "relative error bound or estimate of the forces", "1")
         if (wanted%checks) then
             call add(layout, result_rcond, "rcond", "reciprocal condition number of the equations", "1")
-            call add(layout, result_error, "error", "relative error bound or estimate of the forces", "1")
             call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
             call add(layout, result_power_imbalance, "power_imbalance", &
                 "driving and external power less change of energy, relative to the sum of magnitudes", "1")
