@@ -148,9 +148,15 @@ class Scene:
         """
         return Scene(changed(tomllib.loads(self.text), changes), folder=self._folder)
 
-    def explain(self) -> str:
-        """What is modelled, how it is computed, what is left out."""
-        return _bind.explain(self._handle)
+    def explain(self, matrix: bool = False) -> str:
+        """What is modelled, how it is computed, what is left out.
+
+        Parameters
+        ----------
+        matrix
+            Write the equations [A]{F} = b at the scene's first instant out as well, in symbols and in numbers.
+        """
+        return _bind.explain(self._handle, matrix)
 
     def times(self) -> NDArray[np.float64]:
         """Instants of the scene's own run [s], shape (N,)."""
