@@ -19,6 +19,7 @@ from . import _bind
 from ._changes import changed
 from .errors import InputError
 from .results import result_shapes, to_dataset
+from .study import run_study
 from .sweep import run_sweep
 
 __all__ = ["Scene", "Poses", "load"]
@@ -343,6 +344,30 @@ class Scene:
         names = ("steps", "rejected_steps", "right_hand_sides")
         run.attrs |= {"method": method, **dict(zip(names, map(int, statistics))), "stopped": stopped}
         return run
+
+    def study(self, t_end: float | None = None) -> xr.Dataset:
+        """Time against error of every solver and integrator on this scene.
+
+        Errors are taken against the quadruple twin if it is built (``make real128``), else against the most careful
+        result in double precision; ``attrs["reference"]`` says which. `linkdyn.plot.study` draws it.
+
+        Parameters
+        ----------
+        t_end
+            End of the forward runs [s]; default: the scene's.
+
+        Returns
+        -------
+        xarray.Dataset
+            A row for each method and setting: seconds, error, steps; ``attrs["report"]`` is the printed table, with
+            recommendations.
+
+        Raises
+        ------
+        LinkdynError
+            Neither inverse nor forward dynamics of the scene can be computed.
+        """
+        return run_study(self.text, self._folder, t_end)
 
     def sweep(
         self,
