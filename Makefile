@@ -1,7 +1,7 @@
 # The front door. Everything is made inside this folder: .venv, build, results.
 #   make run     build, install into .venv, compute and draw the main example
 #   make test    the same set-up, then every test
-#   make bench   time against error of the solvers
+#   make bench   time against error of the solvers; `make bench-forward`: of the integrators
 #   make docs    reference of the Fortran sources in docs/html
 #   make clean   remove what was made; `make distclean` removes .venv too
 
@@ -27,7 +27,7 @@ SOURCES := $(shell find fortran c app python tools -type f \
 # configuration of the one build folder: test and benchmark programs are built only when asked for
 SETUP := -Dtests=true -Dbenchmarks=true
 
-.PHONY: run test bench docs clean distclean system
+.PHONY: run test bench bench-forward docs clean distclean system
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -40,6 +40,10 @@ test: $(PACKAGE)
 bench: $(PACKAGE)
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_inverse_real64
 	$(VENV)/bin/python benchmarks/python/bench_inverse.py
+
+bench-forward: $(PACKAGE)
+	@$(VENV)/bin/meson compile -C $(BUILD) bench_forward_real64
+	$(VENV)/bin/python benchmarks/python/bench_forward.py
 
 docs: $(REQUIREMENTS)
 	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/python -m pip install --quiet ford
