@@ -53,7 +53,6 @@ real128: $(PACKAGE)
 	@[ -f $(REAL128)/build.ninja ] || $(VENV)/bin/meson setup $(REAL128) -Dreal128=enabled
 	@$(VENV)/bin/meson compile -C $(REAL128) linkdyn-real128
 	@cp $(REAL128)/app/linkdyn-real128 "$$($(VENV)/bin/python -c 'from linkdyn import cli; print(cli.executable().parent)')"
->>>>>>> main
 
 docs: $(REQUIREMENTS)
 	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/python -m pip install --quiet ford
