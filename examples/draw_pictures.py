@@ -2,7 +2,8 @@
 """Draw the pictures in the READMEs of the examples: forces.png, reactions.png, scene.png and motion.gif beside each scene;
 hodograph.png, polar.png and motion_NAME.gif (of scene_NAME.toml) where a README shows them.
 
-Scenes in which nothing is given a motion, and those named below, run forward; states.png and energies.png come with them. Reactions of many unlike joints would be a tower of panels: left out.
+Scenes in which nothing is given a motion, and those named below, run forward; states.png and energies.png come with them,
+and strobe.png for some. Reactions of many unlike joints would be a tower of panels: left out.
 
     python examples/draw_pictures.py [EXAMPLE ...]
 """
@@ -91,7 +92,8 @@ def main() -> None:
         linkdyn.plot.mechanism(scene)
         save(folder / "scene.png")
         linkdyn.plot.animate(run, folder / "motion.gif", scene=scene)
-        readme = (folder / "README.md").read_text()
+        file = folder / "README.md"
+        readme = file.read_text() if file.exists() else ""
         for other in sorted(folder.glob("scene_*.toml")):
             picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
             if picture.name in readme:
