@@ -363,7 +363,7 @@ contains
             "  --csv               a CSV table instead of netCDF-4", &
             "  --until T           end of the run in s; default: the end of the scene's [time]", &
             "  --samples N         instants of output, both ends included; default: the scene's", &
-            "  --method NAME       rk8pd (default), rkf45, msbdf (stiff scenes), or rk4 (fixed step)", &
+            "  --method NAME       rk8pd (default), rkf45, gbs (many digits), msbdf (stiff scenes), rk4 (fixed step)", &
             "  --step H            fixed step, or the first one tried, in s; default 0.001", &
             "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9", &
             "  --want LIST         driving_force, reaction, joint_variable, power (with energies), checks,", &

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Draw the pictures in the READMEs of the examples: forces.png, reactions.png and scene.png beside each scene.
+"""Draw the pictures in the READMEs of the examples: forces.png, reactions.png, scene.png and motion.gif beside each scene;
+hodograph.png and polar.png where a README shows them.
 
 Scenes in which nothing is given a motion run forward. Reactions of many unlike joints would be a tower of panels: left out.
 
@@ -42,8 +43,13 @@ def main() -> None:
         if len(linkdyn.plot.reactions(run)[1]) <= MOST_PANELS:
             save(FOLDER / name / "reactions.png")
         plt.close("all")
-        linkdyn.plot.scene3d(scene)
+        linkdyn.plot.mechanism(scene)
         save(FOLDER / name / "scene.png")
+        linkdyn.plot.animate(run, FOLDER / name / "motion.gif", scene=scene)
+        for kind, draw in (("hodograph", linkdyn.plot.hodograph), ("polar", linkdyn.plot.polar)):
+            if f"{kind}.png" in (FOLDER / name / "README.md").read_text():
+                draw(run)
+                save(FOLDER / name / f"{kind}.png")
 
 
 if __name__ == "__main__":

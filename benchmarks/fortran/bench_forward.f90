@@ -10,7 +10,7 @@ program bench_forward
     use linkdyn_builder, only: build_model
     use linkdyn_equations, only: solver_name, solver_reduced, solver_elimination
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, start_forward, &
-        advance_forward, finish_forward, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_name
+        advance_forward, finish_forward, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_name
     use linkdyn_forward_state, only: fill_start, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_kinds, only: wp, wp_name
@@ -87,7 +87,7 @@ contains
 
     subroutine compare_methods(status)
         type(status_type), intent(inout) :: status
-        integer, parameter :: method(2) = [method_rkf45, method_rk8pd]
+        integer, parameter :: method(3) = [method_rkf45, method_rk8pd, method_gbs]
         real(wp) :: reference(model%n_q), q(model%n_q)
         integer :: i, k
 

@@ -123,7 +123,8 @@ contains
         equations%unknown = find_drives(model)
         if (present(unknown)) equations%unknown = unknown
         equations%wants_reactions = wants_reactions
-        equations%needs_world = size(model%scene%spring) > 0 .or. (solver == solver_reduced .and. any(equations%unknown%drive))
+        equations%needs_world = size(model%scene%spring) > 0 &
+                                .or. (solver == solver_reduced .and. .not. all(model%leg%is_carried))
         if (solver == solver_reduced .and. wants_reactions) then
             call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")
             return
@@ -276,6 +277,7 @@ contains
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         workspace%state%has_applied = size(model%scene%spring) > 0 .or. .not. all(equations%unknown%drive)
         workspace%state%world_rates = equations%needs_world
+        workspace%state%carries_legs = equations%solver == solver_reduced
         call place_solution(model, equations, workspace)
         allocate (workspace%load(lanes, 6, model%n_load), workspace%driving_force(lanes, model%n_actuator), &
                   workspace%acceleration(lanes, model%n_q))

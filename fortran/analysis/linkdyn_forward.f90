@@ -6,11 +6,13 @@
 !> good instant and says so.
 module linkdyn_forward
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
+    use linkdyn_assembly_trail, only: sample_assembly, make_room
+    use linkdyn_carried_assembly, only: keep_accepted
     use linkdyn_equations, only: build_equations, unknown_choice, solver_elimination
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system, choose_unknowns
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
-        method_rk4, method_rkf45, method_rk8pd, method_msbdf
+        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
     use linkdyn_inverse, only: inverse_results, inverse_solver, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -24,12 +26,12 @@ module linkdyn_forward
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, finish_forward
     public :: run_forward, run_ensemble, integrator_options, choose_method, method_name
-    public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf
+    public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
 
     type :: forward_options
         type(integrator_options) :: integrator
         real(wp) :: t_start = 0                        !! [s]
-        integer :: stage_solver = solver_elimination   !! of the right-hand side, which needs no reactions
+        integer :: stage_solver = 0                    !! of the right-hand side, which needs no reactions; 0: the fastest
         integer :: solver = solver_elimination         !! of the forces at output instants
         logical :: wants_reactions = .true.
         integer :: threads = 1
@@ -75,8 +77,6 @@ contains
 
         run%model => model
         call check_options(options%integrator, status)
-        if (model%is_planar) call fail(status, status_bad_input, "forward dynamics of planar scenes cannot be computed yet " &
-                                       //"(expected space = ""spatial"")")
         if (.not. status%is_ok()) return
         allocate (run%system)
         call build_forward_system(model, options%stage_solver, run%system, status)
@@ -88,6 +88,7 @@ contains
         allocate (run%y(lanes, run%system%n))
         call scene_start(model, options%t_start, q, qd)
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
+        call run%system%begin(options%t_start, run%y)
         call run%system%evaluate(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed at its start: " &
@@ -106,9 +107,11 @@ contains
         type(forward_results), intent(inout) :: results
         integer, intent(out) :: n_good                 !! instants reached
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
+        type(sample_assembly) :: assembly
         real(wp) :: work
         integer :: i
 
+        if (run%model%is_planar) call make_room(run%model, size(t), assembly)
         associate (m => run%model, n => size(t))
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n))
             ! A sample that is not reached is computed from NaN, which flags it like any that fails.
@@ -124,13 +127,14 @@ contains
             work = ieee_value(1.0_wp, ieee_quiet_nan)
             if (.not. run%has_stopped) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
+                call keep_accepted(run%model, run%system%assembly, i, assembly)
                 work = run%y(1, run%system%layout%work)
                 n_good = i
             end if
             if (associated(results%work)) results%work(i) = work
             if (associated(results%step)) results%step(i) = run%integrator%last_step
         end do
-        call run_prepared(run%model, run%output, run%threads, q, qd, qdd, load, results%forces, force)
+        call run_prepared(run%model, run%output, run%threads, q, qd, qdd, load, results%forces, force, known=assembly)
         if (associated(results%q)) results%q = q
         if (associated(results%qd)) results%qd = qd
     end subroutine advance_forward
@@ -250,6 +254,7 @@ contains
                 run%system%wants_work = .false.
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
+                call run%system%begin(options%t_start, run%y)
                 call collect_kinks(model, run%kink)
                 call run%integrator%start(options%integrator, run%system, options%t_start, status)
                 do i = 1, size(t)

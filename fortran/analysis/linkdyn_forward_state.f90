@@ -47,10 +47,10 @@ contains
         end do
         do i = 1, size(model%step)
             if (model%step(i)%kind /= step_pose) cycle
-            associate (c => model%step(i)%coordinate)
+            associate (c => pack(model%step(i)%coordinate, model%step(i)%coordinate > 0))
                 if (any(is_free(c)) .and. .not. all(is_free(c))) call fail(status, status_bad_input, "link " &
                     //quoted(model%link(model%step(i)%link(1))%name)//": its pose is driven in part " &
-                    //"(expected all six components driven, or none)")
+                    //"(expected all its components driven, or none)")
             end associate
         end do
     end subroutine choose_free
@@ -70,6 +70,7 @@ contains
             associate (step => model%step(i))
                 if (step%kind /= step_pose) cycle
                 layout%pose_step(step%first) = i
+                if (model%is_planar) cycle                    ! its angle is a coordinate like others
                 if (.not. is_free(step%coordinate(1))) cycle
                 do k = 1, 3
                     layout%position(step%coordinate(k)) = layout%n + k

@@ -1,12 +1,14 @@
 !> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
 module linkdyn_forward_system
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
     use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
-        prepare_workspace, solve_block, solve_equations, solver_reduced
+        prepare_workspace, solve_equations, solver_elimination, solver_reduced
     use linkdyn_forward_state, only: state_layout, plan_layout, choose_free, unpack_state, pack_rates
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_model, only: model_type
@@ -22,14 +24,18 @@ module linkdyn_forward_system
         type(state_layout) :: layout
         type(equations_type) :: equations              !! of every stage: accelerations, and unknown driving forces
         type(equation_workspace) :: workspace
+        type(carried_assembly) :: assembly
         logical :: wants_work = .true.
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
         type(equations_type) :: inverse_equations
         type(equation_workspace) :: inverse_workspace
+        type(carried_assembly) :: inverse_assembly     !! of that motion
         real(wp) :: inverse_time(lanes) = -huge(1.0_wp)    !! instants of the forces found last
     contains
         procedure :: evaluate => evaluate_forward
+        procedure :: accept => accept_forward
+        procedure :: begin
         procedure :: release
     end type forward_system
 
@@ -49,15 +55,18 @@ contains
     !> Plan the equations of the stages.
     subroutine build_forward_system(model, solver, system, status)
         type(model_type), intent(in), target :: model      !! must outlive the system
-        integer, intent(in) :: solver                      !! of the stages; no reaction is computed there
+        integer, intent(in) :: solver                      !! of the stages; no reaction is computed there; 0: the fastest
         type(forward_system), intent(inout) :: system
         type(status_type), intent(inout) :: status
         type(unknown_choice) :: unknown
+        integer :: stage_solver
 
         system%model => model
         call choose_unknowns(model, unknown, status)
         if (.not. status%is_ok()) return
-        call build_equations(model, solver, .false., system%equations, status, unknown)
+        stage_solver = solver
+        if (solver == 0) stage_solver = fastest_solver(model, unknown)
+        call build_equations(model, stage_solver, .false., system%equations, status, unknown)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, system%equations, system%workspace)
         call plan_layout(model, unknown%acceleration, system%layout)
@@ -69,6 +78,15 @@ contains
             if (status%is_ok()) call prepare_workspace(model, system%inverse_equations, system%inverse_workspace)
         end if
     end subroutine build_forward_system
+
+    !> Virtual work where a link carries legs, which then need three columns instead of n; the planned elimination else.
+    pure integer function fastest_solver(model, unknown) result(solver)
+        type(model_type), intent(in) :: model
+        type(unknown_choice), intent(in) :: unknown
+
+        solver = solver_elimination
+        if (all(unknown%acceleration) .and. any(model%leg%is_carried)) solver = solver_reduced
+    end function fastest_solver
 
     !> Does a drive need a joint variable that is neither a coordinate nor the length of a leg?
     pure logical function measures_joints(model)
@@ -84,6 +102,48 @@ contains
         end do
     end function measures_joints
 
+    !> Begin at t on the assembly of the scene's start.
+    subroutine begin(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: y(:, :)
+
+        call begin_assembly(self%model, t, self%assembly)
+        if (any(self%by_inverse)) call begin_assembly(self%model, t, self%inverse_assembly)
+        call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
+    end subroutine begin
+
+    !> The mechanism has got to y: its assembly there is where the next steps set out from.
+    subroutine accept_forward(self, t, y, is_accepted)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_accepted(lanes)
+
+        if (.not. self%assembly%is_needed) return
+        call unpack_state(self%model, self%layout, t, y, self%assembly%state)
+        call accept_assembly(self%model, t, is_accepted, self%assembly)
+        if (.not. any(self%by_inverse)) return
+        call unpack_motion(self%model, t, self%inverse_assembly%state)
+        call accept_assembly(self%model, t, is_accepted, self%inverse_assembly)
+    end subroutine accept_forward
+
+    !> Coordinates of the scene's own motion at the instants of the lanes.
+    subroutine unpack_motion(model, t, state)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)              !! [s]
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: q(model%n_q, 1), qd(model%n_q, 1), qdd(model%n_q, 1), load(6, model%n_load, 1)
+        integer :: lane
+
+        do lane = 1, lanes
+            if (t(lane) /= t(max(1, lane - 1)) .or. lane == 1) call evaluate_motion(model, t(lane:lane), q, qd, qdd, load)
+            state%q(lane, :) = q(:, 1)
+            state%qd(lane, :) = qd(:, 1)
+            state%qdd(lane, :) = qdd(:, 1)
+        end do
+    end subroutine unpack_motion
+
     !> dy/dt on all lanes.
     subroutine evaluate_forward(self, t, y, rate, failed)
         class(forward_system), intent(inout) :: self
@@ -96,7 +156,7 @@ contains
         associate (model => self%model, workspace => self%workspace)
             call unpack_state(model, self%layout, t, y, workspace%state)
             call take_loads(model, t, workspace)
-            call evaluate_kinematics(model, workspace%state)
+            call evaluate_assembled(model, t, self%assembly, workspace%state)
             if (any(self%by_inverse)) call find_inverse_forces(self, t)
             do k = 1, model%n_actuator
                 if (self%equations%unknown%drive(k)) cycle
@@ -110,11 +170,25 @@ contains
             call pack_rates(model, self%layout, y, workspace%acceleration, rate)
             call work_rate(self, rate(:, self%layout%work))
             failed = workspace%status /= sample_ok
+            if (any(self%by_inverse)) failed = failed .or. self%inverse_workspace%status /= sample_ok
             do k = 1, model%n_q
                 failed = failed .or. .not. abs(workspace%acceleration(:, k)) <= huge(1.0_wp)
             end do
         end associate
     end subroutine evaluate_forward
+
+    subroutine evaluate_assembled(model, t, assembly, state)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)
+        type(carried_assembly), intent(inout) :: assembly
+        type(kinematic_state), intent(inout) :: state
+
+        if (assembly%is_needed) then
+            call evaluate_on_assembly(model, t, assembly, state)
+        else
+            call evaluate_kinematics(model, state)
+        end if
+    end subroutine evaluate_assembled
 
     !> Loads of the scene at the instants of the lanes.
     subroutine take_loads(model, t, workspace)
@@ -139,23 +213,13 @@ contains
     subroutine find_inverse_forces(self, t)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
-        real(wp) :: q(self%model%n_q, 1), qd(self%model%n_q, 1), qdd(self%model%n_q, 1), load(6, self%model%n_load, 1)
-        integer :: lane
 
         if (all(t == self%inverse_time)) return
         associate (model => self%model, workspace => self%inverse_workspace)
-            do lane = 1, lanes
-                if (lane == 1) then
-                    call evaluate_motion(model, t(1:1), q, qd, qdd, load)
-                else if (t(lane) /= t(lane - 1)) then
-                    call evaluate_motion(model, t(lane:lane), q, qd, qdd, load)
-                end if
-                workspace%state%q(lane, :) = q(:, 1)
-                workspace%state%qd(lane, :) = qd(:, 1)
-                workspace%state%qdd(lane, :) = qdd(:, 1)
-                workspace%load(lane, :, :) = load(:, :, 1)
-            end do
-            call solve_block(model, self%inverse_equations, workspace)
+            call unpack_motion(model, t, workspace%state)
+            workspace%load = self%workspace%load
+            call evaluate_assembled(model, t, self%inverse_assembly, workspace%state)
+            call solve_equations(model, self%inverse_equations, workspace)
         end associate
         self%inverse_time = t
     end subroutine find_inverse_forces

@@ -5,7 +5,7 @@
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_assembly_trail, only: assembly_trail, follow_assembly
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
@@ -129,9 +129,9 @@ contains
     !>
     !> With equations of forward dynamics the accelerations of the free coordinates are found instead: give zero for
     !> them, and the driving forces that are known. With a trail the samples follow each other, and those of the last
-    !> batch with the same trail: the assembly is then followed by continuity. Without one each sample is on the branch
-    !> of the start.
-    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail)
+    !> batch with the same trail: the assembly is then followed by continuity. A caller who knows the assembly of each
+    !> sample gives it instead. Without either each sample is on the branch of the start.
+    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
@@ -140,8 +140,9 @@ contains
         type(inverse_results), intent(inout) :: results
         real(wp), intent(in), optional :: given_force(:, :)     !! (n_actuator, n), read where not unknown
         type(assembly_trail), intent(inout), optional :: trail
+        type(sample_assembly), intent(in), optional :: known
         type(thread_space), pointer :: space
-        real(wp), allocatable :: branch(:, :)
+        type(sample_assembly) :: assembly
         integer :: n, n_block, n_thread, share, block, n_fallback
         logical :: wants_rates, wants_world
 
@@ -152,9 +153,14 @@ contains
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world
         n_fallback = 0
-        if (present(trail) .and. model%n_dyad > 0 .and. n > 0) then
-            allocate (branch(model%n_dyad, n))
-            call follow_assembly(model, q, trail, branch)
+        if (model%is_planar) then
+            if (present(known)) then
+                assembly = known
+            else if (present(trail) .and. n > 0) then
+                call follow_assembly(model, q, trail, assembly)
+            else
+                call make_room(model, 1, assembly)
+            end if
         end if
 
         call hold_blas_threads()
@@ -208,11 +214,8 @@ contains
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
-                if (allocated(branch)) then
-                    workspace%state%plane%branch(lane, :) = branch(:, sample)
-                else if (model%n_dyad > 0) then
-                    workspace%state%plane%branch(lane, :) = model%branch
-                end if
+                if (model%is_planar) &
+                    call place_sample(model, assembly, min(sample, size(assembly%branch, 2)), lane, workspace%state)
             end do
         end subroutine gather
 
@@ -333,7 +336,7 @@ contains
         integer :: i
 
         do i = 1, size(model%step)
-            if (model%step(i)%kind /= step_pose) cycle
+            if (model%step(i)%kind /= step_pose .or. model%is_planar) cycle
             associate (c => model%step(i)%coordinate, a => workspace%acceleration, q => workspace%state%q)
                 if (.not. equations%unknown%acceleration(c(4))) cycle
                 a(:, c(4:6)) = rates_of_rpy(q(:, c(4)), q(:, c(5)), vec3(a(:, c(4)), a(:, c(5)), a(:, c(6))))

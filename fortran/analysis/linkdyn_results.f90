@@ -322,6 +322,10 @@ contains
         type(variable_type) :: variable
         integer :: n
 
+        ! A scene without actuators has no driving forces, and netCDF no empty dimensions.
+        if (present(of)) then
+            if (any(layout%dimension(of)%size == 0)) return
+        end if
         variable%id = id
         variable%name = name
         variable%long_name = long_name

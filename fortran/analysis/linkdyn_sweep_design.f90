@@ -88,10 +88,11 @@ contains
             if (spec%tool_link > 0) point = model%scene%link(spec%tool_link)%marker(spec%tool_marker)%at
             if (design%wants_map) then
                 call prepare_force_map(model, spec%tool_link, point, spec%length, design%map)
-                design%equations%needs_columns = design%equations%needs_columns .or. design%map%needs_columns
+                design%equations%needs_columns = design%map%needs_columns
             end if
             call prepare_workspace(model, design%equations, design%workspace)
             design%workspace%state%world_rates = .true.
+            if (design%map%needs_columns .and. design%wants_map) design%workspace%state%carries_legs = .false.
             if (place(quantity_swing) > 0) call choose_neutrals()
             if (place(quantity_clearance) > 0) call choose_rods()
             allocate (design%value(lanes, row%n), design%rate(lanes, model%n_actuator))

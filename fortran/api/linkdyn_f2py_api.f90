@@ -416,9 +416,11 @@ contains
     end subroutine api_forward
 
     !> Position of the origin and rotation matrix of every moving link.
-    subroutine api_poses(handle, n, n_q_values, q, n_position, position, n_rotation, rotation, sample_status, code, message)
+    subroutine api_poses(handle, in_order, n, n_q_values, q, n_position, position, n_rotation, rotation, sample_status, &
+            code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
         integer(c_int), intent(in) :: n, n_q_values, n_position, n_rotation
         real(c_double), intent(in), target :: q(n_q_values)                  ! (n_q, n)
         real(c_double), intent(inout), target :: position(n_position)        ! (3, n_link, n)
@@ -428,6 +430,7 @@ contains
         character(len=512), intent(out) :: message
         type(model_type), pointer :: model
         type(status_type) :: status
+        type(assembly_trail) :: trail
         real(c_double), pointer :: q2(:, :), position3(:, :, :), rotation4(:, :, :, :)
 
         call find_model(handle, model, status)
@@ -439,7 +442,11 @@ contains
             q2(1:model%n_q, 1:n) => q
             position3(1:3, 1:model%n_link, 1:n) => position
             rotation4(1:3, 1:3, 1:model%n_link, 1:n) => rotation
-            call find_poses(model, q2, position3, rotation4, sample_status)
+            if (in_order == 1) then
+                call find_poses(model, q2, position3, rotation4, sample_status, trail)
+            else
+                call find_poses(model, q2, position3, rotation4, sample_status)
+            end if
         end if
         call report(status, code, message)
     end subroutine api_poses

@@ -11,6 +11,8 @@ module linkdyn_acceleration_columns
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_newton_euler, only: inertia_column
+    use linkdyn_planar_assembly, only: planar_inertia
+    use linkdyn_vec2, only: vec2
     use linkdyn_vec3, only: vec3, operator(.rotate.)
     implicit none (type, external)
     private
@@ -130,6 +132,10 @@ contains
         type(vec3) :: force, moment
         integer :: i, o
 
+        if (model%is_planar) then
+            call assemble_in_plane(model, formulation, columns, state, slot)
+            return
+        end if
         do i = 1, size(columns%group)
             associate (l => columns%group(i)%link, k => columns%group(i)%coordinate, first => columns%group(i)%first_slot)
                 o = model%link(l)%orientation
@@ -148,4 +154,24 @@ contains
             end associate
         end do
     end subroutine assemble_accelerations
+
+    subroutine assemble_in_plane(model, formulation, columns, state, slot)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(acceleration_columns), intent(in) :: columns
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(inout) :: slot(lanes, *)
+        type(vec2) :: force
+        real(wp) :: moment(lanes)
+        integer :: i
+
+        do i = 1, size(columns%group)
+            associate (l => columns%group(i)%link, k => columns%group(i)%coordinate, first => columns%group(i)%first_slot)
+                call planar_inertia(model, l, formulation%moment_point(:2, l), k, state%plane, force, moment)
+                slot(:, first + 1) = -force%x
+                slot(:, first + 2) = -force%y
+                slot(:, first + 3) = -moment
+            end associate
+        end do
+    end subroutine assemble_in_plane
 end module linkdyn_acceleration_columns

@@ -5,9 +5,12 @@ module linkdyn_applied_wrenches
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, orientation_of
+    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_planar_point, only: carried
     use linkdyn_point, only: point_velocity
-    use linkdyn_scene, only: frame_link, spring_spec
+    use linkdyn_scene, only: frame_link, spring_spec, joint_prismatic
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.cross.), operator(.rotate.), zero_vec2
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.cross.), operator(.dot.), &
         operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
     implicit none (type, external)
@@ -21,6 +24,13 @@ contains
         type(kinematic_state), intent(inout) :: state
         integer :: l
 
+        if (model%is_planar) then
+            do l = 1, model%n_link
+                state%plane%applied_force(l) = zero_vec2()
+            end do
+            state%plane%applied_moment = 0
+            return
+        end if
         do l = 1, model%n_link
             state%applied_force(l) = zero_vec3()
             state%applied_moment(l) = zero_vec3()
@@ -44,6 +54,10 @@ contains
             end associate
             return
         end if
+        if (model%is_planar) then
+            call apply_planar_drive(model, j, force, state)
+            return
+        end if
         call view_joint(model, state, j, state%velocity, state%omega, view)
         wrench = force*relative_axis(model%joint(j)%kind, variable, view%frame(1), view%frame(2))
         if (is_slide(model%joint(j)%kind, variable)) then
@@ -55,6 +69,46 @@ contains
         end if
     end subroutine apply_drive
 
+    subroutine apply_planar_drive(model, j, force, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+        real(wp), intent(in) :: force(lanes)
+        type(kinematic_state), intent(inout) :: state
+        type(vec2) :: point, push
+        integer :: o(2)
+
+        associate (joint => model%joint(j), plane => state%plane)
+            o = [orientation_of(model, joint%link(1)), orientation_of(model, joint%link(2))]
+            if (joint%kind == joint_prismatic) then
+                point = plane%position(joint%link(2)) + (plane%rotation(o(2)).rotate.joint%point(:2, 2))
+                push = force*(plane%rotation(o(1)).rotate.joint%frame(:2, 3, 1))
+                call apply_force(model, joint%link(2), in_space(point), in_space(push), state)
+                call apply_force(model, joint%link(1), in_space(point), in_space((-1.0_wp)*push), state)
+            else
+                call apply_moment(model, joint%link(2), about_z(force), state)
+                call apply_moment(model, joint%link(1), about_z(-force), state)
+            end if
+        end associate
+    end subroutine apply_planar_drive
+
+    !> A vector of the plane as one in space.
+    pure function in_space(v) result(w)
+        type(vec2), intent(in) :: v
+        type(vec3) :: w
+
+        w%x = v%x
+        w%y = v%y
+        w%z = 0
+    end function in_space
+
+    pure function about_z(moment) result(w)
+        real(wp), intent(in) :: moment(lanes)
+        type(vec3) :: w
+
+        w = zero_vec3()
+        w%z = moment
+    end function about_z
+
     !> All springs of the scene. Needs angular rates in world axes.
     subroutine apply_springs(model, state)
         type(model_type), intent(in) :: model
@@ -65,7 +119,8 @@ contains
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint > 0) then
-                    call measure_variable(model, state, spring%joint, spring%variable, value, rate)
+                    call measure_variable(model, state, spring%joint, spring%variable, spread(spring%rest, 1, lanes), &
+                                          value, rate)
                     call apply_drive(model, spring%joint, spring%variable, -tension(spring, value, rate), state)
                 else
                     call apply_between_markers(model, spring, state)
@@ -101,7 +156,8 @@ contains
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint > 0) then
-                    call measure_variable(model, state, spring%joint, spring%variable, value, rate)
+                    call measure_variable(model, state, spring%joint, spring%variable, spread(spring%rest, 1, lanes), &
+                                          value, rate)
                 else
                     call measure_distance(model, spring, state, point, line, value, rate)
                 end if
@@ -145,11 +201,17 @@ contains
         type(kinematic_state), intent(in) :: state
         type(vec3), intent(out) :: point, velocity
         type(vec3) :: arm
+        type(vec2) :: flat_arm
         integer :: o
 
         if (link == frame_link) then
             point = vec3_of(model%scene%frame%marker(marker)%at)
             velocity = zero_vec3()
+        else if (model%is_planar) then
+            o = model%link(link)%orientation
+            flat_arm = state%plane%rotation(o).rotate.model%scene%link(link)%marker(marker)%at(:2)
+            point = in_space(state%plane%position(link) + flat_arm)
+            velocity = in_space(carried(state%plane, level_velocity, link, o, flat_arm))
         else
             o = model%link(link)%orientation
             arm = state%rotation(o).rotate.model%scene%link(link)%marker(marker)%at
@@ -166,6 +228,14 @@ contains
         type(kinematic_state), intent(inout) :: state
 
         if (link == frame_link) return
+        if (model%is_planar) then
+            associate (plane => state%plane, f => vec2(force%x, force%y))
+                plane%applied_force(link) = plane%applied_force(link) + f
+                plane%applied_moment(:, link) = plane%applied_moment(:, link) &
+                                                + ((vec2(point%x, point%y) - plane%position(link)).cross.f)
+            end associate
+            return
+        end if
         associate (r => state%rotation(model%link(link)%orientation))
             state%applied_force(link) = state%applied_force(link) + (r.unrotate.force)
         end associate
@@ -180,6 +250,10 @@ contains
         type(kinematic_state), intent(inout) :: state
 
         if (link == frame_link) return
+        if (model%is_planar) then
+            state%plane%applied_moment(:, link) = state%plane%applied_moment(:, link) + moment%z
+            return
+        end if
         associate (r => state%rotation(model%link(link)%orientation))
             state%applied_moment(link) = state%applied_moment(link) + (r.unrotate.moment)
         end associate

@@ -16,7 +16,7 @@ module linkdyn_assembly
         operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
     implicit none (type, external)
     private
-    public :: assemble_matrix, assemble_right, column_direction, link_wrench
+    public :: assemble_matrix, assemble_right, column_direction, link_wrench, subtract_applied
 
 contains
 
@@ -204,7 +204,7 @@ contains
         type(kinematic_state), intent(in) :: state
         real(wp), intent(in) :: load(:, :, :)
         type(vec3), intent(out) :: force, moment
-        integer :: i, o
+        integer :: o
 
         o = model%link(l)%orientation
         if (model%link(l)%is_massless) then
@@ -214,14 +214,28 @@ contains
             call inertia_wrench(model%link(l), point, state%acceleration_body(0, l) - state%gravity_body(o), &
                                 state%omega_body(o), state%alpha_body(0, o), force, moment)
         end if
-        do i = 1, model%n_load
-            if (model%scene%load(i)%link == l) call subtract_load(model, i, point, state%rotation(o), load, force, moment)
-        end do
-        if (state%has_applied) then
-            force = force - state%applied_force(l)
-            moment = moment - state%applied_moment(l) - (state%applied_force(l).cross.point)
-        end if
+        call subtract_applied(model, l, point, state, load, force, moment)
     end subroutine link_wrench
+
+    !> Take off what acts on a link besides joints and gravity: loads, springs, given driving forces.
+    subroutine subtract_applied(model, l, point, state, load, force, moment)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: l
+        real(wp), intent(in) :: point(3)
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)
+        type(vec3), intent(inout) :: force, moment
+        integer :: i
+
+        do i = 1, model%n_load
+            if (model%scene%load(i)%link == l) &
+                call subtract_load(model, i, point, state%rotation(model%link(l)%orientation), load, force, moment)
+        end do
+        if (.not. state%has_applied) return
+        force = force - state%applied_force(l)
+        moment = moment - state%applied_moment(l)
+        if (any(point /= 0)) moment = moment - (state%applied_force(l).cross.point)
+    end subroutine subtract_applied
 
     subroutine subtract_load(model, i, point, rotation, load, force, moment)
         type(model_type), intent(in) :: model

@@ -6,6 +6,8 @@
 !> mechanism is seen to turn back before the dead point or the dead point is reached to within `near_dead`, and passed
 !> in the direction of the motion. What is nearer to a dead point than that cannot be told from passing through it.
 !>
+!> Groups closed by iteration set out, every `lanes` samples, from the assembly of the sample where they did last.
+!>
 !> A sample on its own, outside a motion, is on the branch of the start.
 module linkdyn_assembly_trail
     use linkdyn_dyad_map, only: transmission_sine
@@ -14,9 +16,11 @@ module linkdyn_assembly_trail
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_rrr, step_rrp, step_rpr
     use linkdyn_planar_pass, only: evaluate_planar
+    use linkdyn_vec2, only: lane_of
     implicit none (type, external)
     private
-    public :: assembly_trail, follow_assembly
+    public :: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, keep_lane
+    public :: begin_trail, cross_step, untrusted, look_ahead
 
     ! The sine of the transmission angle is known to about sqrt(epsilon), its rate loses its digits below 10 times that.
     real(wp), parameter :: untrusted = 7*sqrt(epsilon(1.0_wp))
@@ -24,20 +28,126 @@ module linkdyn_assembly_trail
     real(wp), parameter :: look_ahead = 1.5_wp      !! steps: a dead point at the very end of a step must not be missed
     integer, parameter :: deepest = 12              !! cuts of a step into `lanes` parts
 
+    !> On which assembly each of some samples is to be computed.
+    type :: sample_assembly
+        real(wp), allocatable :: branch(:, :)       !! (n_dyad, n)
+        real(wp), allocatable :: q(:, :)            !! coordinates at which groups set out (n_q, n)
+        real(wp), allocatable :: place(:, :, :)     !! x y angle of their links there (3, n_link, n)
+    end type sample_assembly
+
     !> Where the motion stood last.
     type :: assembly_trail
         logical :: has_begun = .false.
-        logical :: is_needed = .false.              !! the model has dyads with two branches
+        logical :: is_needed = .false.              !! the model has dyads with two branches, or groups
         real(wp), allocatable :: q(:)               !! (n_q)
         real(wp), allocatable :: branch(:)          !! (n_dyad)
+        real(wp) :: rest = 0                        !! no dead point is looked for this far ahead, one having just been passed
+        real(wp) :: clear = 0                       !! the same, as part of the step under way
         logical, allocatable :: has_branches(:)     !! (n_dyad)
         type(kinematic_state) :: state
     end type assembly_trail
 
 contains
 
-    !> Branches at samples that follow each other and those of the last call.
-    subroutine follow_assembly(model, q, trail, branch)
+    !> Room for n samples, on the assembly of the start.
+    subroutine make_room(model, n, assembly)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        type(sample_assembly), intent(out) :: assembly
+        integer :: g, i
+
+        assembly%branch = spread(model%branch, 2, n)
+        if (size(model%group) == 0) return
+        assembly%q = spread(model%start_q, 2, n)
+        allocate (assembly%place(3, model%n_link, n))
+        do g = 1, size(model%group)
+            do i = 1, size(model%group(g)%link)
+                assembly%place(:, model%group(g)%link(i), :) = spread(model%group(g)%start(:, i), 2, n)
+            end do
+        end do
+    end subroutine make_room
+
+    !> Put a lane of the state on the assembly of a sample.
+    subroutine place_sample(model, assembly, sample, lane, state)
+        type(model_type), intent(in) :: model
+        type(sample_assembly), intent(in) :: assembly
+        integer, intent(in) :: sample, lane
+        type(kinematic_state), intent(inout) :: state
+        integer :: g, i
+
+        state%plane%branch(lane, :) = assembly%branch(:, sample)
+        if (size(model%group) == 0) return
+        associate (group => state%plane%group)
+            group%start_q(lane, :) = assembly%q(:, sample)
+            do g = 1, size(model%group)
+                do i = 1, size(model%group(g)%link)
+                    associate (l => model%group(g)%link(i))
+                        group%start_position(l)%x(lane) = assembly%place(1, l, sample)
+                        group%start_position(l)%y(lane) = assembly%place(2, l, sample)
+                        group%start_angle(lane, l) = assembly%place(3, l, sample)
+                    end associate
+                end do
+            end do
+        end associate
+    end subroutine place_sample
+
+    !> Where a lane's groups have been closed, for samples i to j.
+    subroutine keep_lane(model, state, lane, i, j, assembly)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: lane, i, j
+        type(sample_assembly), intent(inout) :: assembly
+        integer :: g, k, sample
+
+        do sample = i, j
+            assembly%q(:, sample) = state%q(lane, :)
+            do g = 1, size(model%group)
+                do k = 1, size(model%group(g)%link)
+                    associate (l => model%group(g)%link(k))
+                        assembly%place(:2, l, sample) = lane_of(state%plane%group%position(l), lane)
+                        assembly%place(3, l, sample) = state%plane%group%angle(lane, l)
+                    end associate
+                end do
+            end do
+        end do
+    end subroutine keep_lane
+
+    !> Assembly at samples that follow each other and those of the last call.
+    subroutine follow_assembly(model, q, trail, assembly)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        type(assembly_trail), intent(inout) :: trail
+        type(sample_assembly), intent(out) :: assembly
+        integer :: n, i
+
+        n = size(q, 2)
+        if (.not. trail%has_begun) call begin_trail(model, q(:, 1), trail)
+        call make_room(model, n, assembly)
+        if (any(trail%has_branches)) call follow_branches(model, q, trail, assembly%branch)
+        if (size(model%group) == 0) return
+        trail%state%qd = 0
+        trail%state%qdd = 0
+        do i = 1, n, lanes
+            trail%state%q = spread(q(:, i), 1, lanes)
+            trail%state%plane%branch = spread(assembly%branch(:, i), 1, lanes)
+            call evaluate_planar(model, trail%state)
+            associate (state => trail%state, group => trail%state%plane%group)
+                ! Where the links cannot be placed, the next samples set out from where they last could.
+                if (.not. (state%unreachable(1) .or. state%not_converged(1))) then
+                    group%start_position = group%position
+                    group%start_angle = group%angle
+                    group%start_q = state%q
+                end if
+                group%position = group%start_position
+                group%angle = group%start_angle
+                trail%state%q = group%start_q
+            end associate
+            call keep_lane(model, trail%state, 1, i, min(n, i + lanes - 1), assembly)
+        end do
+    end subroutine follow_assembly
+
+    !> Branches of the dyads at samples that follow each other.
+    subroutine follow_branches(model, q, trail, branch)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
@@ -46,12 +156,7 @@ contains
         integer :: n, i, next, lane
 
         n = size(q, 2)
-        if (.not. trail%has_begun) call begin_trail(model, q(:, 1), trail)
-        if (.not. trail%is_needed) then
-            branch = spread(model%branch, 2, n)
-            return
-        end if
-        call pass_step(model, trail%q, q(:, 1), 0, trail)
+        call go_on(trail%q, q(:, 1))
         branch(:, 1) = trail%branch
         i = 1
         do while (i < n)
@@ -64,7 +169,7 @@ contains
             do lane = 1, lanes
                 if (i == n) exit
                 if (any(doubtful(lane, :))) then
-                    call pass_step(model, q(:, i), q(:, i + 1), 0, trail)
+                    call go_on(q(:, i), q(:, i + 1))
                     i = i + 1
                     branch(:, i) = trail%branch
                     exit
@@ -74,7 +179,19 @@ contains
             end do
         end do
         trail%q = q(:, n)
-    end subroutine follow_assembly
+
+    contains
+
+        subroutine go_on(from, to)
+            real(wp), intent(in) :: from(:), to(:)
+            real(wp) :: branch_there(model%n_dyad), rest
+
+            branch_there = trail%branch
+            rest = trail%rest
+            call cross_step(model, from, to, trail, branch_there, rest)
+            trail%rest = rest
+        end subroutine go_on
+    end subroutine follow_branches
 
     subroutine begin_trail(model, q, trail)
         type(model_type), intent(in) :: model
@@ -90,7 +207,7 @@ contains
         do i = 1, size(model%step)
             if (any(model%step(i)%kind == [step_rrr, step_rrp, step_rpr])) trail%has_branches(model%step(i)%first) = .true.
         end do
-        trail%is_needed = any(trail%has_branches)
+        trail%is_needed = any(trail%has_branches) .or. size(model%group) > 0
         if (trail%is_needed) call prepare_kinematics(model, 0, trail%state)
     end subroutine begin_trail
 
@@ -115,50 +232,60 @@ contains
         end do
     end subroutine find_doubts
 
-    !> Go from one position to another, in parts.
-    recursive subroutine pass_step(model, from, to, depth, trail)
+    !> The branches after a step between two positions, from those before it.
+    subroutine cross_step(model, from, to, trail, branch, clear)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: from(:), to(:)       !! (n_q)
+        type(assembly_trail), intent(inout) :: trail !! its groups set out from `from`
+        real(wp), intent(inout) :: branch(:)         !! (n_dyad)
+        real(wp), intent(inout) :: clear             !! how far ahead no dead point is looked for, one having just been passed
+        real(wp) :: length
+
+        length = norm2(to - from)
+        if (length == 0) return
+        trail%branch = branch
+        trail%clear = clear/length
+        call pass_part(model, from, to - from, 0.0_wp, 1.0_wp, 0, trail)
+        branch = trail%branch
+        clear = max(0.0_wp, (trail%clear - 1)*length)
+    end subroutine cross_step
+
+    !> Go a part of the way from a position, in smaller parts.
+    recursive subroutine pass_part(model, from, way, first, last, depth, trail)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: from(:), way(:)      !! (n_q)
+        real(wp), intent(in) :: first, last          !! of the way
         integer, intent(in) :: depth
         type(assembly_trail), intent(inout) :: trail
-        logical :: doubtful(lanes, model%n_dyad), is_near(model%n_dyad)
-        real(wp) :: part(model%n_q)
+        logical :: doubtful(lanes, model%n_dyad)
+        real(wp) :: part, at(lanes + 1), sine(lanes, model%n_dyad)
         integer :: done, lane, d
 
-        part = (to - from)/lanes
-        if (all(part == 0)) return
+        part = (last - first)/lanes
         done = 0
         do while (done < lanes)
+            at = [(max(first + (lane - 1)*part, trail%clear), lane=1, lanes + 1)]
             do lane = 1, lanes
-                trail%state%q(lane, :) = from + (lane - 1)*part
-                trail%state%qd(lane, :) = part
+                trail%state%q(lane, :) = from + at(lane)*way
+                trail%state%qd(lane, :) = (at(lane + 1) - at(lane))*way
             end do
             call find_doubts(model, trail, doubtful)
             do lane = done + 1, lanes
                 if (any(doubtful(lane, :))) exit
             end do
-            if (lane > lanes) return
+            if (lane > lanes .or. depth == deepest) return
             do d = 1, model%n_dyad
-                is_near(d) = doubtful(lane, d) .and. depth < deepest
-                if (is_near(d)) is_near(d) = sine_at(trail, d, lane) <= near_dead
+                sine(:, d) = transmission_sine(trail%state%plane%dyad(d))
             end do
-            if (any(is_near)) then
-                call pass_dead_points(model, from + (lane + 2)*part, is_near, trail)
-            else if (depth < deepest) then
-                call pass_step(model, from + (lane - 1)*part, from + lane*part, depth + 1, trail)
+            if (all(sine(lane, :) <= near_dead .or. .not. doubtful(lane, :))) then
+                trail%clear = at(lane) + 3*part
+                call pass_dead_points(model, from + trail%clear*way, doubtful(lane, :), trail)
+            else
+                call pass_part(model, from, way, at(lane), at(lane + 1), depth + 1, trail)
             end if
             done = lane
         end do
-    end subroutine pass_step
-
-    real(wp) function sine_at(trail, dyad, lane) result(sine)
-        type(assembly_trail), intent(in) :: trail
-        integer, intent(in) :: dyad, lane
-        real(wp) :: all_sines(lanes)
-
-        all_sines = transmission_sine(trail%state%plane%dyad(dyad))
-        sine = all_sines(lane)
-    end function sine_at
+    end subroutine pass_part
 
     !> Change the branches of the dyads at their dead points, unless their loops cannot close beyond.
     subroutine pass_dead_points(model, beyond, is_near, trail)

@@ -1,10 +1,12 @@
 !> From a scene to a model: constants in the form the engine wants, the plan, and the assembly at the start.
 module linkdyn_builder
+    use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_type, joint_type
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, joint_n_variable, joint_prismatic, frame_link
+    use linkdyn_spatial_start, only: assemble_in_space
     use linkdyn_status, only: status_type, fail, status_bad_input
     implicit none (type, external)
     private
@@ -48,7 +50,9 @@ contains
         call list_joints_of_links(model)
         call share_orientations(model)
         call plan_steps(model, status)
+        if (status%is_ok()) call plan_carried_legs(model)
         call assemble_start(model, status)
+        if (status%is_ok() .and. .not. model%is_planar) call assemble_in_space(model)
     end subroutine build_model
 
     subroutine take_link(spec, link)

@@ -52,7 +52,7 @@ contains
             to_s = state%rotation(o_output).rotate.(s%point(:, 3 - g%coupler_side) - p%point(:, 3 - g%slide_side))
             call locate_csp(state%position(g%slide_link) + slide_arm + to_s - state%position(g%axis_link) - axis_arm, &
                             axis_frame%z, slide_frame%z, g%radius, &
-                            merge(-1, 1, model%scene%joint(step%joint(2))%branch < 0), group)
+                            step%branch, group)
             state%unreachable = state%unreachable .or. .not. abs(group%slide) <= huge(1.0_wp)
             s_point = state%position(g%axis_link) + axis_arm + group%w
             coupler_frame%x = group%per_radius2*(g%offset(1)*group%n - g%offset(2)*group%m)

@@ -1,12 +1,12 @@
 !> What the actuators do in forward dynamics: driving forces from time and from the motion of their joints.
 module linkdyn_drives
-    use linkdyn_joint_rates, only: measure_variable
+    use linkdyn_joint_rates, only: measure_variable, coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: evaluate_law
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: drive_spec, law_spec, coordinate_joint, drive_inverse, drive_constant, drive_table, &
+    use linkdyn_scene, only: drive_spec, law_spec, drive_inverse, drive_constant, drive_table, &
         drive_spring_damper, drive_dc_motor, drive_pd
     implicit none (type, external)
     private
@@ -24,16 +24,19 @@ contains
         real(wp) :: position(lanes), rate(lanes), target(lanes), target_rate(lanes), target_rate2(lanes)
 
         associate (drive => model%scene%actuator(i)%drive)
-            if (needs_motion(drive)) call measure_actuator(model, i, state, position, rate)
+            target = drive%value(3)
             if (any(drive%kind == [drive_table, drive_dc_motor, drive_pd])) &
                 call law_on_lanes(drive%target, t, target, target_rate, target_rate2)
+            associate (spec => model%scene%actuator(i))
+                if (needs_motion(drive)) call measure_variable(model, state, spec%joint, spec%variable, target, position, rate)
+            end associate
             select case (drive%kind)
             case (drive_constant)
                 force = drive%value(1)
             case (drive_table)
                 force = target
             case (drive_spring_damper)
-                force = -(drive%value(1)*(position - drive%value(3)) + drive%value(2)*rate)
+                force = -(drive%value(1)*(position - target) + drive%value(2)*rate)
             case (drive_dc_motor)
                 force = motor_force(drive%value(1:6), target - position, rate)
             case (drive_pd)
@@ -67,36 +70,13 @@ contains
         needs_motion = drive%kind == drive_spring_damper .or. drive%kind == drive_dc_motor .or. drive%kind == drive_pd
     end function needs_motion
 
-    !> The driven joint variable and its rate. A coordinate is taken as it is: it counts turns, a measured angle does not.
-    subroutine measure_actuator(model, i, state, position, rate)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: i
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(out) :: position(lanes), rate(lanes)
-        integer :: k
-
-        k = coordinate_of_actuator(model, i)
-        if (k > 0) then
-            position = state%q(:, k)
-            rate = state%qd(:, k)
-        else
-            associate (spec => model%scene%actuator(i))
-                call measure_variable(model, state, spec%joint, spec%variable, position, rate)
-            end associate
-        end if
-    end subroutine measure_actuator
-
     !> The coordinate that an actuator drives directly; 0 if its joint variable is none.
     pure integer function coordinate_of_actuator(model, i) result(k)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i
 
         associate (spec => model%scene%actuator(i))
-            do k = model%n_q, 1, -1
-                associate (c => model%scene%coordinate(k))
-                    if (c%kind == coordinate_joint .and. c%joint == spec%joint .and. c%variable == spec%variable) return
-                end associate
-            end do
+            k = coordinate_of(model, spec%joint, spec%variable)
         end associate
     end function coordinate_of_actuator
 

@@ -1,20 +1,23 @@
 !> Joint variables and their rates, and the power balance, from the motion of the links.
 module linkdyn_joint_rates
     use linkdyn_assembly, only: link_wrench
+    use linkdyn_carried_legs, only: add_leg_wrench, carried_leg_of, leg_slide_column
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, is_slide
+    use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_planar_rates, only: measure_planar_joints, planar_actuator_rates, planar_actuator_columns, &
-        planar_power_imbalance, planar_work_columns
+    use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
+        planar_actuator_columns, planar_power_imbalance, planar_work_columns
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
+    use linkdyn_scene, only: coordinate_joint
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: joint_view, view_joint, measure_variable
+    public :: joint_view, view_joint, measure_variable, coordinate_of
     public :: measure_joints, actuator_rates, actuator_columns, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.
@@ -53,26 +56,61 @@ contains
         end do
     end subroutine measure_joints
 
-    !> One joint variable and its rate. Needs angular rates in world axes, except for the slide of a leg.
-    subroutine measure_variable(model, state, j, variable, value, rate)
+    !> One joint variable and its rate. A coordinate is taken as it is: it counts turns. A measured angle does not; of
+    !> the values that it may have, the one nearest to `near` is taken.
+    !>
+    !> Needs angular rates in world axes, except for coordinates and the slide of a leg.
+    subroutine measure_variable(model, state, j, variable, near, value, rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: j, variable
+        real(wp), intent(in) :: near(lanes)                   !! [rad]; a slide does not look at it
         real(wp), intent(out) :: value(lanes), rate(lanes)    !! [m, rad], [m/s, rad/s]
+        integer :: k
+
+        k = coordinate_of(model, j, variable)
+        if (k > 0) then
+            value = state%q(:, k)
+            rate = state%qd(:, k)
+            return
+        end if
+        if (model%is_planar) then
+            call measure_planar_variable(model, state, j, value, rate)
+        else if (model%joint(j)%leg > 0) then
+            value = state%leg(model%joint(j)%leg)%length
+            rate = state%leg(model%joint(j)%leg)%rate
+        else
+            call measure_in_space(model, state, j, variable, value, rate)
+        end if
+        if (.not. is_slide(model%joint(j)%kind, variable)) value = value - two_pi*anint((value - near)/two_pi)
+    end subroutine measure_variable
+
+    subroutine measure_in_space(model, state, j, variable, value, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, variable
+        real(wp), intent(out) :: value(lanes), rate(lanes)
         type(joint_view) :: view
         real(wp) :: q(lanes, 3), qd(lanes, 3)
 
-        if (model%joint(j)%leg > 0) then
-            value = state%leg(model%joint(j)%leg)%length
-            rate = state%leg(model%joint(j)%leg)%rate
-            return
-        end if
         call view_joint(model, state, j, state%velocity, state%omega, view)
         call variables_of_relative(model%joint(j)%kind, view%frame(1), view%frame(2), view%slide, view%slide_rate, &
                                    view%omega, q, qd)
         value = q(:, variable)
         rate = qd(:, variable)
-    end subroutine measure_variable
+    end subroutine measure_in_space
+
+    !> The coordinate that is a joint's variable; 0 if none is.
+    pure integer function coordinate_of(model, j, variable) result(k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, variable
+
+        do k = model%n_q, 1, -1
+            associate (c => model%scene%coordinate(k))
+                if (c%kind == coordinate_joint .and. c%joint == j .and. c%variable == variable) return
+            end associate
+        end do
+    end function coordinate_of
 
     !> Rate of every driven joint variable. Needs angular rates in world axes, except for the slide of a leg.
     subroutine actuator_rates(model, state, rate)
@@ -102,7 +140,7 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
-        integer :: i, k
+        integer :: i, k, leg
 
         if (model%is_planar) then
             call planar_actuator_columns(model, state, rate)
@@ -110,7 +148,12 @@ contains
         end if
         do k = 1, model%n_q
             do i = 1, model%n_actuator
-                call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
+                leg = carried_leg_of(model, model%scene%actuator(i)%joint)
+                if (state%carries_legs .and. leg > 0) then
+                    rate(:, i, k) = leg_slide_column(model, state, leg, k)
+                else
+                    call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
+                end if
             end do
         end do
     end subroutine actuator_columns
@@ -218,12 +261,34 @@ contains
         end if
         work = 0
         do i = 1, model%n_link
+            if (state%carries_legs .and. model%link(i)%is_carried_leg) cycle
             o = model%link(i)%orientation
             call link_wrench(model, i, origin, state, load, force, moment)
+            force = state%rotation(o).rotate.force
+            moment = state%rotation(o).rotate.moment
+            if (state%carries_legs) call add_leg_wrench(model, state, i, load, force, moment)
+            if (model%link(i)%pose > 0) then
+                call add_pose_work(model%step(model%link(i)%pose)%coordinate)
+                cycle
+            end if
             do k = 1, model%n_q
                 if (.not. model%moves(k, i)) cycle
-                work(:, k) = work(:, k) + (force.dot.state%acceleration_body(k, i)) + (moment.dot.state%alpha_body(k, o))
+                work(:, k) = work(:, k) + (force.dot.state%acceleration(k, i)) + (moment.dot.state%alpha(k, o))
             end do
         end do
+
+    contains
+
+        !> A pose moves its link by unit columns.
+        subroutine add_pose_work(c)
+            integer, intent(in) :: c(6)
+
+            work(:, c(1)) = work(:, c(1)) + force%x
+            work(:, c(2)) = work(:, c(2)) + force%y
+            work(:, c(3)) = work(:, c(3)) + force%z
+            work(:, c(4)) = work(:, c(4)) + moment%x
+            work(:, c(5)) = work(:, c(5)) + moment%y
+            work(:, c(6)) = work(:, c(6)) + moment%z
+        end subroutine add_pose_work
     end subroutine work_columns
 end module linkdyn_joint_rates

@@ -166,7 +166,7 @@ contains
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state
         type(vec3) :: base_arm, top_arm, base_point, top_point, axis, a, base_a
-        integer :: base, top, o_base, o_top, o, k
+        integer :: base, top, o_base, o_top, o, k, n_column
 
         associate (universal => model%joint(step%joint(1)), spherical => model%joint(step%joint(3)), &
                    lower => step%link(1), upper => step%link(2))
@@ -216,7 +216,9 @@ contains
                 call accelerate_ups_leg(leg, a, state%omega(o_base), state%alpha(0, o_base), step%base_moves, &
                                         state%alpha_body(0, o))
 
-                do k = 1, state%n_column
+                n_column = state%n_column
+                if (state%carries_legs .and. model%leg(step%first)%is_carried) n_column = 0
+                do k = 1, n_column
                     state%acceleration(k, upper) = point_column(state%acceleration(k, top), state%alpha(k, o_top), top_arm)
                     state%acceleration_body(k, upper) = leg%axes.unrotate.state%acceleration(k, upper)
                     a = state%acceleration_body(k, upper)
@@ -231,7 +233,7 @@ contains
 
                 if (state%world_rates .or. model%link(lower)%needs_world .or. model%link(upper)%needs_world) then
                     state%omega(o) = leg%axes.rotate.leg%omega
-                    do k = 0, state%n_column
+                    do k = 0, n_column
                         state%alpha(k, o) = leg%axes.rotate.state%alpha_body(k, o)
                     end do
                 end if

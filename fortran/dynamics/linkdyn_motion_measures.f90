@@ -5,10 +5,14 @@ module linkdyn_motion_measures
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, orientation_of
     use linkdyn_newton_euler, only: inertia_times
+    use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
+    use linkdyn_planar_point, only: carried
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+        operator(.rotate.), vec2_of
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
@@ -27,6 +31,10 @@ contains
 
         kinetic = 0
         call spring_energy(model, state, potential)
+        if (model%is_planar) then
+            call add_planar_energy(model, state%plane, kinetic, potential)
+            return
+        end if
         do l = 1, model%n_link
             associate (link => model%link(l))
                 o = link%orientation
@@ -39,6 +47,25 @@ contains
         end do
     end subroutine measure_energy
 
+    subroutine add_planar_energy(model, plane, kinetic, potential)
+        type(model_type), intent(in) :: model
+        type(planar_motion), intent(in) :: plane
+        real(wp), intent(inout) :: kinetic(lanes), potential(lanes)
+        type(vec2) :: velocity, arm
+        integer :: l, o
+
+        do l = 1, model%n_link
+            associate (link => model%link(l))
+                o = link%orientation
+                arm = plane%rotation(o).rotate.link%cog(:2)
+                velocity = carried(plane, level_velocity, l, o, arm)
+                kinetic = kinetic + (link%mass*(velocity.dot.velocity) &
+                                     + link%inertia(3, 3)*plane%angular(:, level_velocity, o)**2)/2
+                potential = potential - link%mass*((plane%position(l) + arm).dot.vec2_of(model%gravity(:2)))
+            end associate
+        end do
+    end subroutine add_planar_energy
+
     !> The largest distance or angle by which the two sides of a joint miss each other.
     subroutine measure_closure(model, state, gap)
         type(model_type), intent(in) :: model
@@ -49,6 +76,10 @@ contains
         integer :: j
 
         gap = 0
+        if (model%is_planar) then
+            call measure_planar_closure(model, state%plane, gap)
+            return
+        end if
         do j = 1, model%n_joint
             call view_joint(model, state, j, state%velocity, state%omega, view)
             apart = view%slide
@@ -68,6 +99,30 @@ contains
         end do
     end subroutine measure_closure
 
+    subroutine measure_planar_closure(model, plane, gap)
+        type(model_type), intent(in) :: model
+        type(planar_motion), intent(in) :: plane
+        real(wp), intent(inout) :: gap(lanes)
+        type(vec2) :: apart, point(2), axis(2)
+        integer :: j, side, o
+
+        do j = 1, model%n_joint
+            associate (joint => model%joint(j))
+                do side = 1, 2
+                    o = orientation_of(model, joint%link(side))
+                    point(side) = plane%position(joint%link(side)) + (plane%rotation(o).rotate.joint%point(:2, side))
+                    axis(side) = plane%rotation(o).rotate.joint%frame(:2, 3, side)
+                end do
+                apart = point(2) - point(1)
+                if (joint%kind == joint_prismatic) then
+                    gap = max(gap, abs(axis(1).cross.apart), abs(axis(1).cross.axis(2)))
+                else
+                    gap = max(gap, sqrt(apart.dot.apart))
+                end if
+            end associate
+        end do
+    end subroutine measure_planar_closure
+
     pure function length_of(v) result(length)
         type(vec3), intent(in) :: v
         real(wp) :: length(lanes)
@@ -82,6 +137,20 @@ contains
         type(kinematic_state), intent(inout) :: state
         integer :: k, l, o
 
+        if (model%is_planar) then
+            associate (plane => state%plane)
+                do k = 1, model%n_q
+                    do o = 1, model%n_orientation
+                        plane%angular(:, level_given, o) = plane%angular(:, level_given, o) &
+                                                           + acceleration(:, k)*plane%angular(:, k, o)
+                    end do
+                    do l = 1, model%n_link
+                        plane%linear(level_given, l) = plane%linear(level_given, l) + acceleration(:, k)*plane%linear(k, l)
+                    end do
+                end do
+            end associate
+            return
+        end if
         do k = 1, model%n_q
             do o = 1, model%n_orientation
                 state%alpha_body(0, o) = state%alpha_body(0, o) + acceleration(:, k)*state%alpha_body(k, o)

@@ -7,14 +7,14 @@ module linkdyn_planar_assembly
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_planar_motion, only: level_given
+    use linkdyn_planar_motion, only: planar_motion, level_given
     use linkdyn_planar_point, only: carried
     use linkdyn_scene, only: axes_link
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.cross.), operator(.rotate.), &
         vec2_of, zero_vec2
     implicit none (type, external)
     private
-    public :: assemble_planar_matrix, assemble_planar_right, planar_link_wrench
+    public :: assemble_planar_matrix, assemble_planar_right, planar_link_wrench, planar_inertia
 
 contains
 
@@ -80,7 +80,31 @@ contains
         end do
     end subroutine assemble_planar_right
 
-    !> What the joints must supply to a link: m (a_G - g) and I alpha + (G - point) x m (a_G - g), less the loads.
+    !> What a link's acceleration at one level asks for: m a_G, and I alpha + (G - point) x m a_G; less gravity at the
+    !> level given.
+    pure subroutine planar_inertia(model, l, point, level, plane, force, moment)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: l
+        real(wp), intent(in) :: point(2)              !! moment point, link axes [m]
+        integer, intent(in) :: level                  !! the acceleration given, or a column
+        type(planar_motion), intent(in) :: plane
+        type(vec2), intent(out) :: force              !! world axes
+        real(wp), intent(out) :: moment(lanes)
+        type(vec2) :: motion
+        integer :: o
+
+        o = model%link(l)%orientation
+        associate (link => model%link(l))
+            motion = carried(plane, level, l, o, plane%rotation(o).rotate.link%cog(:2))
+            if (level == level_given) motion = motion - vec2_of(model%gravity(:2))
+            force = link%mass*motion
+            moment = link%inertia(3, 3)*plane%angular(:, level, o)
+            if (any(link%cog(:2) /= point)) &
+                moment = moment + ((plane%rotation(o).rotate.(link%cog(:2) - point)).cross.force)
+        end associate
+    end subroutine planar_inertia
+
+    !> What the joints must supply to a link: its inertia less gravity, loads, springs and given drives.
     subroutine planar_link_wrench(model, l, point, state, load, force, moment)
         type(model_type), intent(in) :: model
         integer, intent(in) :: l
@@ -89,24 +113,24 @@ contains
         real(wp), intent(in) :: load(:, :, :)
         type(vec2), intent(out) :: force              !! world axes [N]
         real(wp), intent(out) :: moment(lanes)        !! [N m]
-        type(vec2) :: arm
-        integer :: i, o
+        integer :: i
 
-        o = model%link(l)%orientation
-        associate (plane => state%plane, link => model%link(l))
+        if (model%link(l)%is_massless) then
             force = zero_vec2()
             moment = 0
-            if (.not. link%is_massless) then
-                arm = plane%rotation(o).rotate.link%cog(:2)
-                force = link%mass*(carried(plane, level_given, l, o, arm) - vec2_of(model%gravity(:2)))
-                moment = link%inertia(3, 3)*plane%angular(:, level_given, o)
-                if (any(link%cog(:2) /= point)) &
-                    moment = moment + ((plane%rotation(o).rotate.(link%cog(:2) - point)).cross.force)
-            end if
-        end associate
+        else
+            call planar_inertia(model, l, point, level_given, state%plane, force, moment)
+        end if
         do i = 1, model%n_load
             if (model%scene%load(i)%link == l) call subtract_load(model, i, point, state, load, force, moment)
         end do
+        if (state%has_applied) then
+            associate (plane => state%plane)
+                force = force - plane%applied_force(l)
+                moment = moment - plane%applied_moment(:, l) &
+                         + ((plane%rotation(model%link(l)%orientation).rotate.point).cross.plane%applied_force(l))
+            end associate
+        end if
     end subroutine planar_link_wrench
 
     subroutine subtract_load(model, i, point, state, load, force, moment)

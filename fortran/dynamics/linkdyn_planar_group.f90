@@ -44,7 +44,8 @@ contains
         integer :: n, step
 
         n = 3*size(group%link)
-        largest = huge(1.0_wp)
+        ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
+        largest = merge(huge(1.0_wp), 0.0_wp, state%plane%group%moves)
         associate (matrix => state%plane%group%matrix, right => state%plane%group%right)
             do step = 1, most_steps
                 call put_links(model, group, state%plane)
@@ -85,28 +86,32 @@ contains
         end do
     end subroutine put_links
 
-    !> Take the correction; how large it was, relative to the links' distances.
+    !> Take the correction, unless the last one was small; how large it was, relative to the links' distances.
     subroutine correct(group, correction, plane, largest)
         type(group_type), intent(in) :: group
         real(wp), intent(in) :: correction(:, :)
         type(planar_motion), intent(inout) :: plane
-        real(wp), intent(out) :: largest(lanes)
-        real(wp) :: extent(lanes), shift(lanes)
+        real(wp), intent(inout) :: largest(lanes)
+        real(wp) :: extent(lanes), shift(lanes), part(lanes)
         integer :: i
 
         extent = 0
         shift = 0
-        largest = 0
+        part = merge(0.0_wp, 1.0_wp, largest <= small_step)
+        largest = merge(largest, 0.0_wp, largest <= small_step)
         do i = 1, size(group%link)
             associate (l => group%link(i), d => correction(:, 3*i - 2:3*i))
-                plane%group%position(l) = plane%group%position(l) - vec2(d(:, 1), d(:, 2))
-                plane%group%angle(:, l) = plane%group%angle(:, l) - d(:, 3)
+                where (part == 1)
+                    plane%group%position(l)%x = plane%group%position(l)%x - d(:, 1)
+                    plane%group%position(l)%y = plane%group%position(l)%y - d(:, 2)
+                    plane%group%angle(:, l) = plane%group%angle(:, l) - d(:, 3)
+                    largest = max(largest, abs(d(:, 3)))
+                end where
                 shift = max(shift, abs(d(:, 1)), abs(d(:, 2)))
                 extent = max(extent, abs(plane%group%position(l)%x), abs(plane%group%position(l)%y))
-                largest = max(largest, abs(d(:, 3)))
             end associate
         end do
-        largest = largest + shift/max(extent, tiny(1.0_wp))
+        where (part == 1) largest = largest + shift/max(extent, tiny(1.0_wp))
         where (.not. largest <= huge(1.0_wp)) largest = huge(1.0_wp)
     end subroutine correct
 

@@ -62,14 +62,15 @@ contains
         state%not_converged = .false.
     end subroutine clear_flags
 
-    !> Groups closed by iteration are led from their assembly at the start to the coordinates wanted in small steps, so
-    !> that a sample's assembly depends on the sample alone.
+    !> Groups closed by iteration are led to the coordinates wanted in small steps, from their assembly at the scene's
+    !> start or from one that the caller knows to be nearer.
     subroutine follow_groups(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
         real(wp), parameter :: stride = 0.1_wp        !! [rad, m]: largest change of a coordinate in one step
         real(wp) :: target(lanes, model%n_q), part(lanes), distance(lanes)
-        integer :: n_step, n, i, k
+        logical :: has_failed(lanes)
+        integer :: n_step(lanes), n, i, k
 
         target = state%q
         distance = 0
@@ -79,10 +80,12 @@ contains
         where (.not. distance <= huge(1.0_wp)) distance = 0
         state%plane%group%position = state%plane%group%start_position
         state%plane%group%angle = state%plane%group%start_angle
-        n_step = max(1, ceiling(maxval(distance)/stride))
-        do n = 1, n_step
+        n_step = max(1, ceiling(distance/stride))
+        do n = 1, maxval(n_step)
             ! Every lane takes steps of its own length and then stays where it wants to be.
-            part = min(1.0_wp, n/max(1.0_wp, real(ceiling(distance/stride), wp)))
+            part = min(1.0_wp, real(n, wp)/n_step)
+            state%plane%group%moves = n <= n_step
+            has_failed = state%not_converged .and. .not. state%plane%group%moves
             do k = 1, model%n_q
                 state%q(:, k) = merge(target(:, k), state%plane%group%start_q(:, k) &
                                       + part*(target(:, k) - state%plane%group%start_q(:, k)), part >= 1)
@@ -91,6 +94,7 @@ contains
             do i = 1, size(model%step)
                 call run_planar_step(model, model%step(i), state)
             end do
+            state%not_converged = state%not_converged .or. has_failed
         end do
     end subroutine follow_groups
 

@@ -11,8 +11,8 @@ module linkdyn_planar_rates
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: measure_planar_joints, planar_actuator_rates, planar_actuator_columns, planar_power_imbalance, &
-        planar_work_columns
+    public :: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
+        planar_actuator_columns, planar_power_imbalance, planar_work_columns
 
     real(wp), parameter :: origin(2) = 0
 
@@ -23,23 +23,34 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: variable(lanes, *), rate(lanes, *)    !! (lane, n_variable) [m, rad]
-        type(vec2) :: x(2)
-        integer :: j, k, side
+        integer :: j, k
 
         do j = 1, model%n_joint
             k = model%joint(j)%first_variable + 1
-            rate(:, k) = planar_joint_rate(model, state, j, level_velocity)
-            if (model%joint(j)%kind == joint_prismatic) then
-                variable(:, k) = state%slide(:, j)
-                cycle
-            end if
-            do side = 1, 2
-                x(side) = state%plane%rotation(orientation_of(model, model%joint(j)%link(side))) &
-                          .rotate.model%joint(j)%frame(:2, 1, side)
-            end do
-            variable(:, k) = atan2(x(1).cross.x(2), x(1).dot.x(2))
+            call measure_planar_variable(model, state, j, variable(:, k), rate(:, k))
         end do
     end subroutine measure_planar_joints
+
+    !> One joint variable and its rate.
+    pure subroutine measure_planar_variable(model, state, j, variable, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+        real(wp), intent(out) :: variable(lanes), rate(lanes)
+        type(vec2) :: x(2)
+        integer :: side
+
+        rate = planar_joint_rate(model, state, j, level_velocity)
+        if (model%joint(j)%kind == joint_prismatic) then
+            variable = state%slide(:, j)
+            return
+        end if
+        do side = 1, 2
+            x(side) = state%plane%rotation(orientation_of(model, model%joint(j)%link(side))) &
+                      .rotate.model%joint(j)%frame(:2, 1, side)
+        end do
+        variable = atan2(x(1).cross.x(2), x(1).dot.x(2))
+    end subroutine measure_planar_variable
 
     !> Rate of a joint's variable; at level k for a unit rate of coordinate k.
     pure function planar_joint_rate(model, state, j, level) result(rate)

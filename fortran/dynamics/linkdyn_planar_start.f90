@@ -17,7 +17,7 @@ module linkdyn_planar_start
     use linkdyn_vec2, only: vec2, vec2_of, operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
-    public :: assemble_start
+    public :: assemble_start, start_of_coordinate
 
     real(wp), parameter :: fit = 1.0e-6_wp    !! markers this near, relative to the scene's size, were meant to coincide
 

@@ -1,5 +1,6 @@
 !> One door to all integrators: advance a lane system from instant to instant, each hit exactly.
 module linkdyn_integrator
+    use linkdyn_gbs, only: gbs_method
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -9,14 +10,15 @@ module linkdyn_integrator
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: integrator_type, integrator_options, method_rk4, method_rkf45, method_rk8pd, method_msbdf
+    public :: integrator_type, integrator_options, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
     public :: method_name, choose_method, check_options
 
     integer, parameter :: method_rk4 = 1       !! order 4, fixed step; all lanes
     integer, parameter :: method_rkf45 = 2     !! order 4(5), adaptive
     integer, parameter :: method_rk8pd = 3     !! order 8(9), adaptive
     integer, parameter :: method_msbdf = 4     !! implicit, for stiff systems
-    character(len=5), parameter :: method_name(4) = [character(len=5) :: "rk4", "rkf45", "rk8pd", "msbdf"]
+    integer, parameter :: method_gbs = 5       !! extrapolation, order and step adaptive, columns on lanes
+    character(len=5), parameter :: method_name(5) = [character(len=5) :: "rk4", "rkf45", "rk8pd", "msbdf", "gbs"]
 
     type :: integrator_options
         integer :: method = method_rk8pd
@@ -38,6 +40,7 @@ module linkdyn_integrator
         real(wp) :: last_step = 0, shortest_step = huge(1.0_wp), longest_step = 0
         type(rk4_workspace), private :: work
         type(ode_gsl), private :: gsl
+        type(gbs_method), private :: gbs
     contains
         procedure :: start, advance, reset, finish
     end type integrator_type
@@ -54,7 +57,7 @@ contains
             if (text == method_name(method)) return
         end do
         method = method_rk8pd
-        call fail(status, status_bad_input, "method "//quoted(text)//" is not known (expected rk4, rkf45, rk8pd or msbdf)")
+        call fail(status, status_bad_input, "method "//quoted(text)//" is not known (expected rk4, rkf45, rk8pd, msbdf or gbs)")
     end subroutine choose_method
 
     !> Refuse what no integrator can work with.
@@ -87,6 +90,8 @@ contains
         self%next_step = options%step
         if (options%method == method_rk4) then
             call self%work%prepare(system%n)
+        else if (options%method == method_gbs) then
+            call self%gbs%start(system%n, options%rtol, options%atol)
         else
             call self%gsl%start(trim(method_name(options%method)), system, options%step, options%rtol, options%atol, status)
         end if
@@ -103,7 +108,7 @@ contains
         if (self%options%method == method_rk4) then
             call advance_rk4(self, system, t_end, y)
         else
-            call advance_adaptive(self, t_end, y)
+            call advance_adaptive(self, system, t_end, y)
         end if
     end subroutine advance
 
@@ -133,14 +138,17 @@ contains
             if (i == n) self%t = t_end
             where (.not. self%failed) self%good_until = self%t
             if (all(self%failed)) return
+            call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
             call note_step(self, h)
         end do
     end subroutine advance_rk4
 
-    subroutine advance_adaptive(self, t_end, y)
+    subroutine advance_adaptive(self, system, t_end, y)
         type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
+        real(wp), parameter :: shortest = 1.0e-12_wp    !! step, of the time on the clock or to go
         real(wp) :: h, t_before, solution(size(y, 2))
         logical :: ok
         integer :: k
@@ -149,7 +157,13 @@ contains
         do while (self%t < t_end)
             h = self%next_step
             t_before = self%t
-            call self%gsl%take_step(self%t, t_end, h, solution, ok)
+            if (self%options%method == method_gbs) then
+                call self%gbs%take_step(system, self%t, t_end, h, solution, ok)
+            else
+                call self%gsl%take_step(self%t, t_end, h, solution, ok)
+            end if
+            ! Steps that shrink without end lead nowhere: at a singular position, say.
+            if (self%t < t_end .and. self%t - t_before < shortest*max(abs(self%t), t_end - t_before)) ok = .false.
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then
                 self%failed = .true.
                 exit
@@ -157,14 +171,20 @@ contains
             do k = 1, size(solution)
                 y(:, k) = solution(k)
             end do
+            call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
             self%good_until = self%t
             call note_step(self, self%t - t_before)
             ! A step cut short by t_end says nothing against the longer one proposed before.
             if (self%t >= t_end .and. self%last_step < self%next_step) h = max(h, self%next_step)
             self%next_step = h
         end do
-        self%n_rejected = self%gsl%n_rejected()
-        self%n_evaluation = self%gsl%n_evaluation()
+        if (self%options%method == method_gbs) then
+            self%n_rejected = self%gbs%n_rejected
+            self%n_evaluation = self%gbs%n_evaluation
+        else
+            self%n_rejected = self%gsl%n_rejected()
+            self%n_evaluation = self%gsl%n_evaluation()
+        end if
     end subroutine advance_adaptive
 
     subroutine note_step(self, h)
@@ -181,7 +201,13 @@ contains
     subroutine reset(self)
         class(integrator_type), intent(inout) :: self
 
-        if (self%options%method /= method_rk4) call self%gsl%reset()
+        select case (self%options%method)
+        case (method_rk4)
+        case (method_gbs)
+            call self%gbs%reset()
+        case default
+            call self%gsl%reset()
+        end select
     end subroutine reset
 
     subroutine finish(self)

@@ -11,6 +11,7 @@ module linkdyn_lane_system
         integer :: n = 0                                  !! components of y
     contains
         procedure(evaluate_rates), deferred :: evaluate
+        procedure :: accept
     end type lane_system
 
     abstract interface
@@ -24,4 +25,14 @@ module linkdyn_lane_system
             logical, intent(out) :: failed(lanes)
         end subroutine evaluate_rates
     end interface
+
+contains
+
+    !> The integrator goes on from y: for systems that remember where they are. Rates tried before count no more.
+    subroutine accept(self, t, y, is_accepted)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)                   !! (lane, n)
+        logical, intent(in) :: is_accepted(lanes)         !! other lanes have stopped
+    end subroutine accept
 end module linkdyn_lane_system

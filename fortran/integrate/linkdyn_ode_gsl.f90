@@ -130,6 +130,7 @@ contains
         type(c_ptr), value :: context
         integer(c_int) :: code
         type(callback_frame), pointer :: frame
+        real(wp) :: instant(lanes)
         logical :: failed(lanes)
         integer :: k
 
@@ -137,7 +138,8 @@ contains
         do k = 1, frame%system%n
             frame%y(:, k) = y(k)
         end do
-        call frame%system%evaluate(spread(t, 1, lanes), frame%y, frame%rate, failed)
+        instant = t
+        call frame%system%evaluate(instant, frame%y, frame%rate, failed)
         frame%n_evaluation = frame%n_evaluation + 1
         rate(:frame%system%n) = frame%rate(1, :)
         code = merge(1_c_int, 0_c_int, failed(1))

@@ -34,6 +34,7 @@ contains
         logical, intent(out) :: failed(lanes)
         real(wp), parameter :: weight(4) = [1.0_wp, 2.0_wp, 2.0_wp, 1.0_wp]
         real(wp), parameter :: part(4) = [0.0_wp, 0.5_wp, 0.5_wp, 1.0_wp]
+        real(wp) :: instant(lanes)
         logical :: stage_failed(lanes)
         integer :: i, k
 
@@ -42,7 +43,8 @@ contains
         work%stage = y
         do i = 1, 4
             if (i > 1) work%stage = y + (part(i)*h)*work%rate
-            call system%evaluate(spread(t + part(i)*h, 1, lanes), work%stage, work%rate, stage_failed)
+            instant = t + part(i)*h
+            call system%evaluate(instant, work%stage, work%rate, stage_failed)
             failed = failed .or. stage_failed
             work%total = work%total + weight(i)*work%rate
         end do

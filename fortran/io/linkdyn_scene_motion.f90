@@ -9,7 +9,7 @@ module linkdyn_scene_motion
     use linkdyn_toml, only: toml_node, toml_table
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
-        require_table, table_list, get_quantity, quantity_of, get_vector
+        require_table, table_list, get_quantity, quantity_of, get_vector, get_flag
     use linkdyn_scene_names, only: find_link, find_joint, find_variable
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, &
@@ -65,7 +65,7 @@ contains
 
         joint = place%node%get("joint")
         link = place%node%get("link")
-        call allow_keys(place, [character(len=8) :: "joint", "variable", "link", "start", "motion"], status)
+        call allow_keys(place, [character(len=8) :: "joint", "variable", "link", "start", "motion", "driven"], status)
         if (joint%is_present() .and. link%is_present()) then
             call refuse(place, "has both 'joint' and 'link' (expected one of them)", status)
         else if (joint%is_present()) then
@@ -113,7 +113,21 @@ contains
         node = place%node%get("motion")
         if (node%is_present()) call read_law(place, "motion", node, quantity, coordinate%start_position, &
             coordinate%name, spline, shelf, coordinate%motion, status)
+        call read_driven(place, coordinate%is_driven, status)
     end subroutine read_joint_coordinate
+
+    !> Does a forward run too follow the motion?
+    subroutine read_driven(place, is_driven, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(inout) :: is_driven
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: motion
+
+        call get_flag(place, "driven", is_driven, status)
+        motion = place%node%get("motion")
+        if (status%is_ok() .and. is_driven .and. .not. motion%is_present()) call refuse(place, "is driven but has no "// &
+            "motion (expected motion = { law = .. }, or no 'driven')", status)
+    end subroutine read_driven
 
     !> The pose of a link.
     subroutine read_pose(place, components, shelf, scene, coordinate, status)
@@ -134,7 +148,7 @@ contains
             return
         end if
         place%what = "coordinate "//quoted(scene%link(link)%name)
-        call allow_keys(place, [character(len=6) :: "link", "start", "motion"], status)
+        call allow_keys(place, [character(len=6) :: "link", "start", "motion", "driven"], status)
         do i = 1, size(components)
             quantity = component_quantity(components(i))
             coordinate(i)%kind = coordinate_pose
@@ -146,6 +160,8 @@ contains
         end do
         call read_pose_start(place, scene%planar, coordinate, status)
         call read_pose_motion(place, components, shelf, coordinate, status)
+        call read_driven(place, coordinate(1)%is_driven, status)
+        coordinate%is_driven = coordinate(1)%is_driven
     end subroutine read_pose
 
     !> position, angles and their rates at the start.

@@ -3,7 +3,12 @@
 !>
 !> They are doors to the kernels of this folder, not a second implementation: positions come from the same closed forms,
 !> velocities and accelerations from the same 2x2 maps as in the engine. `mode` is the lecture's assembly mode, +1 or -1.
-!> Every argument holds `lanes` samples side by side.
+!> Every argument holds `lanes` samples side by side. The modules for mechanisms in space are in `linkdyn_lecture_spatial`.
+!>
+!> The coefficient forms FD_... need no formulas of their own. Accelerations are affine in the cranks' angular
+!> accelerations, so the part without them (B, D, F) is the plain module's acceleration for the parts without them going
+!> in; and the coefficients of a crank (A_k, C_k, E_k) are its acceleration for the coefficients going in at zero
+!> velocity, where nothing but the linear part is left.
 !>
 !> **Source**: the lecture on systematic kinematics and dynamics of link mechanisms; where its text carries an error, the
 !> corrected formula is used and named here.
@@ -19,7 +24,7 @@ module linkdyn_lecture
     private
     public :: point_motion, angle_motion, slide_motion, point_coefficients, angle_coefficients
     public :: crank_input, rrr_links, prr_links, coupler_point, link_angle
-    public :: fd_crank_input, fd_rrr_links, fd_coupler_point
+    public :: fd_crank_input, fd_rrr_links, fd_prr_links, fd_coupler_point
 
     !> The lecture's POINT: position, velocity, acceleration.
     type :: point_motion
@@ -39,7 +44,7 @@ module linkdyn_lecture
     !> Acceleration of a point, linear in the cranks' angular accelerations: the lecture's X" = sum A_k theta_k" + B and
     !> Y" = sum C_k theta_k" + D. `of(k)` is (A_k, C_k), `rest` is (B, D).
     type :: point_coefficients
-        type(vec2), allocatable :: of(:)
+        type(vec2), allocatable :: of(:)       !! by number of the crank
         type(vec2) :: rest
     end type point_coefficients
 
@@ -184,94 +189,157 @@ contains
 
     ! ---------------------------------------------------------------- coefficients of accelerations
 
-    !> Module FD_CRANK_INPUT: coefficients of the tip of crank `k`. On a moving base its coefficients of phi_base" enter
-    !> every column, and the rate in the footer is squared: -(theta' + phi_base')^2.
-    pure subroutine fd_crank_input(pivot, length, theta, base, k, pivot_of, base_of, tip_of)
+    !> Module FD_CRANK_INPUT: the tip of crank `k`, with its coefficients.
+    !>
+    !> Error of the text put right: in the footer the rate is squared, -(theta' + phi')^2, as in its coefficients.
+    pure subroutine fd_crank_input(pivot, length, theta, base, k, pivot_of, base_of, tip, tip_of)
         type(point_motion), intent(in) :: pivot
-        real(wp), intent(in) :: length
+        real(wp), intent(in) :: length                             !! [m]
         type(angle_motion), intent(in) :: theta, base
         integer, intent(in) :: k                                   !! number of this crank
         type(point_coefficients), intent(in) :: pivot_of
         type(angle_coefficients), intent(in) :: base_of
+        type(point_motion), intent(out) :: tip                     !! accelerated as by cranks at constant rates
         type(point_coefficients), intent(out) :: tip_of
-        type(angle_coefficients) :: angle_of
-        type(angle_motion) :: total
+        type(angle_motion) :: turned
+        type(point_motion) :: column
+        integer :: i
 
-        total = sum_of(theta, base)
-        angle_of = base_of
-        angle_of%of(:, k) = angle_of%of(:, k) + 1
-        tip_of = rigid_coefficients(pivot_of, length*direction_of(rot2_by_angle(total%the)), total%dthe, angle_of)
+        turned = theta
+        turned%ddthe = 0
+        call crank_input(point_rest(pivot, pivot_of), length, turned, angle_rest(base, base_of), tip)
+        tip_of%rest = tip%ddp
+        allocate (tip_of%of(size(pivot_of%of)))
+        turned%dthe = 0
+        do i = 1, size(tip_of%of)
+            turned%ddthe = merge(1.0_wp, 0.0_wp, i == k)
+            call crank_input(point_column(pivot, pivot_of, i), length, turned, angle_column(base, base_of, i), column)
+            tip_of%of(i) = column%ddp
+        end do
     end subroutine fd_crank_input
 
-    pure function rigid_coefficients(from, arm, rate, angle_of) result(point_of)
-        type(point_coefficients), intent(in) :: from
-        type(vec2), intent(in) :: arm
-        real(wp), intent(in) :: rate(lanes)                        !! angular velocity of the link [rad/s]
-        type(angle_coefficients), intent(in) :: angle_of
-        type(point_coefficients) :: point_of
-        integer :: k
-
-        allocate (point_of%of(size(from%of)))
-        do k = 1, size(from%of)
-            point_of%of(k) = from%of(k) + angle_of%of(:, k)*perp(arm)
-        end do
-        point_of%rest = from%rest + angle_of%rest*perp(arm) - rate**2*arm
-    end function rigid_coefficients
-
-    !> Module FD_RRR_LINKS: coefficients of the joint.
+    !> Module FD_RRR_LINKS: the joint of two links, with its coefficients.
     !>
-    !> Errors of the text put right: P_k and Q carry a minus between their terms, S has sin(beta) for sin(theta), and the
-    !> rate (alpha' +- beta') is squared. The 2x2 map gives the same coefficients without P, Q, R, S.
+    !> Errors of the text put right: P_k and Q carry a minus between their terms, Q lacks the cube of DX below and has
+    !> dDY DX twice, S has sin(beta) for sin(theta), and the rate (alpha' +- beta') is squared. With the map's 2x2 system
+    !> none of P, Q, R, S is needed; the tests compare with the corrected ones.
     pure subroutine fd_rrr_links(j1, j2, length1, length2, mode, of1, of2, joint, joint_of, is_reachable)
         type(point_motion), intent(in) :: j1, j2
-        real(wp), intent(in) :: length1, length2
-        integer, intent(in) :: mode
+        real(wp), intent(in) :: length1, length2                   !! [m]
+        integer, intent(in) :: mode                                !! +1 or -1
         type(point_coefficients), intent(in) :: of1, of2
-        type(point_motion), intent(out) :: joint                   !! position and velocity; no acceleration is known
+        type(point_motion), intent(out) :: joint                   !! accelerated as by cranks at constant rates
         type(point_coefficients), intent(out) :: joint_of
         logical, intent(out) :: is_reachable(lanes)
-        type(vec2) :: arm1, arm2
-        type(dyad_map) :: map
-        type(angle_motion) :: link1
-        type(angle_coefficients) :: angle_of
-        real(wp) :: rate2(lanes)
-        integer :: k
+        type(point_motion) :: column
+        integer :: i
 
-        call locate_rrr(j2%p - j1%p, length1, length2, branch_of(mode), arm1, arm2, is_reachable)
-        map = map_rrr(arm1, arm2)
-        call solve_dyad(map, j2%dp - j1%dp, link1%dthe, rate2)
-        joint = rigid_point(j1, arm1, link1)
-        joint%ddp = zero_vec2()
-        allocate (angle_of%of(lanes, size(of1%of)))
-        call solve_dyad(map, of2%rest - of1%rest + bias_rrr(arm1, arm2, link1%dthe, rate2), angle_of%rest, rate2)
-        do k = 1, size(of1%of)
-            call solve_dyad(map, of2%of(k) - of1%of(k), angle_of%of(:, k), rate2)
+        call rrr_links(point_rest(j1, of1), point_rest(j2, of2), length1, length2, mode, joint, is_reachable)
+        joint_of%rest = joint%ddp
+        allocate (joint_of%of(size(of1%of)))
+        do i = 1, size(joint_of%of)
+            call rrr_links(point_column(j1, of1, i), point_column(j2, of2, i), length1, length2, mode, column, is_reachable)
+            joint_of%of(i) = column%ddp
         end do
-        joint_of = rigid_coefficients(of1, arm1, link1%dthe, angle_of)
     end subroutine fd_rrr_links
 
-    !> Module FD_COUPLER_POINT: coefficients of a point of the link through J1 and J2, and of the link's angle.
+    !> Module FD_PRR_LINKS: slider and joint of a link and a slider, with their coefficients. The text names the module
+    !> and leaves its formulas out.
+    pure subroutine fd_prr_links(pivot, length, rail, psi, xi, eta, mode, pivot_of, rail_of, psi_of, &
+            slide, slider, joint, slide_of, slider_of, joint_of, is_reachable)
+        type(point_motion), intent(in) :: pivot, rail
+        type(angle_motion), intent(in) :: psi
+        real(wp), intent(in) :: length, xi, eta                    !! [m]
+        integer, intent(in) :: mode                                !! +1 or -1
+        type(point_coefficients), intent(in) :: pivot_of, rail_of
+        type(angle_coefficients), intent(in) :: psi_of
+        type(slide_motion), intent(out) :: slide                   !! accelerated as by cranks at constant rates
+        type(point_motion), intent(out) :: slider, joint           !! likewise
+        type(angle_coefficients), intent(out) :: slide_of          !! of the slide's acceleration
+        type(point_coefficients), intent(out) :: slider_of, joint_of
+        logical, intent(out) :: is_reachable(lanes)
+        type(slide_motion) :: slide_column
+        type(point_motion) :: slider_column, joint_column
+        integer :: i, n
+
+        call prr_links(point_rest(pivot, pivot_of), length, point_rest(rail, rail_of), angle_rest(psi, psi_of), xi, eta, mode, &
+                       slide, slider, joint, is_reachable)
+        slide_of%rest = slide%ddv
+        slider_of%rest = slider%ddp
+        joint_of%rest = joint%ddp
+        n = size(pivot_of%of)
+        allocate (slide_of%of(lanes, n), slider_of%of(n), joint_of%of(n))
+        do i = 1, n
+            call prr_links(point_column(pivot, pivot_of, i), length, point_column(rail, rail_of, i), &
+                           angle_column(psi, psi_of, i), xi, eta, mode, slide_column, slider_column, joint_column, is_reachable)
+            slide_of%of(:, i) = slide_column%ddv
+            slider_of%of(i) = slider_column%ddp
+            joint_of%of(i) = joint_column%ddp
+        end do
+    end subroutine fd_prr_links
+
+    !> Module FD_COUPLER_POINT: a point of the link through J1 and J2 and the link's angle, with their coefficients.
     !>
-    !> Error of the text put right: F_i is divided by the square of the distance J1J2, not by L_1^2.
-    pure subroutine fd_coupler_point(j1, j2, of1, of2, xi, eta, point_of, angle_of)
+    !> Errors of the text put right: F_i is divided by the square of the distance J1J2, not by L_1^2; the F in B_C and D_C
+    !> is F_i, and D_B is D_C.
+    pure subroutine fd_coupler_point(j1, j2, xi, eta, of1, of2, point, angle, point_of, angle_of)
         type(point_motion), intent(in) :: j1, j2
+        real(wp), intent(in) :: xi, eta                            !! [m]
         type(point_coefficients), intent(in) :: of1, of2
-        real(wp), intent(in) :: xi, eta
+        type(point_motion), intent(out) :: point                   !! accelerated as by cranks at constant rates
+        type(angle_motion), intent(out) :: angle                   !! likewise
         type(point_coefficients), intent(out) :: point_of
         type(angle_coefficients), intent(out) :: angle_of
-        type(vec2) :: d
-        real(wp) :: inverse_square(lanes), rate(lanes), scale(lanes)
-        integer :: k
+        type(point_motion) :: column
+        type(angle_motion) :: turn_column
+        integer :: i, n
 
-        d = j2%p - j1%p
-        inverse_square = 1/(d.dot.d)
-        rate = inverse_square*(d.cross.(j2%dp - j1%dp))
-        allocate (angle_of%of(lanes, size(of1%of)))
-        do k = 1, size(of1%of)
-            angle_of%of(:, k) = inverse_square*(d.cross.(of2%of(k) - of1%of(k)))
+        call coupler_point(point_rest(j1, of1), point_rest(j2, of2), xi, eta, point, angle)
+        point_of%rest = point%ddp
+        angle_of%rest = angle%ddthe
+        n = size(of1%of)
+        allocate (point_of%of(n), angle_of%of(lanes, n))
+        do i = 1, n
+            call coupler_point(point_column(j1, of1, i), point_column(j2, of2, i), xi, eta, column, turn_column)
+            point_of%of(i) = column%ddp
+            angle_of%of(:, i) = turn_column%ddthe
         end do
-        angle_of%rest = inverse_square*(d.cross.(of2%rest - of1%rest))
-        scale = sqrt(inverse_square)
-        point_of = rigid_coefficients(of1, (xi*scale)*d + (eta*scale)*perp(d), rate, angle_of)
     end subroutine fd_coupler_point
+
+    !> The point, accelerated as by cranks at constant rates.
+    pure function point_rest(point, of) result(rest)
+        type(point_motion), intent(in) :: point
+        type(point_coefficients), intent(in) :: of
+        type(point_motion) :: rest
+
+        rest = point_motion(point%p, point%dp, of%rest)
+    end function point_rest
+
+    pure function angle_rest(angle, of) result(rest)
+        type(angle_motion), intent(in) :: angle
+        type(angle_coefficients), intent(in) :: of
+        type(angle_motion) :: rest
+
+        rest = angle_motion(angle%the, angle%dthe, of%rest)
+    end function angle_rest
+
+    !> The point at zero velocity, accelerated by crank k alone.
+    pure function point_column(point, of, k) result(column)
+        type(point_motion), intent(in) :: point
+        type(point_coefficients), intent(in) :: of
+        integer, intent(in) :: k
+        type(point_motion) :: column
+
+        column = point_motion(point%p, zero_vec2(), of%of(k))
+    end function point_column
+
+    pure function angle_column(angle, of, k) result(column)
+        type(angle_motion), intent(in) :: angle
+        type(angle_coefficients), intent(in) :: of
+        integer, intent(in) :: k
+        type(angle_motion) :: column
+
+        column%the = angle%the
+        column%ddthe = of%of(:, k)
+    end function angle_column
 end module linkdyn_lecture

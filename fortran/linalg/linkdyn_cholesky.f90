@@ -16,32 +16,30 @@ contains
         real(wp), intent(inout) :: matrix(lanes, n, n)
         real(wp), intent(inout) :: right(lanes, n)        !! in: right-hand side; out: solution
         logical, intent(out) :: is_singular(lanes)
-        real(wp) :: inverse(lanes, n), diagonal(lanes)
+        real(wp) :: inverse(lanes, n), smallest(lanes, n), factor(lanes)
         integer :: i, j, k
 
         is_singular = .false.
+        do k = 1, n
+            smallest(:, k) = epsilon(1.0_wp)*matrix(:, k, k)
+        end do
         ! Row k becomes row k of D L^T. What is left of the diagonal says how definite the matrix is.
         do k = 1, n
-            diagonal = matrix(:, k, k)
-            do i = 1, k - 1
-                diagonal = diagonal - matrix(:, i, k)*matrix(:, i, k)*inverse(:, i)
-            end do
-            is_singular = is_singular .or. .not. diagonal > epsilon(1.0_wp)*matrix(:, k, k)
-            inverse(:, k) = 1/diagonal
+            is_singular = is_singular .or. .not. matrix(:, k, k) > smallest(:, k)
+            inverse(:, k) = 1/matrix(:, k, k)
             do j = k + 1, n
-                do i = 1, k - 1
-                    matrix(:, k, j) = matrix(:, k, j) - matrix(:, i, k)*(matrix(:, i, j)*inverse(:, i))
+                factor = matrix(:, k, j)*inverse(:, k)
+                do i = k + 1, j
+                    matrix(:, i, j) = matrix(:, i, j) - matrix(:, k, i)*factor
                 end do
+                right(:, j) = right(:, j) - factor*right(:, k)
             end do
-            do i = 1, k - 1
-                right(:, k) = right(:, k) - matrix(:, i, k)*right(:, i)
+        end do
+        do k = n, 1, -1
+            do j = k + 1, n
+                right(:, k) = right(:, k) - matrix(:, k, j)*right(:, j)
             end do
             right(:, k) = right(:, k)*inverse(:, k)
-        end do
-        do k = n - 1, 1, -1
-            do j = k + 1, n
-                right(:, k) = right(:, k) - (matrix(:, k, j)*inverse(:, k))*right(:, j)
-            end do
         end do
     end subroutine solve_cholesky
 end module linkdyn_cholesky

@@ -17,6 +17,7 @@ module linkdyn_kinematic_state
 
     type :: kinematic_state
         integer :: n_column = 0                               !! columns besides column 0
+        logical :: carries_legs = .false.                     !! legs that are carried get no columns (see linkdyn_carried_legs)
         logical :: world_rates = .true.                       !! angular rates in world axes of every link, also where no step needs them
         ! ---- INPUT
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :) !! coordinates, rates, accelerations    (lane, n_q)

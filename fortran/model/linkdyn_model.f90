@@ -4,7 +4,7 @@ module linkdyn_model
     use linkdyn_scene, only: scene_type, name_len
     implicit none (type, external)
     private
-    public :: model_type, link_type, joint_type, step_type, group_type
+    public :: model_type, link_type, joint_type, step_type, leg_type, group_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: is_dyad, orientation_of, side_of
 
@@ -32,6 +32,8 @@ module linkdyn_model
         logical :: is_diagonal = .true.       !! no products of inertia
         integer :: orientation = 0            !! index of the rotation it shares with links that slide on it
         logical :: needs_world = .false.      !! its angular rates in world axes are read by a later step
+        logical :: is_carried_leg = .false.   !! of a leg that is carried along (see leg_type)
+        integer :: pose = 0                   !! the step that takes its pose from coordinates
     end type link_type
 
     !> Constants of a joint.
@@ -55,7 +57,20 @@ module linkdyn_model
         integer :: first = 0                  !! index of its own state in the workspace (poses, legs, dyads, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
+        integer :: branch = 1                 !! of a CSP group: +1 the farther meeting along the slide, -1 the nearer
     end type step_type
+
+    !> A UPS leg as the link at its spherical joint sees it.
+    type :: leg_type
+        integer :: lower = 0, upper = 0       !! its links
+        integer :: top = 0                    !! the link at S
+        logical :: is_carried = .false.       !! it moves with S alone and nothing else hangs on it
+        real(wp) :: point(3) = 0              !! S on that link, link axes [m]
+        real(wp) :: mass = 0                  !! of the upper link [kg]
+        real(wp) :: moment(3) = 0             !! mass times cog of the upper link [kg m]
+        real(wp) :: lower_moment(3) = 0       !! the same of the lower link
+        real(wp) :: inertia(3, 3) = 0         !! of the lower link about U plus that of the upper about S [kg m2]
+    end type leg_type
 
     !> Links placed together by Newton's method.
     type :: group_type
@@ -85,6 +100,7 @@ module linkdyn_model
         type(link_type), allocatable :: link(:)
         type(joint_type), allocatable :: joint(:)
         type(step_type), allocatable :: step(:)
+        type(leg_type), allocatable :: leg(:)
         type(group_type), allocatable :: group(:)
         logical, allocatable :: moves(:, :)   !! (n_q, n_link): the coordinate moves the link
         integer, allocatable :: first_at(:)   !! joints of link l: joint_at(first_at(l):first_at(l+1)-1)

@@ -11,7 +11,7 @@ module linkdyn_planar_motion
     use linkdyn_vec2, only: vec2, rot2, vec2_of, zero_vec2, identity_rot2
     implicit none (type, external)
     private
-    public :: planar_motion, group_motion, prepare_planar_motion, level_velocity, level_given
+    public :: planar_motion, group_motion, prepare_planar_motion, start_groups, level_velocity, level_given
 
     integer, parameter :: level_velocity = -1, level_given = 0
 
@@ -20,6 +20,7 @@ module linkdyn_planar_motion
         type(vec2), allocatable :: position(:), start_position(:)    !! by link                (0:n_link)
         real(wp), allocatable :: angle(:, :), start_angle(:, :)      !! (lane, 0:n_link) [rad]
         real(wp), allocatable :: start_q(:, :)                       !! coordinates there      (lane, n_q)
+        logical :: moves(lanes) = .true.                             !! false: the iteration has arrived
         real(wp), allocatable :: matrix(:, :, :), right(:, :, :)     !! (lane, row, column)
     end type group_motion
 
@@ -31,6 +32,8 @@ module linkdyn_planar_motion
         type(dyad_map), allocatable :: dyad(:)           !!                                  (n_dyad)
         real(wp), allocatable :: branch(:, :)            !! assembly of the dyads, +1 or -1  (lane, n_dyad)
         real(wp), allocatable :: drift(:, :)             !! rate of the map's determinant    (lane, n_dyad)
+        type(vec2), allocatable :: applied_force(:)      !! of springs and given drives [N]  (n_link)
+        real(wp), allocatable :: applied_moment(:, :)    !! about the origin [N m]           (lane, n_link)
         type(group_motion) :: group
     end type planar_motion
 
@@ -46,6 +49,7 @@ contains
             allocate (motion%rotation(0:n_o), motion%position(0:n_link), motion%angular(lanes, -1:n_column, 0:n_o), &
                       motion%linear(-1:n_column, 0:n_link))
             allocate (motion%dyad(model%n_dyad), motion%branch(lanes, model%n_dyad), motion%drift(lanes, model%n_dyad))
+            allocate (motion%applied_force(n_link), motion%applied_moment(lanes, n_link))
             motion%angular = 0
             do i = 0, n_o
                 motion%rotation(i) = identity_rot2()
@@ -72,24 +76,39 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: n_column
         type(group_motion), intent(out) :: motion
-        integer :: g, i, largest
+        integer :: g, largest
 
-        allocate (motion%position(0:model%n_link), motion%start_position(0:model%n_link), &
-                  motion%angle(lanes, 0:model%n_link), motion%start_angle(lanes, 0:model%n_link))
-        motion%start_angle = 0
-        motion%start_q = spread(model%start_q, 1, lanes)
         largest = 0
         do g = 1, size(model%group)
+            largest = max(largest, size(model%group(g)%link))
+        end do
+        allocate (motion%matrix(lanes, 3*largest, 3*largest), motion%right(lanes, 3*largest, n_column + 2))
+        call start_groups(model, motion)
+        motion%position = motion%start_position
+        motion%angle = motion%start_angle
+    end subroutine prepare_groups
+
+    !> Let the iteration set out from the assembly at the scene's start.
+    subroutine start_groups(model, motion)
+        type(model_type), intent(in) :: model
+        type(group_motion), intent(inout) :: motion
+        integer :: g, i
+
+        if (.not. allocated(motion%start_position)) &
+            allocate (motion%start_position(0:model%n_link), motion%start_angle(lanes, 0:model%n_link), &
+                      motion%start_q(lanes, model%n_q))
+        motion%start_q = spread(model%start_q, 1, lanes)
+        motion%start_angle = 0
+        do i = 0, model%n_link
+            motion%start_position(i) = zero_vec2()
+        end do
+        do g = 1, size(model%group)
             associate (group => model%group(g))
-                largest = max(largest, size(group%link))
                 do i = 1, size(group%link)
                     motion%start_position(group%link(i)) = vec2_of(group%start(:2, i))
                     motion%start_angle(:, group%link(i)) = group%start(3, i)
                 end do
             end associate
         end do
-        motion%position = motion%start_position
-        motion%angle = motion%start_angle
-        allocate (motion%matrix(lanes, 3*largest, 3*largest), motion%right(lanes, 3*largest, n_column + 2))
-    end subroutine prepare_groups
+    end subroutine start_groups
 end module linkdyn_planar_motion

@@ -23,6 +23,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "UnavailableError",
+    "lecture",
     "load",
     "plot",
 ]
@@ -30,8 +31,8 @@ __version__ = _version()
 
 
 def __getattr__(name: str) -> Any:
-    if name == "plot":  # matplotlib takes its time to load: only who plots waits for it
+    if name in ("lecture", "plot"):  # matplotlib takes its time to load: only who plots waits for it
         import importlib
 
-        return importlib.import_module(".plot", __name__)
+        return importlib.import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

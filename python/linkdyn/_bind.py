@@ -221,8 +221,13 @@ def forward(
     return arrays, statistics, stopped.decode("utf-8", errors="replace").strip()
 
 
-def poses(handle: int, q: Floats, n_link: int) -> tuple[Floats, Floats, NDArray[np.intc]]:
+def poses(handle: int, q: Floats, n_link: int, in_order: bool) -> tuple[Floats, Floats, NDArray[np.intc]]:
     """Poses of the moving links.
+
+    Parameters
+    ----------
+    in_order
+        The samples follow each other: the assembly of a planar mechanism is followed by continuity.
 
     Returns
     -------
@@ -238,7 +243,7 @@ def poses(handle: int, q: Floats, n_link: int) -> tuple[Floats, Floats, NDArray[
     columns = np.empty((n, n_link, 3, 3))
     status = np.zeros(n, dtype=np.intc)
     if n > 0:
-        check(*_api.api_poses(handle, _flat(q), _flat(position), _flat(columns), status))
+        check(*_api.api_poses(handle, int(in_order), _flat(q), _flat(position), _flat(columns), status))
     return position, columns.swapaxes(-1, -2), status
 
 

@@ -1,7 +1,9 @@
-"""A drawing of any scene: links between their markers, joints as symbols, names."""
+"""A drawing of any scene: where its markers are, and how wide the picture must be. What links look like is told by
+`_planar_shapes` and `_spatial_shapes`."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,21 +12,75 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from ._style import COLOURS, FRAME_COLOUR
+from ._planar_shapes import draw_planar
+from ._spatial_shapes import draw_spatial
 from .errors import InputError
 from .scene import Scene
 
-__all__ = ["scene3d"]
-
-SYMBOLS = {"revolute": "o", "prismatic": "s", "cylindrical": "D", "universal": "P", "spherical": "."}
-SYMBOL_SIZES = {".": 12.0}
-SLIDING = ("prismatic", "cylindrical")
-"""Joints whose two markers lie apart: what lies between them is drawn as rod and sleeve."""
+__all__ = ["Postures", "draw", "find_postures", "mechanism", "picture_size", "set_limits"]
 
 Points = NDArray[np.float64]
 
+LARGEST = (7.5, 7.0)
+"""Of a picture [inch]."""
+LOWEST = 2.4
+ELEVATION = 25.0
+"""Of the eye over a spatial mechanism [deg]."""
 
-def scene3d(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: Axes | None = None) -> tuple[Figure, Axes]:
+
+@dataclass(frozen=True)
+class Postures:
+    """Where everything is at N samples, world axes."""
+
+    scene: Scene
+    markers: list[dict[str, Points]]
+    """Of the frame and of every link: marker to (N, 3) [m]."""
+    axes: list[dict[str, Points]]
+    """Likewise: the markers' axes."""
+
+    def at(self, sample: int) -> Posture:
+        return Posture(
+            self.scene,
+            [{name: points[sample] for name, points in link.items()} for link in self.markers],
+            [{name: axis[sample] for name, axis in link.items()} for link in self.axes],
+        )
+
+    @property
+    def points(self) -> Points:
+        """(N, markers, 3)."""
+        return np.stack([points for link in self.markers for points in link.values()], axis=1)
+
+    def travel(self, joint: dict[str, Any]) -> tuple[float, float]:
+        """Lowest and highest slide of a joint whose markers lie on a line."""
+        (first, second), (a, b) = joint["links"], joint["markers"]
+        slide = np.einsum("nk,nk->n", self.markers[second][b] - self.markers[first][a], self.axes[first][a])
+        return float(slide.min()), float(slide.max())
+
+
+@dataclass(frozen=True)
+class Posture:
+    """Where everything is at one sample: as `Postures`, without N."""
+
+    scene: Scene
+    markers: list[dict[str, Points]]
+    axes: list[dict[str, Points]]
+
+
+def find_postures(scene: Scene, q: Points, in_order: bool) -> tuple[Postures, NDArray[np.bool_]]:
+    """Markers and axes in world axes at every sample; and which samples can be assembled."""
+    poses = scene.poses(q, in_order=in_order)
+    n = len(q)
+    markers: list[dict[str, Points]] = []
+    axes: list[dict[str, Points]] = []
+    for k, link in enumerate(scene.description["links"]):
+        origin = np.zeros((n, 3)) if k == 0 else poses.position[:, k - 1]
+        turn = np.broadcast_to(np.eye(3), (n, 3, 3)) if k == 0 else poses.rotation[:, k - 1]
+        markers.append({marker["name"]: origin + turn @ np.array(marker["at"]) for marker in link["markers"]})
+        axes.append({marker["name"]: turn @ np.array(marker["axis"]) for marker in link["markers"]})
+    return Postures(scene, markers, axes), poses.status == 0
+
+
+def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: Axes | None = None) -> tuple[Figure, Axes]:
     """Draw a scene in one position; planar scenes in the plane.
 
     Parameters
@@ -48,147 +104,74 @@ def scene3d(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: Ax
         The mechanism cannot be assembled at ``q``.
     """
     position = scene.motion()[0][0] if q is None else np.asarray(q)
-    pose = scene.poses(position)
-    if pose.status[0] != 0:
-        raise InputError("scene3d: the mechanism cannot be assembled in this position")
+    postures, assembled = find_postures(scene, np.atleast_2d(position), in_order=False)
+    if not assembled[0]:
+        raise InputError("mechanism: it cannot be assembled in this position")
     if ax is None:
-        figure = pyplot.figure(figsize=(7.5, 7.0), layout="constrained")
+        figure = pyplot.figure(figsize=picture_size(postures), layout="constrained")
         ax = figure.add_subplot(projection=None if scene.planar else "3d")
-    markers = _world_markers(scene, pose.position[0], pose.rotation[0])
-    joints = _joint_points(scene, markers)
-    canvas = _Canvas(ax, 2 if scene.planar else 3)
-    for k, points in enumerate(markers):
-        _draw_link(canvas, points, _jointed(scene, k), _link_colour(k))
-    for joint, ends in zip(scene.description["joints"], joints):
-        _draw_joint(canvas, joint, ends)
-    if names:
-        for text, point in _labels(scene, markers, joints).items():
-            canvas.write(point, text)
-    canvas.finish(np.concatenate([np.array(list(points.values())).reshape(-1, 3) for points in markers]), scene.title)
+    set_limits(ax, postures)
+    draw(ax, postures, 0, names)
+    if scene.title:
+        ax.set_title(scene.title, fontsize="medium")
     return ax.figure, ax
 
 
-class _Canvas:
-    """Axes of two or three dimensions under one set of calls."""
-
-    def __init__(self, ax: Axes, dimensions: int) -> None:
-        self.ax = ax
-        self.dimensions = dimensions
-        self.listed: set[str] = set()
-
-    def line(self, points: Points, **style: Any) -> None:
-        self.ax.plot(*points.T[: self.dimensions], **style)
-
-    def symbol(self, point: Points, kind: str, colour: str) -> None:
-        marker = SYMBOLS[kind]
-        self.line(
-            point[np.newaxis],
-            marker=marker,
-            markersize=SYMBOL_SIZES.get(marker, 7.0),
-            markerfacecolor="white",
-            markeredgecolor=colour,
-            linestyle="none",
-            label=None if kind in self.listed else kind,
-            zorder=5,
-        )
-        self.listed.add(kind)
-
-    def write(self, point: Points, text: str) -> None:
-        self.ax.text(*point[: self.dimensions], f" {text}", fontsize=8, color="0.15", zorder=6)
-
-    def finish(self, points: Points, title: str) -> None:
-        self.ax.set_aspect("equal")
-        lowest, highest = points.min(axis=0), points.max(axis=0)
-        room = 0.05 * max((highest - lowest).max(), np.finfo(float).tiny)
-        for name, low, high in zip("xyz"[: self.dimensions], lowest, highest):
-            getattr(self.ax, f"set_{name}lim")(low - room, high + room)
-            getattr(self.ax, f"set_{name}label")(f"{name} [m]")
-        self.ax.set_aspect("equal")
-        if title:
-            self.ax.set_title(title, fontsize="medium")
-        if self.listed:
-            self.ax.legend(loc="upper left", frameon=False, fontsize="small", title="joints", title_fontsize="small")
-
-
-def _world_markers(scene: Scene, position: Points, rotation: Points) -> list[dict[str, Points]]:
-    """Markers of the frame and of every link in world axes, by name."""
-    placed = []
-    for k, link in enumerate(scene.description["links"]):
-        origin, axes = (np.zeros(3), np.eye(3)) if k == 0 else (position[k - 1], rotation[k - 1])
-        placed.append({marker["name"]: origin + axes @ np.array(marker["at"]) for marker in link["markers"]})
-    return placed
-
-
-def _joint_points(scene: Scene, markers: list[dict[str, Points]]) -> list[Points]:
-    """(2, 3) points of each joint on its first and second link."""
-    return [
-        np.array([markers[link][name] for link, name in zip(joint["links"], joint["markers"])])
-        for joint in scene.description["joints"]
-    ]
-
-
-def _jointed(scene: Scene, link: int) -> set[str]:
-    """Markers of a link that hold a joint."""
-    return {
-        name
-        for joint in scene.description["joints"]
-        for owner, name in zip(joint["links"], joint["markers"])
-        if owner == link
-    }
-
-
-def _link_colour(k: int) -> str:
-    return FRAME_COLOUR if k == 0 else COLOURS[(k - 1) % (len(COLOURS) - 1)]
-
-
-def _draw_link(canvas: _Canvas, markers: dict[str, Points], jointed: set[str], colour: str) -> None:
-    """A line or a closed outline through the joints; thin lines to all other markers."""
-    if not markers:
+def draw(ax: Axes, postures: Postures, sample: int, names: bool) -> None:
+    """The mechanism at one sample, in axes whose limits are set."""
+    posture = postures.at(sample)
+    if not postures.scene.planar:
+        draw_spatial(ax, posture, names)
         return
-    corners = _distinct(np.array([markers[name] for name in jointed or markers]))
-    style = {"color": colour, "linewidth": 2.2, "solid_capstyle": "round"}
-    if len(corners) > 2:
-        outline = corners[_around(corners)]
-        canvas.line(np.concatenate([outline, outline[:1]]), **style)
+    slides = {joint["name"]: postures.travel(joint) for joint in _joints(postures.scene) if joint["type"] == "prismatic"}
+    draw_planar(ax, posture, slides, names)
+
+
+def _joints(scene: Scene) -> list[dict[str, Any]]:
+    return scene.description["joints"]
+
+
+def _limits(postures: Postures) -> tuple[Points, Points]:
+    points = postures.points.reshape(-1, 3)
+    lowest, highest = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    extent = max(float((highest - lowest).max()), np.finfo(float).tiny)
+    room = (0.13 if postures.scene.planar else 0.05) * extent
+    return lowest - room, highest + room
+
+
+def picture_size(postures: Postures, largest: tuple[float, float] = LARGEST) -> tuple[float, float]:
+    """Size of a picture [inch] in which nothing is lost to empty margins: a flat mechanism has a flat picture."""
+    if not postures.scene.planar:
+        return largest
+    lowest, highest = _limits(postures)
+    width, height = (highest - lowest)[:2]
+    surround = (0.8, 1.0)  # numbers and names of the axes, title
+    scale = min((largest[0] - surround[0]) / width, (largest[1] - surround[1]) / height)
+    return max(4.5, width * scale + surround[0]), max(LOWEST, height * scale + surround[1])
+
+
+def set_limits(ax: Axes, postures: Postures) -> None:
+    """Limits that hold the mechanism at every sample."""
+    lowest, highest = _limits(postures)
+    for name, low, high in zip("xy" if postures.scene.planar else "xyz", lowest, highest):
+        getattr(ax, f"set_{name}lim")(low, high)
+        getattr(ax, f"set_{name}label")(f"{name} [m]")
+    if postures.scene.planar:
+        ax.set_aspect("equal")
     else:
-        canvas.line(corners, **style)
-    centre = corners.mean(axis=0)
-    for name, point in markers.items():
-        if name not in jointed and not np.isclose(corners, point).all(axis=1).any():
-            canvas.line(np.array([centre, point]), color=colour, linewidth=0.9, linestyle=":", marker=".", markersize=4)
+        ax.set_box_aspect(highest - lowest, zoom=0.95)
+        ax.view_init(elev=ELEVATION, azim=_best_azimuth(postures.points[0]))
 
 
-def _distinct(points: Points) -> Points:
-    size = max(np.ptp(points, axis=0).max(), 1.0)
-    _, first = np.unique(np.round(points / (1e-9 * size)), axis=0, return_index=True)
-    return points[np.sort(first)]
-
-
-def _around(points: Points) -> NDArray[np.intp]:
-    """Order of the points around their centre, in the plane that fits them best."""
+def _best_azimuth(points: Points) -> float:
+    """The usual view from the side; another one if the mechanism would be seen edge on."""
+    elevation = np.radians(ELEVATION)
     offsets = points - points.mean(axis=0)
-    plane = np.linalg.svd(offsets, full_matrices=False)[2][:2]
-    first, second = plane @ offsets.T
-    return np.argsort(np.arctan2(second, first))
-
-
-def _draw_joint(canvas: _Canvas, joint: dict[str, Any], ends: Points) -> None:
-    colour = _link_colour(joint["links"][1])
-    if joint["type"] in SLIDING:
-        middle = ends.mean(axis=0)
-        canvas.line(np.array([ends[0], middle]), color=_link_colour(joint["links"][0]), linewidth=4.0, alpha=0.9)
-        canvas.line(ends, color=colour, linewidth=1.6)
-        canvas.symbol(middle, joint["type"], colour)
-    else:
-        canvas.symbol(ends[1], joint["type"], colour)
-
-
-def _labels(scene: Scene, markers: list[dict[str, Points]], joints: list[Points]) -> dict[str, Points]:
-    """Names and where to write them; of a chain the part before the dot, once."""
-    gathered: dict[str, list[Points]] = {}
-    for joint, ends in zip(scene.description["joints"], joints):
-        gathered.setdefault(joint["name"].split(".")[0], []).append(ends.mean(axis=0))
-    for link, points in zip(scene.description["links"], markers):
-        if "." not in link["name"] and points:
-            gathered.setdefault(link["name"], []).append(np.mean(list(points.values()), axis=0))
-    return {text: np.mean(points, axis=0) for text, points in gathered.items()}
+    spread = {}
+    for azimuth in (-60.0, -30.0, -90.0, 0.0, -120.0):
+        c, s = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
+        right = np.array([-s, c, 0.0])
+        up = np.array([-c * np.sin(elevation), -s * np.sin(elevation), np.cos(elevation)])
+        spread[azimuth] = np.linalg.svd(offsets @ np.array([right, up]).T, compute_uv=False)[1]
+    widest = max(spread.values())
+    return next(azimuth for azimuth, width in spread.items() if width >= 0.6 * widest)

@@ -1,8 +1,9 @@
-"""Pictures of results and scenes. Every function returns ``(figure, axes)`` and shows nothing by itself."""
+"""Pictures of results and scenes. Every function but `animate` returns ``(figure, axes)``; none shows anything by itself."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,14 @@ from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ._drawing import scene3d
+from ._animation import animate
+from ._drawing import mechanism
 from ._style import COLOURS, LINES, plain_units
 from .errors import InputError
 
-__all__ = ["driving_forces", "reactions", "scene3d"]
+__all__ = ["animate", "driving_forces", "hodograph", "mechanism", "polar", "reactions", "scene3d"]
+
+scene3d = mechanism
 
 
 def driving_forces(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
@@ -91,6 +95,117 @@ def reactions(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
         axis.set_xlabel(x_label)
     _finish(figure, axes, run)
     return figure, axes
+
+
+def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: str = "xy") -> tuple[Figure, np.ndarray]:
+    """Hodographs of the joint forces: the curve that the tip of each joint's force runs through, one panel a joint.
+
+    Dots divide the run into twelve parts; the hollow one is its beginning.
+
+    Parameters
+    ----------
+    run
+        Results with ``reaction``.
+    joints
+        Names; default: all that transmit a force.
+    components
+        Two of "x", "y", "z": the axes of the panels.
+
+    Returns
+    -------
+    figure, axes
+        ``axes`` of shape (number of joints,).
+
+    Raises
+    ------
+    InputError
+        Reactions are not in the run, an unknown joint or component.
+    """
+    _need(run, "reaction")
+    wanted = [f"F{letter}" for letter in components]
+    known = [name for name in map(str, run.component.values) if name.startswith("F")]
+    if len(wanted) != 2 or not set(wanted) <= set(known):
+        raise InputError(f"hodograph: components {components!r} (expected two of {', '.join(name[1:] for name in known)})")
+    names = _chosen_joints(run, joints, "hodograph")
+    columns = min(3, len(names))
+    rows = -(-len(names) // columns)
+    figure, axes = pyplot.subplots(
+        rows, columns, squeeze=False, figsize=(1.0 + 3.0 * columns, 0.8 + 2.9 * rows), layout="constrained"
+    )
+    for k, (axis, name) in enumerate(zip(axes.flat, names)):
+        force = run.reaction.sel(joint=name, component=wanted).values
+        axis.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
+        axis.axvline(0.0, color="0.75", linewidth=0.8, zorder=0)
+        axis.plot(*force.T, color=_colour(k), linewidth=1.4)
+        marks = np.round(np.arange(12) / 12 * (len(force) - 1)).astype(int)
+        axis.plot(*force[marks].T, "o", color=_colour(k), markersize=3.5)
+        axis.plot(*force[0], "o", markerfacecolor="white", markeredgecolor=_colour(k), markersize=6.0)
+        axis.set_title(name, fontsize="medium")
+        axis.set_xlabel(f"{wanted[0]} [N]")
+        axis.set_ylabel(f"{wanted[1]} [N]")
+        axis.set_aspect("equal", adjustable="datalim")
+    for axis in axes.flat[len(names) :]:
+        axis.set_visible(False)
+    _finish(figure, axes, run)
+    for axis in axes.flat:
+        axis.margins(0.08)
+    return figure, axes.flat[: len(names)]
+
+
+def polar(run: xr.Dataset, joints: Iterable[str] | None = None, coordinate: str | None = None) -> tuple[Figure, Axes]:
+    """Magnitude of the joint forces over the crank's angle, as a polar diagram.
+
+    Parameters
+    ----------
+    run
+        Results with ``reaction``.
+    joints
+        Names; default: all that transmit a force.
+    coordinate
+        The crank: a coordinate that is an angle; default: the first one.
+
+    Returns
+    -------
+    figure, axes
+
+    Raises
+    ------
+    InputError
+        Reactions are not in the run, an unknown joint, no such angle.
+    """
+    _need(run, "reaction")
+    angles = [str(name) for name, unit in zip(run.coordinate.values, run.coordinate_unit.values) if unit == "rad"]
+    crank = coordinate if coordinate is not None else next(iter(angles), "")
+    if crank not in angles:
+        raise InputError(f"polar: coordinate {crank!r} is no angle of the run (expected one of {', '.join(angles) or 'none'})")
+    names = _chosen_joints(run, joints, "polar")
+    figure, axis = pyplot.subplots(figsize=(6.6, 5.4), layout="constrained", subplot_kw={"projection": "polar"})
+    forces = [name for name in run.component.values if str(name).startswith("F")]
+    magnitude = np.sqrt((run.reaction.sel(component=forces) ** 2).sum("component", skipna=False))
+    for k, name in enumerate(names):
+        axis.plot(run.q.sel(coordinate=crank), magnitude.sel(joint=name), label=name, **_line(k))
+    axis.set_ylim(bottom=0.0)
+    axis.set_rlabel_position(22.5)
+    axis.tick_params(axis="y", labelsize="small")
+    axis.grid(True, color="0.88", linewidth=0.6)
+    axis.legend(loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize="small", title="joint force [N]")
+    if run.attrs.get("title"):
+        figure.suptitle(f"{run.attrs['title']}: forces over the angle of {crank}", fontsize="medium")
+    return figure, axis
+
+
+def _chosen_joints(run: xr.Dataset, joints: Iterable[str] | None, caller: str) -> list[str]:
+    """Names of joints as asked for, or all in which a force acts."""
+    known = list(map(str, run.joint.values))
+    if joints is None:
+        forces = run.reaction.sel(component=[name for name in run.component.values if str(name).startswith("F")])
+        acting = np.nan_to_num(np.abs(forces.values)).max(axis=(0, 2)) > 0.0
+        return [name for name, acts in zip(known, acting) if acts] or known
+    chosen = [joints] if isinstance(joints, str) else list(joints)
+    for name in chosen:
+        if name not in known:
+            raise InputError(f"{caller}: no joint {name!r} in the run (expected one of {', '.join(known)})")
+    return chosen
 
 
 def _need(run: Any, name: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 import weakref
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,6 +16,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
+from ._changes import changed
 from .errors import InputError
 from .results import result_shapes, to_dataset
 
@@ -99,7 +101,8 @@ class Scene:
     ) -> None:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        handle = _bind.open_scene(data, name, os.fspath(folder if folder is not None else beside))
+        self._folder = os.fspath(folder if folder is not None else beside)
+        handle = _bind.open_scene(data, name, self._folder)
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
@@ -118,6 +121,31 @@ class Scene:
             f"<linkdyn.Scene {self.title!r}: {len(self.links)} links, {len(self.joints)} joints, "
             f"{len(self.coordinates)} coordinates, {len(self.actuators)} actuators>"
         )
+
+    def with_(self, changes: Mapping[str, Any]) -> Scene:
+        """The scene with some values changed; this one stays as it is.
+
+        Parameters
+        ----------
+        changes
+            Path in the scene file to new value. Tables of a list go by their name, coordinates and actuators by their
+            joint (or link), loads by their marker: "link.crank.mass", "actuator.J1.law.value", "spring.S1.rest",
+            "coordinate.J1.start", "time.end". ``None`` takes a key or table out; a table puts or replaces one:
+            ``{"actuator.J1.law": {"type": "constant", "value": 3.0}}``.
+
+        Raises
+        ------
+        InputError
+            A path leads nowhere.
+        SceneError
+            The scene changed so cannot be computed.
+
+        Examples
+        --------
+        >>> scene = linkdyn.load("examples/fourbar/scene.toml")
+        >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
+        """
+        return Scene(changed(tomllib.loads(self.text), changes), folder=self._folder)
 
     def explain(self) -> str:
         """What is modelled, how it is computed, what is left out."""
@@ -146,20 +174,35 @@ class Scene:
         instants = self.times() if t is None else self._instants(t)
         return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[:3]
 
-    def poses(self, q: ArrayLike | None = None) -> Poses:
+    def load_values(self, t: ArrayLike | None = None) -> NDArray[np.float64]:
+        """The scene's own loads: (N, number of loads, 6) Fx Fy Fz [N] Mx My Mz [N m], in the axes of each load.
+
+        Parameters
+        ----------
+        t
+            (N,) instants [s]; default: `times`.
+        """
+        instants = self.times() if t is None else self._instants(t)
+        return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[3]
+
+    def poses(self, q: ArrayLike | None = None, *, in_order: bool | None = None) -> Poses:
         """Poses of all moving links.
 
         Parameters
         ----------
         q
             (N, n) or (n,) coordinates [m, rad]; default: the scene's motion.
+        in_order
+            The samples follow each other along a motion, and so does the assembly of a planar mechanism, as in
+            `inverse`; otherwise each is on the branch of the start. Default: only without ``q``.
         """
+        follows = q is None if in_order is None else in_order
         if q is None:
             q = self.motion()[0]
         elif np.ndim(q) == 1:
             q = np.asarray(q)[np.newaxis]
         values = self._batch("q", q, None)
-        return Poses(*_bind.poses(self._handle, values, len(self.links)))
+        return Poses(*_bind.poses(self._handle, values, len(self.links), follows))
 
     def inverse(
         self,
@@ -245,7 +288,8 @@ class Scene:
         t
             (N,) increasing instants of output [s] instead; the run starts at the first.
         method
-            "rk8pd" or "rkf45" (adaptive), "msbdf" (adaptive, for stiff scenes), "rk4" (fixed step).
+            "rk8pd" or "rkf45" (adaptive), "gbs" (adaptive, high order: many digits), "msbdf" (adaptive, for
+            stiff scenes), "rk4" (fixed step).
         step
             The fixed step, or the first one tried [s].
         rtol, atol

@@ -2,7 +2,7 @@
 module test_forward
     use linkdyn_builder, only: build_model
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, run_ensemble, &
-        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_name
+        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_name
     use linkdyn_kinds, only: wp, wp_name
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
@@ -81,10 +81,10 @@ contains
 
     subroutine test_adaptive(error)
         type(test_error), intent(inout) :: error
-        integer, parameter :: method(3) = [method_rkf45, method_rk8pd, method_msbdf]
+        integer, parameter :: method(4) = [method_rkf45, method_rk8pd, method_gbs, method_msbdf]
         ! Errors of single steps add up over the run and grow with the motion itself, by a factor of some tens here; the
         ! multistep method controls its error less tightly.
-        real(wp), parameter :: allowance(3) = [1.0e2_wp, 1.0e2_wp, 1.0e4_wp]
+        real(wp), parameter :: allowance(4) = [1.0e2_wp, 1.0e2_wp, 1.0e2_wp, 1.0e4_wp]
         real(wp), parameter :: tolerance = 1.0e-9_wp
         type(model_type) :: model
         real(wp) :: gap

@@ -1,6 +1,6 @@
 !> Planar inverse dynamics: published reactions, agreement of the solvers, power, assembly along a motion, refusals.
 module test_planar_inverse
-    use linkdyn_assembly_trail, only: assembly_trail, follow_assembly
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, solver_gauss_jordan, solver_lapack, &
         solver_elimination, solver_reduced
@@ -186,15 +186,16 @@ contains
         type(model_type) :: model
         type(status_type) :: status
         type(assembly_trail) :: trail
-        real(wp) :: q(1, n), branch(1, n)
+        type(sample_assembly) :: assembly
+        real(wp) :: q(1, n)
         integer :: i
 
         call parallelogram(0.0_wp, model, status)
         call check(error, status%is_ok(), trim(status%message))
         q(1, :) = [(0.5_wp + 4*pi*(i - 1)/(n - 1), i=1, n)]
-        call follow_assembly(model, q, trail, branch)
+        call follow_assembly(model, q, trail, assembly)
         do i = 1, n
-            call check(error, branch(1, i)*sin(q(1, i)) > 0, "stays a parallelogram at sample "//to_text(i))
+            call check(error, assembly%branch(1, i)*sin(q(1, i)) > 0, "stays a parallelogram at sample "//to_text(i))
         end do
     end subroutine test_parallelogram
 
@@ -205,14 +206,15 @@ contains
         type(model_type) :: model
         type(status_type) :: status
         type(assembly_trail) :: trail
-        real(wp) :: q(1, n), branch(1, n)
+        type(sample_assembly) :: assembly
+        real(wp) :: q(1, n)
         integer :: i
 
         call parallelogram(1.0e-6_wp, model, status)
         call check(error, status%is_ok(), trim(status%message))
         q(1, :) = [(0.5_wp + 4*pi*(i - 1)/(n - 1), i=1, n)]
-        call follow_assembly(model, q, trail, branch)
-        call check(error, all(branch > 0), "turns back before the dead point")
+        call follow_assembly(model, q, trail, assembly)
+        call check(error, all(assembly%branch > 0), "turns back before the dead point")
     end subroutine test_near_parallelogram
 
     !> Planning and solving 1,000 links takes no square of their number.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import matplotlib
 
 matplotlib.use("Agg")
@@ -9,6 +11,7 @@ matplotlib.use("Agg")
 import numpy as np
 import pytest
 from matplotlib import pyplot
+from PIL import Image
 
 import linkdyn
 from linkdyn import plot
@@ -89,3 +92,118 @@ def test_what_cannot_be_drawn_is_refused(scene, crossing):
     wrong = linkdyn.Scene(crossing)
     with pytest.raises(linkdyn.InputError, match="cannot be assembled"):
         plot.scene3d(wrong, wrong.motion()[0][2])
+
+
+# ---------------------------------------------------------------- planar drawings and moving pictures
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def sixbar():
+    return linkdyn.load(EXAMPLES / "sixbar_slider" / "scene.toml")
+
+
+@pytest.fixture(scope="module")
+def turn(sixbar):
+    return sixbar.inverse()
+
+
+def test_names_of_a_planar_mechanism_do_not_overlap(sixbar):
+    for name in ("sixbar_slider", "slider_crank", "andrews", "watt_i"):
+        figure, axis = plot.mechanism(linkdyn.load(EXAMPLES / name / "scene.toml"))
+        figure.canvas.draw()
+        boxes = [text.get_window_extent() for text in axis.texts]
+        assert len(boxes) >= 6, name
+        for k, box in enumerate(boxes):
+            assert not any(box.overlaps(other) for other in boxes[:k]), (name, axis.texts[k].get_text())
+            assert axis.bbox.contains(*box.min) and axis.bbox.contains(*box.max), (name, axis.texts[k].get_text())
+
+
+def test_planar_links_are_drawn_where_they_are(sixbar):
+    """Bars end at the joints, also in a position that is not the first."""
+    q = np.array([2.0])
+    _, axis = plot.mechanism(sixbar, q)
+    drawn = np.concatenate([line.get_xydata() for line in axis.get_lines()])
+    tip = 0.3 * np.array([np.cos(2.0), np.sin(2.0)])
+    assert np.nanmin(np.linalg.norm(drawn - tip, axis=1)) < 1e-12
+
+
+def test_flat_mechanism_has_a_flat_picture():
+    figure, _ = plot.mechanism(linkdyn.load(EXAMPLES / "slider_crank" / "scene.toml"))
+    width, height = figure.get_size_inches()
+    assert height < 0.5 * width
+
+
+def test_hodograph(turn):
+    figure, axes = plot.hodograph(turn, ["J4", "J1"])
+    assert [axis.get_title() for axis in axes] == ["J4", "J1"]
+    curve = max(axes[0].get_lines(), key=lambda line: len(line.get_xdata()))
+    np.testing.assert_array_equal(curve.get_xydata(), turn.reaction.sel(joint="J4", component=["Fx", "Fy"]))
+    figure.canvas.draw()
+
+
+def test_polar(turn):
+    figure, axis = plot.polar(turn)
+    line = axis.get_lines()[1]
+    expected = np.linalg.norm(turn.reaction.sel(joint="J1", component=["Fx", "Fy"]), axis=1)
+    np.testing.assert_allclose(line.get_ydata(), expected, rtol=1e-14)
+    np.testing.assert_array_equal(line.get_xdata(), turn.q[:, 0])
+    figure.canvas.draw()
+
+
+@pytest.mark.parametrize("kind", ["planar inverse", "spatial inverse", "spatial forward"])
+def test_animate(tmp_path, kind, turn, scene, run):
+    if kind == "spatial forward":
+        shown = linkdyn.load(EXAMPLES / "stewart_forward" / "scene.toml").forward(0.1, method="rk4", step=5e-3)
+    else:
+        shown = turn if kind == "planar inverse" else run
+    file = plot.animate(shown, tmp_path / "motion.gif", frames=5)
+    with Image.open(file) as picture:
+        assert picture.n_frames == 5 and picture.info["duration"] == pytest.approx(1000 / 15, abs=10)
+        pictures = []
+        for k in range(5):
+            picture.seek(k)
+            pictures.append(np.asarray(picture.convert("RGB")).astype(int))
+    assert all(np.abs(a - b).max() > 100 for a, b in zip(pictures, pictures[1:])), "it moves"
+    assert (pictures[0][0, 0] == 255).all()
+
+
+def test_animation_shows_the_arrows_asked_for(tmp_path, turn):
+    red, green = np.array([0xB2, 0x18, 0x2B]), np.array([0x1B, 0x78, 0x37])
+    for forces, colours in (("all", (red, green)), ("reaction", (red,)), ((), ())):
+        file = plot.animate(turn, tmp_path / "motion.gif", frames=3, forces=forces)
+        picture = np.asarray(Image.open(file).convert("RGB")).astype(int)
+        for colour in (red, green):
+            there = (np.abs(picture - colour).max(axis=2) <= 2).sum() > 20
+            assert there == any(colour is wanted for wanted in colours), (forces, colour)
+
+
+def test_failed_samples_are_left_out(tmp_path, crossing):
+    file = plot.animate(linkdyn.Scene(crossing).inverse(), tmp_path / "motion.gif")
+    assert Image.open(file).n_frames == 4
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda run: plot.animate(run, "motion.avi"), "ends in .gif or .mp4"),
+        (lambda run: plot.animate(run, "motion.gif", forces="wind"), "unknown 'wind'"),
+        (lambda run: plot.animate(run, "motion.gif", frames=0), "frames: expected"),
+        (lambda run: plot.animate(run.drop_attrs(), "motion.gif"), "no attribute 'scene'"),
+        (lambda run: plot.hodograph(run, ["J9"]), "no joint 'J9'"),
+        (lambda run: plot.hodograph(run, components="xz"), "expected two of x, y"),
+        (lambda run: plot.polar(run, coordinate="J6"), "no angle of the run"),
+    ],
+)
+def test_what_cannot_be_shown_is_refused(turn, call, message):
+    with pytest.raises(linkdyn.InputError, match=message):
+        call(turn)
+
+
+def test_film_without_ffmpeg_says_so(turn, monkeypatch, tmp_path):
+    from matplotlib import animation
+
+    monkeypatch.setattr(animation.writers, "is_available", lambda name: False)
+    with pytest.raises(linkdyn.UnavailableError, match="ffmpeg"):
+        plot.animate(turn, tmp_path / "motion.mp4")

@@ -1,0 +1,65 @@
+!> The assembly of a spatial mechanism at its start: which of its two ways each CSP group closes.
+!>
+!> A `branch` written at the spherical joint decides. Otherwise it is the way nearest to the starting positions that the
+!> scene gives for the group's links and slides; if it gives none, the farther meeting along the slide.
+module linkdyn_spatial_start
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, step_type, step_csp
+    use linkdyn_planar_start, only: start_of_coordinate
+    use linkdyn_vec3, only: lane_of
+    implicit none (type, external)
+    private
+    public :: assemble_in_space
+
+contains
+
+    subroutine assemble_in_space(model)
+        type(model_type), intent(inout) :: model
+        type(kinematic_state) :: state
+        real(wp) :: distance(2)
+        integer :: i, k, way
+
+        if (.not. any(model%step%kind == step_csp)) return
+        call prepare_kinematics(model, 0, state)
+        do k = 1, model%n_q
+            state%q(:, k) = start_of_coordinate(model, k)
+        end do
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (step%kind /= step_csp) cycle
+                step%branch = merge(-1, 1, model%scene%joint(step%joint(2))%branch < 0)
+                if (model%scene%joint(step%joint(2))%branch /= 0) cycle
+                do way = 1, 2
+                    step%branch = 3 - 2*way
+                    call evaluate_kinematics(model, state)
+                    distance(way) = distance_to_start(model, step, state)
+                end do
+                step%branch = merge(-1, 1, distance(2) < distance(1))
+            end associate
+        end do
+    end subroutine assemble_in_space
+
+    !> How far lane 1 is from the starting positions given; zero if there are none.
+    real(wp) function distance_to_start(model, step, state) result(distance)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(in) :: state
+        integer :: i
+
+        distance = 0
+        do i = 1, 2
+            associate (spec => model%scene%link(step%link(i)))
+                if (spec%has_start) distance = distance + norm2(lane_of(state%position(step%link(i)), 1) - spec%start(:3))
+            end associate
+        end do
+        ! The slide is the second variable of a cylindrical joint, the only one of a prismatic joint.
+        do i = 1, 3, 2
+            associate (spec => model%scene%joint(step%joint(i)))
+                if (spec%has_start) distance = distance + abs(state%slide(1, step%joint(i)) - spec%start(merge(2, 1, i == 1)))
+            end associate
+        end do
+    end function distance_to_start
+end module linkdyn_spatial_start

@@ -1,0 +1,333 @@
+"""A run as a moving picture: the mechanism with its forces as arrows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib import animation
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+from PIL import Image
+
+from ._drawing import Postures, draw, find_postures, picture_size, set_limits
+from ._planar_shapes import unit_of
+from .errors import InputError, SceneError, UnavailableError
+from .scene import Scene
+
+__all__ = ["animate"]
+
+Points = NDArray[np.float64]
+
+LARGEST = (5.6, 5.2)
+"""Of a picture [inch]."""
+DPI = 80
+COLOURS = 64
+"""In the palette of a GIF: the shapes are plain, and it stays small."""
+ARROW = 0.2
+"""Length of the longest arrow, of the mechanism's extent."""
+REACTION, LOAD, DRIVE = "#B2182B", "#1B7837", "#5E2C91"
+KINDS = ("driving", "reaction", "load")
+
+
+@dataclass(frozen=True)
+class _Arrows:
+    """Arrows of one kind at every sample."""
+
+    label: str
+    colour: str
+    start: Points
+    """(N, arrows, 3)"""
+    force: Points
+    """(N, arrows, 3) [N], or torques about the axis z (planar) in the third component [N m]"""
+    is_torque: bool = False
+
+
+def animate(
+    run: xr.Dataset,
+    file: str | os.PathLike[str],
+    *,
+    scene: Scene | None = None,
+    frames: int = 40,
+    fps: float = 15.0,
+    forces: str | tuple[str, ...] | None = None,
+    names: bool = False,
+) -> Path:
+    """Write a run as a moving picture.
+
+    Joint reactions are red (what the first link of the joint exerts on the second), loads green, driving forces violet,
+    all forces to one scale; driving torques are arcs. Samples that failed are left out.
+
+    Parameters
+    ----------
+    run
+        Of `Scene.inverse` or `Scene.forward`; its samples follow each other. Forces are drawn as far as it has them.
+    file
+        ``.gif``, or ``.mp4`` if ffmpeg is installed.
+    scene
+        The mechanism; default: the scene in the run's attributes. To be given if that reads tables.
+    frames
+        Number of pictures, spread over the run.
+    fps
+        Pictures per second.
+    forces
+        What to draw of "driving", "reaction" and "load", or "all", or () for none; default: all of a planar mechanism,
+        driving forces and loads of a spatial one.
+    names
+        Write names of links and joints.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    InputError
+        Another kind of file, an unknown kind of force, nothing that could be drawn.
+    UnavailableError
+        An ``.mp4`` without ffmpeg.
+    """
+    path = Path(file)
+    if path.suffix not in (".gif", ".mp4"):
+        raise InputError(f"animate: file '{path.name}': expected a name that ends in .gif or .mp4")
+    if path.suffix == ".mp4" and not animation.writers.is_available("ffmpeg"):
+        raise UnavailableError("animate: .mp4 needs ffmpeg, which is not installed; .gif needs nothing")
+    mechanism = _scene_of(run) if scene is None else scene
+    postures, assembled = find_postures(mechanism, np.nan_to_num(run.q.values), in_order=True)
+    shown = _choose_samples(run, postures, assembled, frames)
+    arrows = _arrows(run, mechanism, postures, _kinds(forces, mechanism.planar))
+    figure = Figure(figsize=picture_size(postures, LARGEST), dpi=DPI, layout="constrained" if mechanism.planar else None)
+    FigureCanvasAgg(figure)
+    pictures = _draw_frames(figure, run, postures, arrows, shown, names)
+    if path.suffix == ".gif":
+        _write_gif(pictures, path, fps, sorted({item.colour for item in arrows}))
+    else:
+        writer = animation.FFMpegWriter(fps=fps)
+        with writer.saving(figure, path, DPI):
+            for _ in pictures:
+                writer.grab_frame()
+    return path
+
+
+def _scene_of(run: xr.Dataset) -> Scene:
+    if "scene" not in run.attrs:
+        raise InputError("animate: the run has no attribute 'scene' (expected scene=)")
+    try:
+        return Scene(run.attrs["scene"])
+    except SceneError as error:
+        raise InputError(f"animate: the scene in the run's attributes cannot be read, give scene= ({error})") from error
+
+
+def _kinds(forces: str | tuple[str, ...] | None, is_planar: bool) -> tuple[str, ...]:
+    if forces is None:
+        return KINDS if is_planar else ("driving", "load")
+    kinds = KINDS if forces == "all" else (forces,) if isinstance(forces, str) else tuple(forces)
+    for kind in kinds:
+        if kind not in KINDS:
+            raise InputError(f"animate: forces: unknown {kind!r} (expected {', '.join(KINDS)} or all)")
+    return kinds
+
+
+def _choose_samples(run: xr.Dataset, postures: Postures, assembled: NDArray[np.bool_], frames: int) -> NDArray[np.intp]:
+    """Samples spread over the run; one that ends where it began is not shown there twice."""
+    if frames < 1:
+        raise InputError(f"animate: frames: expected a number from 1 on, got {frames}")
+    good = np.flatnonzero(assembled & (run.status.values == 0))
+    if good.size == 0:
+        raise InputError("animate: no sample of the run could be computed")
+    points = postures.points
+    extent = np.ptp(points[good].reshape(-1, 3), axis=0).max()
+    is_loop = good.size > 2 and np.abs(points[good[-1]] - points[good[0]]).max() < 1e-3 * extent
+    places = np.linspace(0, good.size - 1, min(frames, good.size) + is_loop)
+    return good[np.round(places).astype(int)[: len(places) - is_loop]]
+
+
+# ---------------------------------------------------------------- forces
+
+
+def _arrows(run: xr.Dataset, scene: Scene, postures: Postures, kinds: tuple[str, ...]) -> list[_Arrows]:
+    found = []
+    joints = {joint["name"]: joint for joint in scene.description["joints"]}
+    if "reaction" in kinds and "reaction" in run:
+        components = [name for name in ("Fx", "Fy", "Fz") if name in run.component.values]
+        force = _in_space(run.reaction.sel(component=components).values)
+        start = np.stack([_end(postures, joints[str(name)], 1) for name in run.joint.values], axis=1)
+        found.append(_Arrows("joint force", REACTION, start, force))
+    if "load" in kinds and "time" in run.coords and scene.loads:
+        force, start = _loads(run, scene, postures)
+        found.append(_Arrows("load", LOAD, start, force))
+    if "driving" in kinds and "driving_force" in run:
+        found += _drives(run, scene, postures, joints)
+    return found
+
+
+def _in_space(force: Points) -> Points:
+    return force if force.shape[-1] == 3 else np.concatenate([force, np.zeros((*force.shape[:-1], 1))], axis=-1)
+
+
+def _end(postures: Postures, joint: dict[str, Any], side: int) -> Points:
+    return postures.markers[joint["links"][side]][joint["markers"][side]]
+
+
+def _loads(run: xr.Dataset, scene: Scene, postures: Postures) -> tuple[Points, Points]:
+    """Forces of the scene's loads in world axes, and where they act."""
+    values = scene.load_values(run.time.values)[..., :3]
+    starts, forces = [], []
+    turn = scene.poses(np.nan_to_num(run.q.values), in_order=True).rotation
+    for k, load in enumerate(scene.description["loads"]):
+        force = values[:, k]
+        if load["axes"] == "link":
+            force = np.einsum("nij,nj->ni", turn[:, load["link"] - 1], force)
+        forces.append(force)
+        starts.append(postures.markers[load["link"]][load["marker"]])
+    return np.stack(forces, axis=1), np.stack(starts, axis=1)
+
+
+def _drives(run: xr.Dataset, scene: Scene, postures: Postures, joints: dict[str, dict[str, Any]]) -> list[_Arrows]:
+    """Driving forces along their slides; driving torques about their axes."""
+    forces: list[tuple[Points, Points]] = []
+    torques: list[tuple[Points, Points]] = []
+    units = dict(zip(run.actuator.values, run.actuator_unit.values))
+    for name in map(str, run.actuator.values):
+        joint = joints.get(name) or joints[name.rsplit(".", 1)[0]]
+        axis = postures.axes[joint["links"][0]][joint["markers"][0]]
+        is_torque = units[name] == "N m"
+        if is_torque and scene.planar:
+            axis = np.broadcast_to([0.0, 0.0, 1.0], axis.shape)
+        value = run.driving_force.sel(actuator=name).values[:, np.newaxis] * axis
+        (torques if is_torque else forces).append((_end(postures, joint, 1), value))
+    found = []
+    for label, group, is_torque in (("driving force", forces, False), ("driving torque", torques, True)):
+        if group:
+            start, value = (np.stack(part, axis=1) for part in zip(*group))
+            found.append(_Arrows(label, DRIVE, start, value, is_torque))
+    return found
+
+
+def _largest(arrows: list[_Arrows], shown: NDArray[np.intp], is_torque: bool) -> float:
+    sizes = [np.linalg.norm(item.force[shown], axis=-1) for item in arrows if item.is_torque == is_torque]
+    return max((float(np.nanmax(size)) for size in sizes if size.size), default=0.0)
+
+
+# ---------------------------------------------------------------- pictures
+
+
+def _draw_frames(
+    figure: Figure,
+    run: xr.Dataset,
+    postures: Postures,
+    arrows: list[_Arrows],
+    shown: NDArray[np.intp],
+    names: bool,
+) -> Iterator[NDArray[np.uint8]]:
+    """One picture after another, each as (height, width, 4) bytes."""
+    planar = postures.scene.planar
+    ax = figure.add_subplot() if planar else figure.add_axes((0.0, 0.0, 0.95, 0.9), projection="3d")
+    extent = np.ptp(postures.points.reshape(-1, 3), axis=0).max()
+    force, torque = _largest(arrows, shown, False), _largest(arrows, shown, True)
+    scale = ARROW * extent / force if force > 0 else 0.0
+    paths = _paths(postures, run.status.values == 0) if planar else []
+    for sample in shown:
+        ax.clear()
+        set_limits(ax, postures)
+        for path in paths:
+            ax.plot(*path.T, color="0.8", linewidth=0.9, zorder=0.5)
+        draw(ax, postures, sample, names)
+        for item in arrows:
+            for start, value in zip(item.start[sample], item.force[sample]):
+                if item.is_torque and planar:
+                    _draw_arc(ax, start, value[2] / torque if torque > 0 else 0.0, item.colour)
+                else:
+                    length = ARROW * extent / torque if item.is_torque and torque > 0 else scale
+                    _draw_arrow(ax, start, length * value, item.colour, planar)
+        _write(ax, run, arrows, sample, force, torque)
+        figure.canvas.draw()
+        if sample == shown[0]:
+            figure.set_layout_engine("none")  # frames of one size: what they say about it changes with the digits
+        yield np.array(figure.canvas.buffer_rgba())
+
+
+def _paths(postures: Postures, good: NDArray[np.bool_]) -> list[Points]:
+    """Ways of the moving joints in the plane."""
+    joints = postures.scene.description["joints"]
+    return [_end(postures, joint, 1)[good, :2] for joint in joints if 0 not in joint["links"]]
+
+
+def _draw_arrow(ax: Axes, start: Points, arrow: Points, colour: str, planar: bool) -> None:
+    if not np.isfinite(arrow).all():
+        return
+    if not planar:
+        ax.quiver(*start, *arrow, color=colour, linewidth=2.0, arrow_length_ratio=0.25, zorder=18)
+        return
+    if np.linalg.norm(arrow) > 0.3 * unit_of(ax):
+        style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.8, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", xytext=start[:2], xy=(start + arrow)[:2], arrowprops=style, zorder=8)
+
+
+def _draw_arc(ax: Axes, centre: Points, part: float, colour: str) -> None:
+    """A torque as an arc with an arrowhead, up to three quarters of a turn."""
+    if not np.isfinite(part) or abs(part) < 0.02:
+        return
+    radius = 2.6 * unit_of(ax)
+    angle = np.pi / 2 + np.linspace(0.0, 1.5 * np.pi * part, 40)
+    arc = centre[:2] + radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    ax.plot(*arc.T, color=colour, linewidth=2.0, zorder=8)
+    tangent = np.sign(part) * np.array([-np.sin(angle[-1]), np.cos(angle[-1])])
+    style = {"arrowstyle": "-|>", "color": colour, "linewidth": 0, "mutation_scale": 13, "shrinkA": 0, "shrinkB": 0}
+    ax.annotate("", xytext=arc[-1] - 0.1 * radius * tangent, xy=arc[-1] + 0.45 * radius * tangent, arrowprops=style, zorder=8)
+
+
+def _write(ax: Axes, run: xr.Dataset, arrows: list[_Arrows], sample: int, force: float, torque: float) -> None:
+    """Title, instant, and what the arrows mean."""
+    moment = f"t = {run.time.values[sample]:.3f} s" if "time" in run.coords else f"sample {sample}"
+    title = run.attrs.get("title", "")
+    ax.set_title(f"{title}\n{moment}" if title else moment, fontsize="small")
+    forces = [item for item in arrows if not item.is_torque and force > 0]
+    labels = [(item.colour, item.label) for item in forces]
+    if forces:
+        labels[0] = (labels[0][0], f"{labels[0][1]} (longest arrow {_round(force)}N)")
+    labels += [(item.colour, f"{item.label} (longest {_round(torque)}N·m)") for item in arrows if item.is_torque and torque > 0]
+    if labels:
+        handles = [Line2D([], [], color=colour, linewidth=2.0, label=label) for colour, label in labels]
+        ax.legend(handles=handles, loc="upper left", framealpha=0.8, edgecolor="none", fontsize=6.5)
+
+
+def _round(value: float) -> str:
+    """Two digits and a prefix for the unit."""
+    power = max(-2, min(2, int(np.floor(np.log10(float(f"{value:.1e}")) / 3))))
+    prefix = {-2: "µ", -1: "m", 0: "", 1: "k", 2: "M"}[power]
+    return f"{float(f'{value:.2g}') / 1000.0**power:.3g} {prefix}"
+
+
+def _write_gif(pictures: Iterator[NDArray[np.uint8]], path: Path, fps: float, colours: list[str]) -> None:
+    images = [Image.fromarray(picture).convert("RGB") for picture in pictures]
+    palette = _palette(images, colours)
+    reduced = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    reduced[0].save(
+        path, save_all=True, append_images=reduced[1:], duration=max(20, round(1000.0 / fps)), loop=0, optimize=True
+    )
+
+
+def _palette(images: list[Image.Image], colours: list[str]) -> Image.Image:
+    """One palette for all pictures, with white and these colours, the rest from a few of them side by side."""
+    some = images[:: max(1, len(images) // 4)]
+    sheet = Image.new("RGB", (some[0].width, some[0].height * len(some)))
+    for k, image in enumerate(some):
+        sheet.paste(image, (0, k * image.height))
+    own = np.array([(255, 255, 255), *(np.round(255 * np.array(to_rgb(name))) for name in colours)])
+    found = np.array(sheet.quantize(COLOURS - len(own)).getpalette()[: 3 * (COLOURS - len(own))]).reshape(-1, 3)
+    # A shade next to white would take its place: paper stays white, arrows keep their colours.
+    apart = np.abs(found[:, np.newaxis] - own).max(axis=2).min(axis=1) > 8
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.concatenate([own, found[apart]]).astype(int).ravel().tolist())
+    return palette

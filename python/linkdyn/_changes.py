@@ -1,0 +1,85 @@
+"""Values of a scene changed by their paths."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import Any
+
+from .errors import InputError
+
+__all__ = ["changed"]
+
+_LABELS = {"coordinate": ("joint", "link"), "actuator": ("joint",), "load": ("on",)}
+"""What names the tables of a list; others have a name."""
+
+
+def changed(scene: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """A copy of a scene's content with other values.
+
+    Parameters
+    ----------
+    scene
+        As in a scene file.
+    changes
+        Path to new value, e.g. ``"link.crank.mass"`` or ``"actuator.J1.law"``. ``None`` takes the key out. A list of
+        tables takes the path to its end too: ``"spring.S1"`` with a table puts or replaces that spring.
+
+    Raises
+    ------
+    InputError
+        The path leads nowhere.
+    """
+    result = copy.deepcopy(dict(scene))
+    for path, value in changes.items():
+        if not isinstance(path, str) or not path:
+            raise InputError(f"with_: {path!r} is no path (expected such as 'link.crank.mass')")
+        _put(result, path, path, value)
+    return result
+
+
+def _put(table: Any, rest: str, path: str, value: Any) -> None:
+    """Go one step down the path, or put the value."""
+    key, dot, below = rest.partition(".")
+    if not isinstance(table, dict):
+        raise InputError(f"with_: {path!r} leads nowhere: there is no table above {key!r}")
+    inner = table.get(key)
+    if not dot:
+        table[key] = value
+        if value is None:
+            del table[key]
+    elif isinstance(inner, list) and inner and all(isinstance(item, dict) for item in inner):
+        _put_in_list(inner, key, below, path, value)
+    elif inner is None and isinstance(value, Mapping) and "." not in below and key in ("spring", "load", "actuator"):
+        table[key] = [value]
+    elif inner is None:
+        known = ", ".join(repr(name) for name in table)
+        raise InputError(f"with_: {path!r} leads nowhere: there is no {key!r} (expected one of {known})")
+    else:
+        _put(inner, below, path, value)
+
+
+def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, value: Any) -> None:
+    """The table of a list whose name begins the rest of the path; names may have dots."""
+    for i, item in enumerate(items):
+        label = _label(key, item)
+        if rest == label and isinstance(value, Mapping):
+            items[i] = dict(value)
+            return
+        if rest == label and value is None:
+            del items[i]
+            return
+        if rest.startswith(label + "."):
+            _put(item, rest[len(label) + 1 :], path, value)
+            return
+    if isinstance(value, Mapping) and _label(key, value) == rest:
+        items.append(dict(value))
+        return
+    known = ", ".join(repr(_label(key, item)) for item in items)
+    raise InputError(f"with_: {path!r} leads nowhere: there is no {key} {rest.split('.')[0]!r} (expected one of {known})")
+
+
+def _label(key: str, item: Mapping[str, Any]) -> str:
+    """What a table of a list is called: "crank", "J1", "C.slide", "platform.tool"."""
+    name = next((str(item[label]) for label in _LABELS.get(key, ("name",)) if label in item), "")
+    return f"{name}.{item['variable']}" if "variable" in item and key in _LABELS else name

@@ -1,0 +1,241 @@
+"""What a planar mechanism looks like: bars and plates, pivots on hatched ground, sliders as blocks, names where there is room."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgb
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from ._style import COLOURS, FRAME_COLOUR
+
+if TYPE_CHECKING:
+    from ._drawing import Posture
+
+__all__ = ["around", "distinct", "draw_planar", "jointed", "lighter", "link_colour", "unit_of"]
+
+Points = NDArray[np.float64]
+
+BAR, EDGE = 5.0, 1.3
+"""Width of a bar and of its dark edge [points]."""
+FONT = 8.0
+SOLID = "solid"
+"""Mark of the patches on which no name may stand."""
+
+
+def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float]], names: bool) -> None:
+    """Draw a planar mechanism.
+
+    Parameters
+    ----------
+    ax
+        With limits that hold it.
+    posture
+        Where its markers are.
+    slides
+        Travel of each prismatic joint [m]: so long are the rails.
+    names
+        Write names of links and joints.
+    """
+    unit = unit_of(ax)
+    joints = posture.scene.description["joints"]
+    for joint in joints:
+        if 0 in joint["links"]:
+            _draw_ground(ax, posture, joint, slides, unit)
+    for k, markers in enumerate(posture.markers[1:], start=1):
+        _draw_link(ax, markers, jointed(posture, k), link_colour(k))
+    for joint in joints:
+        if joint["type"] == "prismatic":
+            _draw_slider(ax, posture, joint, unit)
+    pins = [_ends(posture, joint)[1] for joint in joints if joint["type"] == "revolute"]
+    if pins:
+        ax.plot(*np.array(pins).T, "o", markersize=6.5, markerfacecolor="white", markeredgecolor="0.1", zorder=6)
+    if names:
+        _write_names(ax, posture, unit)
+
+
+def unit_of(ax: Axes) -> float:
+    """A length that small symbols are made of, in the units of the axes."""
+    return 0.018 * max(np.ptp(ax.get_xlim()), 1.4 * np.ptp(ax.get_ylim()))
+
+
+def link_colour(k: int) -> str:
+    """Colour of link k; 0 is the frame."""
+    return FRAME_COLOUR if k == 0 else COLOURS[(k - 1) % (len(COLOURS) - 1)]
+
+
+def lighter(colour: str, part: float) -> tuple[float, ...]:
+    """The colour mixed with white."""
+    return tuple(1.0 - part * (1.0 - c) for c in to_rgb(colour))
+
+
+def jointed(posture: Posture, link: int) -> set[str]:
+    """Markers of a link that hold a joint."""
+    return {
+        name
+        for joint in posture.scene.description["joints"]
+        for owner, name in zip(joint["links"], joint["markers"])
+        if owner == link
+    }
+
+
+def distinct(points: Points) -> Points:
+    """The points without repetitions, in their order."""
+    size = np.ptp(points, axis=0).max()
+    if size == 0.0:
+        return points[:1]
+    _, first = np.unique(np.round((points - points[0]) / (1e-6 * size)), axis=0, return_index=True)
+    return points[np.sort(first)]
+
+
+def around(points: Points) -> NDArray[np.intp]:
+    """Order of the points around their centre, in the plane that fits them best."""
+    offsets = points - points.mean(axis=0)
+    plane = np.linalg.svd(offsets, full_matrices=False)[2][:2]
+    first, second = plane @ offsets.T
+    return np.argsort(np.arctan2(second, first))
+
+
+def _ends(posture: Posture, joint: dict[str, Any]) -> Points:
+    """(2, 2) points of a joint on its first and second link."""
+    return np.array([posture.markers[link][name][:2] for link, name in zip(joint["links"], joint["markers"])])
+
+
+def _draw_ground(
+    ax: Axes, posture: Posture, joint: dict[str, Any], slides: dict[str, tuple[float, float]], unit: float
+) -> None:
+    side = joint["links"].index(0)
+    point = _ends(posture, joint)[side]
+    if joint["type"] != "prismatic":
+        foot = point + unit * np.array([[-1.3, -2.2], [1.3, -2.2]])
+        ax.add_patch(Polygon([point, *foot], facecolor=lighter(FRAME_COLOUR, 0.25), edgecolor="0.2", zorder=2, gid=SOLID))
+        _hatch(ax, foot[0] - [0.8 * unit, 0.0], foot[1] + [0.8 * unit, 0.0], np.array([0.0, -1.0]), unit)
+        return
+    along = posture.axes[0][joint["markers"][side]][:2]
+    along = along if along[0] >= -1e-9 else -along
+    below = np.array([along[1], -along[0]])
+    # The slide counts along the first link's axis, from its marker to the second's.
+    lowest, highest = slides[joint["name"]]
+    sense = np.sign(along @ posture.axes[joint["links"][0]][joint["markers"][0]][:2]) * (1 if side == 0 else -1)
+    ends = np.sort([sense * lowest, sense * highest])
+    start = point + (ends[0] - 3.5 * unit) * along + 1.15 * unit * below
+    stop = point + (ends[1] + 3.5 * unit) * along + 1.15 * unit * below
+    _hatch(ax, start, stop, below, unit)
+
+
+def _hatch(ax: Axes, start: Points, stop: Points, below: Points, unit: float) -> None:
+    """Ground: a line with short strokes on its lower side."""
+    ax.plot(*np.array([start, stop]).T, color="0.2", linewidth=1.4, solid_capstyle="butt", zorder=2)
+    length = np.linalg.norm(stop - start)
+    along = (stop - start) / length
+    places = np.arange(0.45 * unit, length + 1e-9 * unit, 0.75 * unit)
+    feet = start + places[:, np.newaxis] * along
+    strokes = np.stack([feet, feet + 0.8 * unit * (below - 0.7 * along)], axis=1)
+    gaps = np.full((len(strokes), 1, 2), np.nan)
+    ax.plot(*np.concatenate([strokes, gaps], axis=1).reshape(-1, 2).T, color="0.35", linewidth=0.8, zorder=1.5)
+
+
+def _draw_link(ax: Axes, markers: dict[str, Points], held: set[str], colour: str) -> None:
+    """A bar between two joints, a plate between more; further markers on a pale plate."""
+    if not markers:
+        return
+    everything = distinct(np.array([point[:2] for point in markers.values()]))
+    corners = distinct(np.array([markers[name][:2] for name in held or markers]))
+    if len(everything) > max(2, len(corners)):
+        hull = everything[around(everything)]
+        ax.add_patch(Polygon(hull, facecolor=lighter(colour, 0.12), edgecolor=lighter(colour, 0.4), linewidth=0.8, zorder=2.5))
+    elif len(everything) > len(corners):
+        ax.plot(*everything.T, color=lighter(colour, 0.6), linewidth=1.5, zorder=2.5)
+    if len(corners) > 2:
+        corners = corners[around(corners)]
+        ax.add_patch(Polygon(corners, facecolor=lighter(colour, 0.3), edgecolor="none", zorder=3))
+        corners = np.concatenate([corners, corners[:1]])
+    style = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 4}
+    ax.plot(*corners.T, color=tuple(0.65 * c for c in to_rgb(colour)), linewidth=BAR + EDGE, **style)
+    ax.plot(*corners.T, color=lighter(colour, 0.75), linewidth=BAR - EDGE, **style)
+    free = np.array([point[:2] for name, point in markers.items() if name not in held])
+    if len(free):
+        ax.plot(*free.T, "o", color=colour, markersize=3.5, zorder=5)
+
+
+def _draw_slider(ax: Axes, posture: Posture, joint: dict[str, Any], unit: float) -> None:
+    """A block on its rail, or on the rod of another link."""
+    ends = _ends(posture, joint)
+    first, second = joint["links"]
+    on_second = second != 0
+    along = posture.axes[first][joint["markers"][0]][:2]
+    centre, body = (ends[1], second) if on_second else (ends[0], first)
+    if 0 not in joint["links"]:
+        rod = np.array([ends[0], ends[1] + 3.0 * unit * along * np.sign(along @ (ends[1] - ends[0]) or 1.0)])
+        ax.plot(*rod.T, color=link_colour(first), linewidth=2.5, zorder=4.2)
+    across = np.array([-along[1], along[0]])
+    corners = [centre + unit * (a * 2.1 * along + b * 1.15 * across) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    style = {"edgecolor": "0.15", "linewidth": 1.2, "joinstyle": "round", "zorder": 4.5, "gid": SOLID}
+    ax.add_patch(Polygon(corners, facecolor=lighter(link_colour(body), 0.55), **style))
+
+
+def _write_names(ax: Axes, posture: Posture, unit: float) -> None:
+    """Each name where it is farthest from lines, joints and names already written."""
+    joints = posture.scene.description["joints"]
+    gathered: dict[tuple[float, ...], list[str]] = {}
+    for joint in joints:
+        point = _ends(posture, joint)[1]
+        gathered.setdefault(tuple(np.round(point / (0.2 * unit))), []).append(joint["name"])
+    anchors: list[tuple[str, Points, str, bool]] = []
+    for place, names in gathered.items():
+        anchors.append((_list_of(names), 0.2 * unit * np.array(place), "0.1", False))
+    for k, markers in enumerate(posture.markers[1:], start=1):
+        corners = distinct(np.array([markers[name][:2] for name in jointed(posture, k) or markers]))
+        anchors.append((posture.scene.description["links"][k]["name"], corners.mean(axis=0), link_colour(k), True))
+    taken = np.concatenate([_sampled(line.get_xydata(), 0.3 * unit) for line in ax.lines])
+    for patch in ax.patches:
+        if patch.get_gid() == SOLID:
+            outline = _sampled(patch.get_xy(), 0.3 * unit)
+            centre = outline.mean(axis=0)
+            taken = np.concatenate([taken, *(centre + part * (outline - centre) for part in (1.0, 0.6, 0.2))])
+    low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
+    for text, anchor, colour, is_link in anchors:
+        half = unit * np.array([0.36 * len(text), 0.62]) * (FONT / 8.0)
+        places = _places_around(anchor, half, unit, is_link)
+        boxed = np.array([_clearance(taken, place, half) for place in places])
+        outside = ((places - half < low) | (places + half > high)).any(axis=1)
+        distance = np.linalg.norm(places - anchor, axis=1)
+        score = np.minimum(boxed, 1.2 * unit) - 0.25 * distance - 100 * unit * outside
+        place = places[np.argmax(score)]
+        style = {"fontstyle": "italic", "color": tuple(0.7 * c for c in to_rgb(colour))} if is_link else {"color": colour}
+        ax.text(*place, text, fontsize=FONT, ha="center", va="center", zorder=7, **style)
+        grid = np.linspace(-1.0, 1.0, 5)
+        taken = np.concatenate([taken, place + half * np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)])
+
+
+def _list_of(names: list[str]) -> str:
+    return ", ".join(names) if len(names) <= 3 else f"{names[0]} ... {names[-1]}"
+
+
+def _sampled(corners: Points, step: float) -> Points:
+    """Points along a line, a step apart or less; its gaps are left out."""
+    parts = []
+    for start, end in zip(corners[:-1], corners[1:]):
+        length = np.linalg.norm(end - start)
+        if np.isfinite(length):
+            parts.append(start + np.linspace(0.0, 1.0, 2 + int(length / step))[:, np.newaxis] * (end - start))
+    return np.concatenate([*parts, corners[np.isfinite(corners).all(axis=1)]])
+
+
+def _places_around(anchor: Points, half: Points, unit: float, is_link: bool) -> Points:
+    angles = np.arange(24) * (2 * np.pi / 24)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    rings = [0.7, 1.4, 2.4] if is_link else [0.6, 1.2, 2.0]
+    places = [anchor + directions * (half + ring * unit) for ring in rings]
+    return np.concatenate([[anchor], *places] if is_link else places)
+
+
+def _clearance(points: Points, centre: Points, half: Points) -> float:
+    """Distance of the nearest point from a box; negative inside."""
+    beyond = np.abs(points - centre) - half
+    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+    inside = np.minimum(beyond.max(axis=1), 0.0)
+    return float((outside + inside).min())
