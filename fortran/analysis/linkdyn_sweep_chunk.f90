@@ -197,22 +197,19 @@ contains
     subroutine evaluate_early(row, design)
         type(quantity_row), intent(in) :: row
         type(sweep_design), intent(inout) :: design
-        real(wp) :: variable(lanes, design%model%n_variable), rate(lanes, design%model%n_variable), ignored(lanes)
+        real(wp) :: variable(lanes, design%model%n_variable), rate(lanes, design%model%n_variable), ignored(lanes), zero(lanes)
         integer :: i, p
         logical :: needs_all
 
         associate (model => design%model, state => design%workspace%state)
             needs_all = row%place(quantity_joint_variable) > 0 .or. row%place(quantity_joint_rate) > 0
             p = place(quantity_driving_position)
-            if (needs_all .or. (p >= 0 .and. model%is_planar)) call measure_joints(model, state, variable, rate)
+            if (needs_all) call measure_joints(model, state, variable, rate)
             if (p >= 0) then
+                zero = 0
                 do i = 1, model%n_actuator
                     associate (spec => model%scene%actuator(i))
-                        if (model%is_planar) then
-                            design%value(:, p + i) = variable(:, model%joint(spec%joint)%first_variable + spec%variable)
-                        else
-                            call measure_variable(model, state, spec%joint, spec%variable, design%value(:, p + i), ignored)
-                        end if
+                        call measure_variable(model, state, spec%joint, spec%variable, zero, design%value(:, p + i), ignored)
                     end associate
                 end do
             end if
