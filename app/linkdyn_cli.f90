@@ -23,8 +23,8 @@ module linkdyn_cli
         "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
     character(len=11), parameter :: forward_option(16) = [character(len=11) :: inverse_option, &
         "--method", "--step", "--rtol", "--atol", "--until", "--samples"]
-    character(len=12), parameter :: sweep_option(11) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
-        "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
+    character(len=12), parameter :: sweep_option(12) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
+        "--sheet", "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
     character(len=10), parameter :: other_option(2) = [character(len=10) :: "--help", "--matrix"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
     character(len=12), parameter :: solver_name(4) = [character(len=12) :: &
@@ -186,6 +186,10 @@ contains
             call refuse(quoted(option)//": unknown option (expected with linkdyn sweep)")
             return
         end if
+        if (config%command == command_sweep .and. option == "--sheet") then
+            call refuse("--sheet: the sizing sheet is drawn by the Python package (expected the command linkdyn that it installs)")
+            return
+        end if
         select case (option)
         case ("--csv", "--no-output", "--quiet", "-q", "--compress", "--resume", "--yes")
             if (allocated(value)) then
@@ -342,6 +346,8 @@ contains
             "  -o, --output FILE   results; default: the scene's name with _sweep.nc in this folder", &
             "  --keep LIST         keep these quantities of every sample, too (names as in 'reduce', with", &
             "                      commas between)", &
+            "  --sheet FILE        sizing sheet, .html or .pdf; results go beside it as .nc if no --output is given;", &
+            "                      needs the Python package", &
             "  --threads N         threads to compute with; default 1; the results do not depend on it", &
             "  --resume            go on where an interrupted run of the same sweep stands", &
             "  --yes               start though it is large or long", &
