@@ -15,16 +15,14 @@ module linkdyn_drive_sweep
     use linkdyn_scene_variant, only: scene_variants
     use linkdyn_spool, only: spool_type, open_spool, write_spool, sync_spool, close_spool
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_suggest, only: suggestion
     use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
-    use linkdyn_sweep_chunk, only: kept_chunk
+    use linkdyn_sweep_chunk, only: kept_chunk, make_records
     use linkdyn_sweep_output, only: write_sweep
     use linkdyn_sweep_plan, only: samples_of_chunk
-    use linkdyn_sweep_spec, only: quantity_name
+    use linkdyn_sweep_wishes, only: choose_kept
     use linkdyn_sweep_summary, only: print_sweep, sample_text
     use linkdyn_sweep_totals, only: totals_type, packed_size, pack_totals, unpack_totals
     use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since, duration_text
-    use linkdyn_text, only: quoted, join
     implicit none (type, external)
     private
     public :: drive_sweep
@@ -95,32 +93,11 @@ contains
         call read_scene(config%scene, scene, status)
         if (status%is_ok()) call check_actuators(scene, status)
         if (.not. status%is_ok()) return
-        if (allocated(config%keep)) call choose_kept(config%keep, scene, status)
+        if (allocated(config%keep)) call choose_kept(config%keep, scene%sweep, status)
+        if (.not. status%is_ok() .and. index(status%message, "keep:") == 1) status%message = "linkdyn: --"//status%message
         if (status%is_ok()) call start_sweep(scene, scene_variants(scene, folder_of(trim(config%scene))), &
             config%options%solver, run, status)
     end subroutine prepare_run
-
-    !> Names with commas between.
-    subroutine choose_kept(list, scene, status)
-        character(len=*), intent(in) :: list
-        type(scene_type), intent(inout) :: scene
-        type(status_type), intent(inout) :: status
-        integer :: first, last, id
-
-        first = 1
-        do while (first <= len(list) + 1)
-            last = first + scan(list(first:)//",", ",") - 2
-            id = findloc(quantity_name == list(first:last), .true., dim=1)
-            if (id == 0) then
-                call fail(status, status_bad_input, "linkdyn: --keep: "//quoted(list(first:last))//" is no quantity "// &
-                    "(expected some of "//join(quantity_name)//")"//suggestion(list(first:last), quantity_name))
-                return
-            end if
-            scene%sweep%keeps(id) = .true.
-            scene%sweep%wants(id) = .true.
-            first = last + 2
-        end do
-    end subroutine choose_kept
 
     !> Find out at once whether the results can be written, and where an earlier run stands.
     subroutine take_up(config, output, hash, run, status)
@@ -298,18 +275,6 @@ contains
             if (allocated(records)) call write_spool(spool, first, records, status)
         end do
     end subroutine gather_round
-
-    subroutine make_records(kept, n, records)
-        type(kept_chunk), intent(in) :: kept
-        integer, intent(in) :: n
-        real(wp), intent(out) :: records(:, :)
-        integer :: n_axis
-
-        n_axis = size(kept%axis, 1)
-        records(1, :) = kept%code(:n)
-        records(2:n_axis + 1, :) = kept%axis(:, :n)
-        records(n_axis + 2:, :) = kept%value(:, :n)
-    end subroutine make_records
 
     subroutine receive_records(owner, records)
         integer, intent(in) :: owner

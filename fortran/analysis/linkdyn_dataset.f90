@@ -4,7 +4,7 @@ module linkdyn_dataset
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: dataset_type, dataset_dimension, dataset_variable, dataset_attribute
+    public :: dataset_type, dataset_dimension, dataset_variable, dataset_attribute, sample_variable
     public :: add_dimension, add_reals, add_integers, add_texts, add_attribute, find_dimension, text_len
 
     integer, parameter :: item_len = 64
@@ -26,6 +26,17 @@ module linkdyn_dataset
         integer(int64), allocatable :: integer(:)
         character(len=text_len), allocatable :: text(:)
     end type dataset_variable
+
+    !> A variable along samples: its values come chunk by chunk.
+    type :: sample_variable
+        character(len=item_len) :: name = ""
+        character(len=text_len) :: long_name = ""
+        character(len=item_len) :: units = ""
+        character(len=text_len) :: coordinates = ""
+        integer, allocatable :: dim(:)                     !! behind the sample, slowest first
+        integer :: width = 1                               !! values of one sample
+        logical :: is_integer = .false.
+    end type sample_variable
 
     type :: dataset_attribute
         character(len=item_len) :: name = ""

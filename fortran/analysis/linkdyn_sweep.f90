@@ -31,6 +31,7 @@ module linkdyn_sweep
         class(design_source), allocatable :: source
         integer :: solver = 0                           !! one of `solver_*`
         integer, allocatable :: keep(:)                 !! entries kept of every sample
+        real(wp) :: length = 0                          !! characteristic, of the first design [m]; 0: not needed
         type(totals_type), allocatable :: total(:)      !! (n_design)
         integer(int64) :: n_done = 0                    !! chunks joined
         type(status_type) :: bad_design                 !! why the first design that is no mechanism is none
@@ -75,6 +76,7 @@ contains
                 return
             end if
         end associate
+        if (run%design(1)%status%is_ok() .and. run%design(1)%wants_map) run%length = run%design(1)%map%length
         call choose_bins(run)
         allocate (run%total(run%plan%n_design))
         do k = 1, run%plan%n_design

@@ -25,7 +25,7 @@ module linkdyn_sweep_chunk
         watch_lanes, join_lanes, code_feasible, code_no_model, first_bound
     implicit none (type, external)
     private
-    public :: reduce_chunk, kept_chunk
+    public :: reduce_chunk, kept_chunk, make_records
 
     !> What is kept of every sample of a chunk.
     type :: kept_chunk
@@ -109,6 +109,19 @@ contains
             kept%value(:, :n) = ieee_value(1.0_wp, ieee_quiet_nan)
         end subroutine keep_nothing
     end subroutine reduce_chunk
+
+    !> What is kept of a chunk, sample after sample: outcome, axes, quantities.
+    subroutine make_records(kept, n, records)
+        type(kept_chunk), intent(in) :: kept
+        integer, intent(in) :: n                        !! samples
+        real(wp), intent(out) :: records(:, :)          !! (width, sample)
+        integer :: n_axis
+
+        n_axis = size(kept%axis, 1)
+        records(1, :n) = kept%code(:n)
+        records(2:n_axis + 1, :n) = kept%axis(:, :n)
+        records(n_axis + 2:, :n) = kept%value(:, :n)
+    end subroutine make_records
 
     !> The next samples into lanes; lanes beyond the last one repeat it.
     subroutine fill_lanes(plan, n_here, design, axis_of_lane)

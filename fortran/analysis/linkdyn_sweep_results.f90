@@ -2,7 +2,8 @@
 module linkdyn_sweep_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_dataset, only: dataset_type, add_dimension, add_reals, add_integers, add_texts, add_attribute, text_len
+    use linkdyn_dataset, only: dataset_type, sample_variable, find_dimension, add_dimension, &
+        add_reals, add_integers, add_texts, add_attribute, text_len
     use linkdyn_force_map, only: evaluate_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -17,7 +18,7 @@ module linkdyn_sweep_results
     use linkdyn_sweep_totals, only: totals_type, code_no_model, first_bound
     implicit none (type, external)
     private
-    public :: sweep_dataset, code_names
+    public :: sweep_dataset, kept_variables, code_names
 
     integer, parameter :: code_len = 128
 
@@ -48,9 +49,47 @@ contains
         call add_attribute(dataset, "chunk", value=[real(run%plan%chunk, wp)])
         call add_attribute(dataset, "lanes", value=[real(lanes, wp)])
         if (run%spec%tool_link > 0) call add_attribute(dataset, "tool", text=trim(run%spec%tool))
-        if (run%design(1)%wants_map .and. run%design(1)%status%is_ok()) &
-            call add_attribute(dataset, "characteristic_length", value=[run%design(1)%map%length])
+        if (run%length > 0) call add_attribute(dataset, "characteristic_length", value=[run%length])
     end subroutine sweep_dataset
+
+    !> The variables of a kept sample, in the order of its values: outcome, axes, quantities.
+    subroutine kept_variables(run, dataset, variable)
+        type(sweep_run), intent(in) :: run
+        type(dataset_type), intent(in) :: dataset
+        type(sample_variable), allocatable, intent(out) :: variable(:)
+        integer :: i, k, n
+
+        allocate (variable(2 + count(run%spec%keeps)))
+        variable(1)%name = "sample_outcome"
+        variable(1)%long_name = "outcome of the sample: number, from 0, along the dimension outcome"
+        variable(1)%units = "1"
+        variable(1)%is_integer = .true.
+        allocate (variable(1)%dim(0))
+        variable(2)%name = "sample_axis"
+        variable(2)%long_name = "values of the axes"
+        variable(2)%coordinates = "axis_unit"
+        variable(2)%dim = [find_dimension(dataset, "axis")]
+        variable(2)%width = size(run%plan%axis)
+        n = 2
+        do i = 1, size(run%row%quantity)
+            associate (quantity => run%row%quantity(i))
+                if (.not. run%spec%keeps(quantity%id)) cycle
+                n = n + 1
+                variable(n)%name = quantity_name(quantity%id)
+                variable(n)%long_name = quantity%long_name
+                allocate (variable(n)%dim(quantity%n_dim))
+                do k = 1, quantity%n_dim
+                    variable(n)%dim(k) = find_dimension(dataset, trim(quantity%dim(k)))
+                end do
+                variable(n)%width = quantity%n
+                if (all(quantity%unit == quantity%unit(1))) then
+                    variable(n)%units = quantity%unit(1)
+                else
+                    variable(n)%coordinates = trim(variable(n)%name)//"_unit"
+                end if
+            end associate
+        end do
+    end subroutine kept_variables
 
     pure logical function has_designs(run)
         type(sweep_run), intent(in) :: run

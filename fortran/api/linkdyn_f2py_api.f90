@@ -10,7 +10,8 @@ module linkdyn_f2py_api
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
-    use linkdyn_description, only: scene_as_json, layout_as_json
+    use linkdyn_dataset, only: dataset_type, sample_variable
+    use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, choose_method
     use linkdyn_forward_block, only: advance_block
@@ -26,12 +27,16 @@ module linkdyn_f2py_api
     use linkdyn_scene_reader, only: parse_scene, check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
+    use linkdyn_sweep, only: sweep_run
+    use linkdyn_sweep_handles, only: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
+    use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_text, only: to_text, quoted
     use linkdyn_version, only: version
     implicit none
     private
     public :: api_version, api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_describe_results
     public :: api_explain, api_motion, api_inverse, api_forward, api_poses
+    public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
 
     integer, parameter :: status_stale_handle = 7   !! beside the engine's codes: the scene was closed
 
@@ -450,6 +455,124 @@ contains
         end if
         call report(status, code, message)
     end subroutine api_poses
+
+    !> Plan the sweep of a scene. It is advanced, read and closed by its own handle.
+    subroutine api_sweep_open(handle, n_folder, folder, solver, n_keep, keep, sweep, n_sample, n_chunk, chunk, width, code, &
+            message)
+        integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: n_folder, n_keep
+        integer(c_int), intent(in) :: folder(n_folder)     ! where the scene's tables lie
+        character(len=*), intent(in) :: solver
+        integer(c_int), intent(in) :: keep(n_keep)         ! quantities kept of every sample, with commas; blank: the scene's
+        integer(c_int), intent(out) :: sweep
+        real(c_double), intent(out) :: n_sample, n_chunk   ! whole numbers, below 2**53
+        integer(c_int), intent(out) :: chunk               ! samples of a chunk at most
+        integer(c_int), intent(out) :: width               ! values kept of a sample; 0: none
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+        integer :: number
+
+        sweep = 0
+        n_sample = 0
+        n_chunk = 0
+        chunk = 0
+        width = 0
+        call find_model(handle, model, status)
+        if (status%code == 0) call check_actuators(model%scene, status)
+        if (status%code == 0) call choose_solver(trim(solver), number, status)
+        if (status%code == 0) call open_sweep(model%scene, from_bytes(folder), number, trim(from_bytes(keep)), sweep, status)
+        if (status%code == 0) call find_sweep(sweep, run, status)
+        if (status%code == 0) then
+            n_sample = real(run%plan%n_sample, c_double)
+            n_chunk = real(run%plan%n_chunk, c_double)
+            chunk = int(run%plan%chunk, c_int)
+            width = kept_width(run)
+        end if
+        call report(status, code, message)
+    end subroutine api_sweep_open
+
+    !> Compute the next chunks. What is kept of their samples comes out, sample after sample.
+    subroutine api_sweep_advance(sweep, n_chunk, threads, n_records, records, n_done, n_kept, code, message)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: sweep
+        integer(c_int), intent(in) :: n_chunk              ! at most
+        integer(c_int), intent(in) :: threads
+        integer(c_int), intent(in) :: n_records
+        real(c_double), intent(inout), target :: records(n_records)  ! (width, samples of the chunks), room for all
+        real(c_double), intent(out) :: n_done              ! chunks in all
+        integer(c_int), intent(out) :: n_kept              ! samples
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+        real(c_double), pointer :: values(:, :)
+
+        n_done = 0
+        n_kept = 0
+        call find_sweep(sweep, run, status)
+        if (status%code == 0) call check_size("records", n_records, &
+            max(1, kept_width(run)*n_chunk*int(run%plan%chunk)), status)
+        if (status%code == 0) then
+            values(1:kept_width(run), 1:n_chunk*int(run%plan%chunk)) => records
+            call advance_sweep(run, n_chunk, int(threads), values, n_kept)
+            n_done = real(run%n_done, c_double)
+        end if
+        call report(status, code, message)
+    end subroutine api_sweep_advance
+
+    !> Dimensions, variables, labels of the results as JSON; text as in `api_describe_scene`.
+    subroutine api_sweep_describe(sweep, capacity, text, length, code, message)
+        integer(c_int), intent(in) :: sweep
+        integer(c_int), intent(in) :: capacity
+        integer(c_int), intent(inout) :: text(capacity)
+        integer(c_int), intent(out) :: length
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+        type(dataset_type) :: dataset
+        type(sample_variable), allocatable :: kept(:)
+
+        length = 0
+        call find_sweep(sweep, run, status)
+        if (status%code == 0) then
+            call sweep_dataset(run, dataset)
+            allocate (kept(0))
+            if (kept_width(run) > 0) call kept_variables(run, dataset, kept)
+            call to_bytes(dataset_as_json(dataset, kept), text, length)
+        end if
+        call report(status, code, message)
+    end subroutine api_sweep_describe
+
+    !> The numbers of the results in the order of their variables.
+    subroutine api_sweep_values(sweep, n_real, reals, n_integer, integers, code, message)
+        integer(c_int), intent(in) :: sweep
+        integer(c_int), intent(in) :: n_real, n_integer
+        real(c_double), intent(inout) :: reals(n_real)
+        real(c_double), intent(inout) :: integers(n_integer)   ! whole numbers, below 2**53
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+        type(dataset_type) :: dataset
+
+        call find_sweep(sweep, run, status)
+        if (status%code == 0) then
+            call sweep_dataset(run, dataset)
+            call copy_numbers(dataset, reals, integers)
+        end if
+        call report(status, code, message)
+    end subroutine api_sweep_values
+
+    !> Forget a sweep.
+    subroutine api_sweep_close(sweep)
+        integer(c_int), intent(in) :: sweep
+
+        call close_sweep(int(sweep))
+    end subroutine api_sweep_close
 
     !> Plan a scene and keep it.
     subroutine register_scene(scene, handle, status)

@@ -1,7 +1,7 @@
 !> A dataset into a netCDF-4 file, and samples behind it, as many as come.
 module linkdyn_netcdf_dataset
     use, intrinsic :: iso_fortran_env, only: real64
-    use linkdyn_dataset, only: dataset_type, dataset_variable
+    use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
     use linkdyn_kinds, only: wp
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, open_netcdf, abandon_netcdf, put_attributes, put_strings, &
         check, chunk_length
@@ -10,18 +10,7 @@ module linkdyn_netcdf_dataset
         nf90_unlimited
     implicit none (type, external)
     private
-    public :: create_dataset, sample_variable, define_samples, put_samples
-
-    !> A variable along the samples.
-    type :: sample_variable
-        character(len=64) :: name = ""
-        character(len=192) :: long_name = "", coordinates = ""
-        character(len=64) :: units = ""
-        integer, allocatable :: dim(:)             !! of the dataset, behind the sample, slowest first
-        integer :: width = 1                       !! values of one sample
-        logical :: is_integer = .false.
-        integer :: id = 0
-    end type sample_variable
+    public :: create_dataset, define_samples, put_samples
 
 contains
 
@@ -105,36 +94,38 @@ contains
     end subroutine put_variable
 
     !> Variables along a dimension `sample` that grows.
-    subroutine define_samples(dataset, dimension_id, variable, writer, status)
+    subroutine define_samples(dataset, dimension_id, variable, variable_id, writer, status)
         type(dataset_type), intent(in) :: dataset
         integer, intent(in) :: dimension_id(:)
-        type(sample_variable), intent(inout) :: variable(:)
+        type(sample_variable), intent(in) :: variable(:)
+        integer, allocatable, intent(out) :: variable_id(:)
         type(netcdf_writer), intent(in) :: writer
         type(status_type), intent(inout) :: status
         integer :: sample_id, i, n
 
+        allocate (variable_id(size(variable)))
         call check(nf90_def_dim(writer%id, "sample", nf90_unlimited, sample_id), writer, status)
         do i = 1, size(variable)
             if (.not. status%is_ok()) return
             associate (v => variable(i))
                 n = size(v%dim)
-                v%width = product(dataset%dimension(v%dim)%size)
                 call check(nf90_def_var(writer%id, trim(v%name), merge(nf90_int, nf90_double, v%is_integer), &
-                    [dimension_id(v%dim(n:1:-1)), sample_id], v%id, &
+                    [dimension_id(v%dim(n:1:-1)), sample_id], variable_id(i), &
                     chunksizes=[dataset%dimension(v%dim(n:1:-1))%size, chunk_length(v%width, 0)]), writer, status)
                 if (.not. status%is_ok()) return
-                call check(nf90_put_att(writer%id, v%id, "long_name", trim(v%long_name)), writer, status)
-                if (v%units /= "") call check(nf90_put_att(writer%id, v%id, "units", trim(v%units)), writer, status)
+                call check(nf90_put_att(writer%id, variable_id(i), "long_name", trim(v%long_name)), writer, status)
+                if (v%units /= "") call check(nf90_put_att(writer%id, variable_id(i), "units", trim(v%units)), writer, status)
                 if (v%coordinates /= "") &
-                    call check(nf90_put_att(writer%id, v%id, "coordinates", trim(v%coordinates)), writer, status)
+                    call check(nf90_put_att(writer%id, variable_id(i), "coordinates", trim(v%coordinates)), writer, status)
             end associate
         end do
     end subroutine define_samples
 
     !> Some samples: their values stand variable after variable in each column.
-    subroutine put_samples(dataset, variable, first, values, writer, status)
+    subroutine put_samples(dataset, variable, variable_id, first, values, writer, status)
         type(dataset_type), intent(in) :: dataset
         type(sample_variable), intent(in) :: variable(:)
+        integer, intent(in) :: variable_id(:)
         integer, intent(in) :: first               !! from 1
         real(wp), intent(in) :: values(:, :)       !! (all values, sample)
         type(netcdf_writer), intent(in) :: writer
@@ -147,10 +138,10 @@ contains
             associate (v => variable(i), part => values(place + 1:place + variable(i)%width, :))
                 n = size(v%dim)
                 if (v%is_integer) then
-                    call check(nf90_put_var(writer%id, v%id, nint(reshape(part, [size(part)])), &
+                    call check(nf90_put_var(writer%id, variable_id(i), nint(reshape(part, [size(part)])), &
                         [spread(1, 1, n), first], [dataset%dimension(v%dim(n:1:-1))%size, size(values, 2)]), writer, status)
                 else
-                    call check(nf90_put_var(writer%id, v%id, real(reshape(part, [size(part)]), real64), &
+                    call check(nf90_put_var(writer%id, variable_id(i), real(reshape(part, [size(part)]), real64), &
                         [spread(1, 1, n), first], [dataset%dimension(v%dim(n:1:-1))%size, size(values, 2)]), writer, status)
                 end if
             end associate

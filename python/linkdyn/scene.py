@@ -19,6 +19,7 @@ from . import _bind
 from ._changes import changed
 from .errors import InputError
 from .results import result_shapes, to_dataset
+from .sweep import run_sweep
 
 __all__ = ["Scene", "Poses", "load"]
 
@@ -332,6 +333,58 @@ class Scene:
         names = ("steps", "rejected_steps", "right_hand_sides")
         run.attrs |= {"method": method, **dict(zip(names, map(int, statistics))), "stopped": stopped}
         return run
+
+    def sweep(
+        self,
+        sweep: Mapping[str, Any] | None = None,
+        *,
+        keep: str | Iterable[str] = (),
+        solver: str = "elimination",
+        threads: int = 1,
+        progress: bool = False,
+    ) -> xr.Dataset:
+        """What the table ``[sweep]`` asks for: peaks over a workspace, load cases and designs.
+
+        Memory does not grow with the number of samples, unless they are kept. For runs of hours use the executable: it
+        can be interrupted and resumed.
+
+        Parameters
+        ----------
+        sweep
+            The table, as in a scene file (``{"axis": [{"coordinate": "platform.x", "linspace": [0, 1, 5]}, ...]}``);
+            default: the scene's own.
+        keep
+            Quantities to be kept of every sample, e.g. "driving_force", beside those that the table names.
+        solver, threads
+            As for `inverse`; the results do not depend on the number of threads.
+        progress
+            Show a bar.
+
+        Returns
+        -------
+        xarray.Dataset
+            As the executable writes it: docs/sweep.md lists the variables.
+
+        Raises
+        ------
+        SceneError
+            Something is wrong in the table: what, what was expected.
+        InputError
+            The scene has no sweep; an unknown quantity or solver; too many or too few actuators.
+        """
+        if sweep is not None:
+            content = tomllib.loads(self.text) | {"sweep": sweep}
+            return Scene(content, folder=self._folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
+        return run_sweep(
+            self._handle,
+            self._folder,
+            self.description,
+            self.text,
+            keep=keep,
+            solver=str(solver),
+            threads=_count("threads", threads),
+            progress=progress,
+        )
 
     def _output_instants(self, t_end: float | None) -> NDArray[np.float64]:
         """Instants of a forward run: the scene's, or as many up to another end."""

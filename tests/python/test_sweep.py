@@ -281,6 +281,61 @@ def test_threads_to_the_last_bit(swept, tmp_path):
         assert one[name].equals(two[name]), name
 
 
+def test_python_and_executable_are_the_same(swept, tmp_path):
+    swept["sweep"] |= {"histogram": {"driving_force": True}, "keep": ["reaction"]}
+    swept["sweep"]["axis"].append({"parameter": "link.platform.mass", "values": [1.0, 2.0]})
+    swept["sweep"]["constraint"] = [{"of": "driving_position", "max": 1.8, "name": "stroke"}]
+    written = sweep_file(swept, tmp_path, "--keep", "driving_force")
+    scene = linkdyn.Scene(swept)
+    run = scene.sweep(keep="driving_force", threads=2)
+    assert set(run.variables) == set(written.variables) and run.sizes == written.sizes
+    assert set(run.coords) == set(written.coords)
+    for name in run.variables:
+        assert run[name].equals(written[name]), name
+        assert run[name].dtype.kind == written[name].dtype.kind, name
+        attributes = {key: value for key, value in written[name].attrs.items() if key != "coordinates"}
+        assert run[name].attrs == attributes, name
+    # Texts may differ in what wrote them.
+    for name in set(run.attrs) - {"history", "scene"}:
+        assert np.array_equal(run.attrs[name], written.attrs[name]), name
+    assert set(run.attrs) == set(written.attrs)
+    again = linkdyn.Scene({key: value for key, value in swept.items() if key != "sweep"}).sweep(swept["sweep"], keep=["driving_force"])
+    assert all(again[name].equals(run[name]) for name in run.variables)
+
+
+def test_refused_from_python(tsai):
+    with pytest.raises(linkdyn.InputError, match="has no sweep"):
+        linkdyn.Scene(tsai).sweep()
+    table = {"axis": [{"coordinate": "platform.x", "linspace": [-1.6, -1.4, 3]}]}
+    with pytest.raises(linkdyn.InputError, match="driving_forces.*did you mean"):
+        linkdyn.Scene(tsai).sweep(table, keep="driving_forces")
+    with pytest.raises(linkdyn.InputError, match="solver"):
+        linkdyn.Scene(tsai).sweep(table, solver="magic")
+    with pytest.raises(linkdyn.SceneError, match="empty axis"):
+        linkdyn.Scene(tsai).sweep({"axis": [{"coordinate": "platform.x", "linspace": [-1.6, -1.4, 0]}]})
+
+
+def test_an_interrupt_leaves_the_scene_usable(tsai, monkeypatch):
+    table = {"chunk": 16, "axis": [{"coordinate": "platform.x", "linspace": [-1.6, -1.4, 4000]}]}
+    scene = linkdyn.Scene(tsai | {"sweep": table})
+    calls = []
+
+    def interrupt(*arguments):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return advance(*arguments)
+
+    from linkdyn import _bind
+
+    advance = _bind.advance_sweep
+    monkeypatch.setattr(_bind, "advance_sweep", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        scene.sweep()
+    monkeypatch.undo()
+    assert scene.sweep()["samples"] == 4000
+
+
 def test_chunks_change_rounding_alone(swept, tmp_path):
     small = sweep_file(swept, tmp_path)
     swept["sweep"]["chunk"] = 16384
