@@ -48,6 +48,20 @@ class Table:
     wide: tuple[int, ...] = (0,)
     """Columns of words: aligned to the left."""
 
+    def letters(self, whole: float) -> NDArray[np.float64]:
+        """Letters in a line of each column; the longest columns give way until all fit in ``whole``."""
+        wanted = np.array([
+            max([*(len(line) for line in head.split("\n")), *(len(row[k].text) for row in self.rows)]) + 2.5
+            for k, head in enumerate(self.head)
+        ])
+        if wanted.sum() <= whole:
+            return wanted
+        low, high = 0.0, float(wanted.max())
+        for _ in range(30):
+            middle = (low + high) / 2
+            low, high = (low, middle) if np.minimum(wanted, middle).sum() > whole else (middle, high)
+        return np.minimum(wanted, low)
+
 
 @dataclass(frozen=True)
 class Picture:
@@ -362,12 +376,16 @@ def _amplification(data: xr.Dataset) -> Table | None:
         head += [f"per unit {kind}\n[{_ratio(units[0], load) if same else 'SI'}]", "worst direction (x, y, z)"]
         columns.append([_cell(value) for value in data[f"{name}_max"].values])
         directions = data[f"{name}_direction"].values
-        columns.append([Cell(NONE if np.isnan(row).any() else f"({', '.join(f'{v + 0.0:+.2f}' for v in row)})") for row in directions])
+        columns.append([Cell(NONE if np.isnan(row).any() else f"({', '.join(_component(v) for v in row)})") for row in directions])
         wide.append(2 * (kinds.index(kind) + 1))
     rows = [[Cell(str(name)), *(column[k] for column in columns)] for k, name in enumerate(data.actuator.values)]
     where = f" on {data.attrs['tool']}" if data.attrs.get("tool") else ""
     note = "The largest driving force over all directions of a unit load, at the worst pose; the opposite direction asks the opposite."
     return Table(f"Worst load{where}", head, rows, note, wide=tuple(wide))
+
+
+def _component(value: float) -> str:
+    return f"{round(float(value), 2) + 0.0:.2f}".replace("-", "−")
 
 
 def _ratio(unit: str, load: str) -> str:
@@ -404,29 +422,34 @@ def _quality(data: xr.Dataset) -> Table | None:
 # ---------------------------------------------------------------- axes
 
 def _axes(run: xr.Dataset) -> Table:
-    """What was swept; axes that advance together in one row."""
+    """What was swept: axes of their own in one row, axes that advance together in another."""
+    names, groups, sizes = axis_names(run), run.axis_group.values, run.axis_size.values
+    members = [[k for k in range(len(names)) if groups[k] == group] for group in dict.fromkeys(groups.tolist())]
+    alone = [group[0] for group in members if len(group) == 1]
     rows = []
-    names, groups = axis_names(run), run.axis_group.values
-    for group in dict.fromkeys(groups.tolist()):
-        members = [k for k in range(len(names)) if groups[k] == group]
-        if len(members) == 1:
-            words = f"{names[members[0]]}: {_range(run, members[0])}"
-        else:
-            words = "together: " + "; ".join(f"{names[k]} {_range(run, k)}" for k in members)
-        rows.append([Cell(words), Cell(_count(int(run.axis_size.values[members[0]])), float(run.axis_size.values[members[0]])),
-                     Cell(str(run.axis_sampling.values[members[0]]))])
-    return Table("Swept", ["axis", "values", "sampling"], rows, wide=(0, 2))
+    if alone:
+        words = "; ".join(f"{names[k]} {_range(run, k)} ({_count(int(sizes[k]))}{_sampling(run, k)})" for k in alone)
+        rows.append((f"all of {words}", int(np.prod(sizes[alone]))))
+    for group in members:
+        if len(group) > 1:
+            words = "; ".join(f"{names[k]} {_range(run, k)}{_sampling(run, k)}" for k in group)
+            rows.append((f"together {words}", int(sizes[group[0]])))
+    return Table("Swept", ["axes", "values"], [[Cell(words), Cell(_count(n), float(n))] for words, n in rows])
+
+
+def _sampling(run: xr.Dataset, k: int) -> str:
+    sampling = str(run.axis_sampling.values[k])
+    return "" if sampling in ("linspace", "values") else f", {sampling}"
 
 
 def _range(run: xr.Dataset, k: int) -> str:
     low, high = float(run.axis_low.values[k]), float(run.axis_high.values[k])
     unit = str(run.axis_unit.values[k])
     factor, word = readable(unit, max(abs(low), abs(high))) if unit != "SI" else (1.0, "")
-    if low == high:
-        return f"{low * factor:.4g} {word}".strip()
-    if low == -high:
+    if low == -high and high != 0:
         return f"±{high * factor:.4g} {word}".strip()
-    return f"{low * factor:.4g} to {high * factor:.4g} {word}".strip()
+    text = f"{low * factor:.4g}" + (f" to {high * factor:.4g}" if low != high else "")
+    return f"{text} {word}".strip().replace("-", "−")
 
 
 # ---------------------------------------------------------------- several designs
@@ -578,7 +601,7 @@ def significant(value: float, digits: int = 4) -> str:
     if value == 0.0:
         return "0"
     if not 1e-4 <= abs(value) < 1e7:
-        return f"{value:.{digits - 1}e}"
+        return f"{value:.{digits - 1}e}".replace("-", "−")
     places = max(0, digits - 1 - int(np.floor(np.log10(abs(value)))))
     return f"{round(value, places):.{places}f}".replace("-", "−")
 

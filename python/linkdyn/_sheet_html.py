@@ -12,6 +12,8 @@ from ._sheet import Cell, Page, Picture, Table
 
 __all__ = ["html"]
 
+LETTERS = 170
+"""In a line of a table."""
 STYLE = """
 @page { size: A4; margin: 11mm; }
 body { font: 10px/1.35 "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif; color: #1a1a1a; margin: 1.2em auto;
@@ -34,8 +36,10 @@ figure { margin: 0; break-inside: avoid; }
 figure.wide { grid-column: 1 / 3; }
 figure img { width: 100%; max-height: 430px; object-fit: contain; }
 figcaption { color: #444; text-align: center; }
-@media print { body { margin: 0; padding: 0; max-width: none; font-size: 7.6px; } p.note { font-size: 6.8px; }
-  div.pictures { grid-template-columns: 1fr 1fr 1fr; } figure.wide { grid-column: auto; } figure img { max-height: 190px; } }
+@media print { body { margin: 0; padding: 0; max-width: none; font-size: 7.4px; line-height: 1.22; } p.note { font-size: 6.4px; }
+  h1 { font-size: 15px; } h2 { font-size: 9px; margin: 0; } section { margin-top: .55em; } td { padding: .05em .4em; }
+  div.pictures { grid-template-columns: 1fr 1fr 1fr; gap: .3em; margin-top: .4em; } figure.wide { grid-column: auto; }
+  figure img { max-height: 148px; } }
 """
 
 
@@ -71,7 +75,7 @@ def _section(table: Table) -> str:
     def word(k: int) -> str:
         return ' class="word"' if k in table.wide else ""
 
-    lines = ["<section>", f"<h2>{escape(table.title)}</h2>", "<table>", "<thead><tr>"]
+    lines = ["<section>", f"<h2>{escape(table.title)}</h2>", "<table>", *_widths(table), "<thead><tr>"]
     lines += [f"<th{word(k)}>{escape(text)}</th>" for k, text in enumerate(table.head)]
     lines += ["</tr></thead>", "<tbody>"]
     for row in table.rows:
@@ -80,6 +84,14 @@ def _section(table: Table) -> str:
     if table.note:
         lines.append(f'<p class="note">{escape(table.note)}</p>')
     return "\n".join([*lines, "</section>"])
+
+
+def _widths(table: Table) -> list[str]:
+    """Columns of long texts share the width; others are left to the browser."""
+    letters = table.letters(LETTERS)
+    if letters.sum() < 0.95 * LETTERS:
+        return []
+    return ["<colgroup>", *(f'<col style="width: {100 * n / letters.sum():.1f}%"/>' for n in letters), "</colgroup>"]
 
 
 def _data(cell: Cell, is_word: bool) -> str:

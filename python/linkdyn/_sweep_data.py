@@ -24,6 +24,7 @@ __all__ = [
     "one_design",
     "unit_of",
     "values_of",
+    "within_constraints",
     "worst_of",
 ]
 
@@ -83,6 +84,15 @@ def values_of(run: xr.Dataset, quantity: str, at: str | None, caller: str) -> ND
     if at not in labels:
         raise InputError(f"{caller}: no {at!r} in {quantity} (expected one of {', '.join(labels)})")
     return values[:, [labels.index(at)]]
+
+
+def within_constraints(run: xr.Dataset) -> NDArray[np.bool_]:
+    """(sample,) which samples enter the reductions: computed, within all constraints; beyond a limit or not."""
+    reduced = np.zeros(run.sizes["outcome"], dtype=bool)
+    reduced[0] = True
+    if "bound" in run.dims:
+        reduced[-run.sizes["bound"] :] = run.bound_is_limit.values == 1
+    return reduced[run.sample_outcome.values]
 
 
 def worst_of(quantity: str, values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
@@ -191,30 +201,32 @@ def _borders(middle: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def describe_place(run: xr.Dataset, values: NDArray[np.float64]) -> str:
-    """A sample in words: "x 250 mm, y 0 mm, roll -20 deg; Fz -8115 N". Of axes that advance together only what is not 0."""
+    """A sample in words: "x 250 mm, roll −20 deg; Fz −8115 N". Of axes that advance together only what is not 0."""
     if np.isnan(values).any():
         return "–"
     groups = run.axis_group.values
     together = {group for group in groups if (groups == group).sum() > 1}
     parts: dict[str, list[str]] = {}
     for k, name in enumerate(axis_names(run)):
-        if groups[k] in together and values[k] == 0.0 or run.axis_size.values[k] == 1:
+        if (groups[k] in together and values[k] == 0.0) or run.axis_size.values[k] == 1:
             continue
         largest = max(abs(float(run.axis_low.values[k])), abs(float(run.axis_high.values[k])))
-        factor, unit = readable(str(run.axis_unit.values[k]), largest)
-        parts.setdefault(_kind(name), []).append(f"{_short(name)} {values[k] * factor:.4g} {unit}".strip())
+        unit = str(run.axis_unit.values[k])
+        factor, word = readable(unit, largest) if unit != "SI" else (1.0, "")
+        kind, short = _short(name)
+        number = f"{values[k] * factor + 0.0:.4g}".replace("-", "−")
+        parts.setdefault(kind, []).append(f"{short} {number} {word}".strip())
     if together and not any(groups[k] in together and values[k] != 0.0 for k in range(len(groups))):
-        parts["rest"] = ["at rest, no load"]
-    return "; ".join(", ".join(words) for words in parts.values())
+        parts["rest"] = ["all else 0"]
+    named = {"rate": "rates ", "acceleration": "accelerations "}
+    return "; ".join(named.get(kind, "") + ", ".join(words) for kind, words in parts.items())
 
 
-def _kind(name: str) -> str:
-    return next((word for word in ("rate of", "acceleration of", " on ") if word in name), "place")
-
-
-def _short(name: str) -> str:
-    """ "x" of "platform.x", "rate x" of "rate of platform.x", "Fz" of "Fz on platform.tool"."""
+def _short(name: str) -> tuple[str, str]:
+    """Kind and short name of an axis: place and "x" of "platform.x", load and "Fz" of "Fz on platform.tool"."""
     if " on " in name:
-        return name.split(" on ")[0]
-    word, _, of = name.rpartition(" of ")
-    return f"{word} {of.split('.')[-1]}".strip()
+        return "load", name.split(" on ")[0]
+    kind, of, what = name.partition(" of ")
+    if of and kind in ("rate", "acceleration"):
+        return kind, what.split(".")[-1]
+    return "place", name.split(".")[-1] if name.count(".") == 1 and " " not in name else name

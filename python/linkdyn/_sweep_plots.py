@@ -25,6 +25,7 @@ from ._sweep_data import (
     one_design,
     unit_of,
     values_of,
+    within_constraints,
     worst_of,
 )
 from .errors import InputError
@@ -130,6 +131,7 @@ def _cell_values(run: xr.Dataset, cells: Cells, quantity: str, at: str | None) -
     if quantity == "outcome":
         return _reasons(run, cells, outcome, total, share)
     values = worst_of(quantity, values_of(run, quantity, at, "workspace"), axis=1)
+    values = np.where(within_constraints(run), values, np.nan)
     smallest = quantity in ("clearance", "determinant")
     of_cell = cells.reduce(values, smallest)
     word = "smallest" if smallest else "largest"
@@ -284,7 +286,7 @@ def force_map(
     need_sweep(run, "force_map")
     names = chosen_axes(run, axes, (2,), "force_map")
     cells = cells_of(run, names, where, "force_map")
-    force = values_of(run, "driving_force", None, "force_map")
+    force = np.where(within_constraints(run)[:, np.newaxis], values_of(run, "driving_force", None, "force_map"), np.nan)
     actuators = [str(name) for name in run.actuator.values]
     strongest = []
     for values in force.T:
@@ -451,6 +453,8 @@ def _clouds(data: xr.Dataset, run: xr.Dataset, design: int | None) -> list[NDArr
     """(sample, 2) speed and force of each actuator; the corners of their box without samples."""
     if _has_samples(run):
         speed, force = run.driving_speed.values, run.driving_force.values
+        if "sample_outcome" in run:
+            force = np.where(within_constraints(run)[:, np.newaxis], force, np.nan)
         if "design" in run.dims:
             share = len(speed) // run.sizes["design"]
             part = slice((design or 0) * share, ((design or 0) + 1) * share)
