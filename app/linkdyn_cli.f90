@@ -19,9 +19,10 @@ module linkdyn_cli
     integer, parameter :: command_forward = 4
     integer, parameter :: command_sweep = 5
     character(len=8), parameter :: command_name(4) = [character(len=8) :: "inverse", "forward", "sweep", "explain"]
-    character(len=11), parameter :: inverse_option(10) = [character(len=11) :: &
+    character(len=11), parameter :: common_option(10) = [character(len=11) :: &
         "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
-    character(len=11), parameter :: forward_option(16) = [character(len=11) :: inverse_option, &
+    character(len=11), parameter :: inverse_option(12) = [character(len=11) :: common_option, "--error", "--states"]
+    character(len=11), parameter :: forward_option(16) = [character(len=11) :: common_option, &
         "--method", "--step", "--rtol", "--atol", "--until", "--samples"]
     character(len=12), parameter :: sweep_option(12) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
         "--sheet", "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
@@ -45,6 +46,8 @@ module linkdyn_cli
         logical :: csv = .false.
         logical :: quiet = .false.
         logical :: matrix = .false.                   !! explain: write the equations out
+        logical :: error = .false.                    !! inverse: estimate the errors of the forces
+        character(len=:), allocatable :: states       !! inverse: file with the motion; not allocated: the scene's laws
         integer :: deflate = 0                        !! compression of netCDF output
         character(len=:), allocatable :: solver       !! its name
         type(inverse_options) :: options
@@ -124,6 +127,8 @@ contains
         if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) call refuse( &
             "--no-output: nothing is written (expected no --output, --csv or --compress beside it)", status)
         if (.not. allocated(config%want)) config%wanted = default_wanted(config)
+        config%wanted%errors = config%error
+        config%options%wants_errors = config%error
     contains
         subroutine refuse(message, status)
             character(len=*), intent(in) :: message
@@ -190,20 +195,25 @@ contains
             call refuse("--sheet: the sizing sheet is drawn by the Python package (expected the command linkdyn that it installs)")
             return
         end if
+        if (config%command /= command_inverse .and. any(["--error ", "--states"] == option)) then
+            call refuse(quoted(option)//": unknown option (expected with linkdyn inverse)")
+            return
+        end if
         select case (option)
-        case ("--csv", "--no-output", "--quiet", "-q", "--compress", "--resume", "--yes")
+        case ("--csv", "--no-output", "--quiet", "-q", "--compress", "--resume", "--yes", "--error")
             if (allocated(value)) then
                 call refuse(option//": takes no value")
                 return
             end if
             if (option == "--csv") config%csv = .true.
+            if (option == "--error") config%error = .true.
             if (option == "--no-output") config%no_output = .true.
             if (option == "--compress") config%deflate = 1
             if (option == "--resume") config%resume = .true.
             if (option == "--yes") config%yes = .true.
             if (option == "--quiet" .or. option == "-q") config%quiet = .true.
         case ("-o", "--output", "--solver", "--want", "--threads", "--method", "--step", "--rtol", "--atol", "--until", &
-            "--samples", "--keep", "--checkpoint")
+            "--samples", "--keep", "--checkpoint", "--states")
             if (config%command == command_inverse .and. .not. any(inverse_option == option)) then
                 call refuse(quoted(option)//": unknown option"//suggestion(option, inverse_option))
                 return
@@ -233,6 +243,9 @@ contains
             case ("-o", "--output")
                 if (len_trim(value) == 0) call refuse(option//": empty file name")
                 config%output = value
+            case ("--states")
+                if (len_trim(value) == 0) call refuse(option//": empty file name")
+                config%states = value
             case ("--solver")
                 config%solver = value
                 call choose_solver(value, config%options%solver, outcome)
@@ -396,6 +409,9 @@ contains
             "                      (default), with commas between; the rest is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced, which", &
             "                      gives all but the reactions", &
+            "  --error             also estimate the error of every force: takes up to three times as long", &
+            "  --states FILE       q, qd, qdd from a CSV file, as written with --csv, instead of the", &
+            "                      scene's motion: a row a sample; columns as the results have them", &
             "  --threads N         threads to compute with; default 1", &
             "  --compress          compress the netCDF file", &
             "  -q, --quiet         no table and no progress", &

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Draw the pictures in the READMEs of the examples: forces.png, reactions.png, scene.png and motion.gif beside each scene;
-hodograph.png and polar.png where a README shows them.
+hodograph.png, polar.png and motion_NAME.gif (of scene_NAME.toml) where a README shows them.
 
 Scenes in which nothing is given a motion, and those named below, run forward; states.png and energies.png come with them. Reactions of many unlike joints would be a tower of panels: left out.
 
@@ -91,8 +91,14 @@ def main() -> None:
         linkdyn.plot.mechanism(scene)
         save(folder / "scene.png")
         linkdyn.plot.animate(run, folder / "motion.gif", scene=scene)
+        readme = (folder / "README.md").read_text()
+        for other in sorted(folder.glob("scene_*.toml")):
+            picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
+            if picture.name in readme:
+                variant = linkdyn.load(other)
+                linkdyn.plot.animate(variant.inverse(), picture, scene=variant)
         for kind, draw in (("hodograph", linkdyn.plot.hodograph), ("polar", linkdyn.plot.polar)):
-            if f"{kind}.png" in (folder / "README.md").read_text():
+            if f"{kind}.png" in readme:
                 draw(run)
                 save(folder / f"{kind}.png")
         if goes_forward:

@@ -27,7 +27,10 @@ _GROUPS = (
     ("driving_speed", "driving_power"),
     ("reaction",),
     ("joint_variable", "joint_rate"),
-    ("rcond", "error", "growth", "power_imbalance"),
+    ("rcond", "growth", "power_imbalance"),
+    ("error",),
+    ("driving_force_error",),
+    ("reaction_error",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
@@ -168,10 +171,12 @@ def describe_scene(handle: int) -> dict[str, Any]:
     return json.loads(_read_text(_api.api_describe_scene, handle))
 
 
-def describe_results(handle: int, solver: str, want: str, has_time: bool, is_forward: bool = False) -> dict[str, Any]:
+def describe_results(
+    handle: int, solver: str, want: str, has_time: bool, is_forward: bool = False, error: bool = False
+) -> dict[str, Any]:
     """Dimensions and variables of the results; ``want`` "" is all that the solver gives."""
     kind = 2 if is_forward else int(has_time)
-    return json.loads(_read_text(_api.api_describe_results, handle, solver, want, kind))
+    return json.loads(_read_text(_api.api_describe_results, handle, solver, want, kind, int(error)))
 
 
 def explain(handle: int) -> str:

@@ -216,6 +216,7 @@ class Scene:
         want: str | Iterable[str] | None = None,
         solver: str = "elimination",
         threads: int = 1,
+        error: bool = False,
     ) -> xr.Dataset:
         """Driving forces and joint reactions for a given motion.
 
@@ -240,6 +241,9 @@ class Scene:
             "elimination", "lapack", "gauss-jordan" or "reduced", which gives all but the reactions.
         threads
             Number of threads.
+        error
+            Also the errors of driving forces and reactions, estimated: ``driving_force_error``, ``reaction_error`` and
+            the worst of them relative to the largest force or moment, ``error``.
 
         Returns
         -------
@@ -255,7 +259,7 @@ class Scene:
         along_motion = q is None
         if along_motion and (qd is not None or qdd is not None):
             raise InputError("qd, qdd: given without q")
-        job = self._job(want, solver, wrench, along_motion)
+        job = self._job(want, solver, wrench, along_motion, error)
         if along_motion:
             instants = self.times() if t is None else self._instants(t)
             *motion, load = _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)
@@ -406,6 +410,7 @@ class Scene:
         want: str | Iterable[str] | None = "driving_force",
         solver: str = "elimination",
         threads: int = 1,
+        error: bool = False,
     ) -> dict[str, NDArray[Any]]:
         """What `inverse` computes for a batch, as plain arrays.
 
@@ -414,7 +419,7 @@ class Scene:
 
         Parameters
         ----------
-        q, qd, qdd, wrench, t, solver, threads
+        q, qd, qdd, wrench, t, solver, threads, error
             As in `inverse`.
         want
             As in `inverse`; default: the driving forces alone.
@@ -439,7 +444,7 @@ class Scene:
         >>> scene.solve(q, qd, qdd)["driving_force"].shape
         (1, 6)
         """
-        job = self._job(want, solver, wrench, False)
+        job = self._job(want, solver, wrench, False, error)
         given = self._given(q, qd, qdd)
         return self._run(job, threads, given, self._loads_at(job, t, len(given["q"])), wrench)
 
@@ -449,14 +454,15 @@ class Scene:
         solver: str,
         wrench: Mapping[str, ArrayLike] | None,
         along_motion: bool,
+        error: bool,
     ) -> _Job:
         """Checked once for calls of one kind."""
         wanted = want if isinstance(want, str) else ",".join(want or ())
-        key = (wanted, solver, tuple(wrench or ()), along_motion)
+        key = (wanted, solver, tuple(wrench or ()), along_motion, bool(error))
         job = self._jobs.get(key)
         if job is None:
             handle, n_load = self._with_loads(key[2])
-            schema = _bind.describe_results(handle, str(solver), wanted, along_motion)
+            schema = _bind.describe_results(handle, str(solver), wanted, along_motion, error=bool(error))
             load = _bind.motion(handle, np.zeros(1), len(self.coordinates), n_load)[3]
             job = _Job(handle, n_load, str(solver), schema, result_shapes(schema), load)
             self._jobs[key] = job
