@@ -314,7 +314,7 @@ def _limits(data: xr.Dataset) -> Table | None:
             _cell(low, factor), _cell(high, factor), Cell(word),
             _cell(lowest, factor, alarm=lowest < low), _cell(highest, factor, alarm=highest > high),
             Cell(where),
-            _cell(margin, 100.0, digits=3, alarm=beyond),
+            Cell(_tenths(100 * margin), margin, beyond) if np.isfinite(margin) else Cell(NONE),
             Cell(_count(int(codes[k])), float(codes[k])),
             Cell(_percent(int(codes[k]), n)),
         ])
@@ -347,6 +347,10 @@ def _margin(low: float, high: float, lowest: float, highest: float) -> float:
     left = [(lowest - low) / abs(low)] if low == low and low != 0 else []
     left += [(high - highest) / abs(high)] if high == high and high != 0 else []
     return float(np.nanmin(left)) if left and np.isfinite(left).any() else np.nan
+
+
+def _tenths(value: float) -> str:
+    return f"{round(value, 1) + 0.0:.1f}".replace("-", "−")
 
 
 def _outcomes(data: xr.Dataset) -> Table:

@@ -39,7 +39,7 @@ figcaption { color: #444; text-align: center; }
 @media print { body { margin: 0; padding: 0; max-width: none; font-size: 7.4px; line-height: 1.22; } p.note { font-size: 6.4px; }
   h1 { font-size: 15px; } h2 { font-size: 9px; margin: 0; } section { margin-top: .55em; } td { padding: .05em .4em; }
   div.pictures { grid-template-columns: 1fr 1fr 1fr; gap: .3em; margin-top: .4em; } figure.wide { grid-column: auto; }
-  figure img { max-height: 148px; } }
+  figure img { max-height: 175px; } }
 """
 
 
