@@ -30,6 +30,7 @@ module linkdyn_drive_sweep
     real(wp), parameter :: round_seconds = 0.5_wp          !! of computing between two looks at the clock
     integer, parameter :: most_per_worker = 64             !! chunks of a thread in a round
     real(wp), parameter :: round_bytes = 64.0e6_wp         !! kept samples of a round
+    real(wp), parameter :: costly = 20                     !! times as long a checkpoint's writing, at least, to the next one
     ! ---- beyond these a sweep wants --yes
     real(wp), parameter :: many_samples = 1.0e10_wp, long_time = 3600, much_room = 4.0e9_wp
 
@@ -94,7 +95,8 @@ contains
         if (status%is_ok()) call check_actuators(scene, status)
         if (.not. status%is_ok()) return
         if (allocated(config%keep)) call choose_kept(config%keep, scene%sweep, status)
-        if (.not. status%is_ok() .and. index(status%message, "keep:") == 1) status%message = "linkdyn: --"//status%message
+        if (.not. status%is_ok() .and. index(status%message, "keep:") == 1) &
+            status%message = "linkdyn: --"//trim(status%message)
         if (status%is_ok()) call start_sweep(scene, scene_variants(scene, folder_of(trim(config%scene))), &
             config%options%solver, run, status)
     end subroutine prepare_run
@@ -130,7 +132,8 @@ contains
         n_left = real(run%plan%n_sample, wp) - real(run%n_done, wp)*real(run%plan%chunk, wp)
         bytes = 0
         if (any(run%spec%keeps)) bytes = 16*real(run%plan%n_sample, wp)*(1 + size(run%plan%axis) + size(run%keep))
-        bytes = bytes + real(run%plan%n_design, wp)*run%shape%n_entry*(64 + 16.0_wp*size(run%plan%axis))
+        bytes = bytes + 8*real(size(run%map%worst), wp) &
+                + real(run%plan%n_design, wp)*run%shape%n_entry*(64 + 16.0_wp*size(run%plan%axis))
         seconds = n_left*seconds_a_sample(run)/(config%options%threads*n_process())
         if (n_left <= many_samples .and. seconds <= long_time .and. bytes <= much_room) return
         message = trim(config%scene)//": "//sample_text(run%plan%n_sample)//" samples take about "//duration_text(seconds)
@@ -183,17 +186,20 @@ contains
         type(totals_type), allocatable :: part(:)
         type(kept_chunk), allocatable :: kept(:)
         integer(int64) :: n_left, shared(1), round_start, kept_start, n_before
-        real(wp) :: elapsed, spent
-        integer :: n_worker, n_round, n_own, most
+        real(wp) :: elapsed, spent, keeping
+        integer :: n_worker, n_round, n_own, most, width
 
         n_worker = config%options%threads*n_process()
         most = most_per_worker
-        if (any(run%spec%keeps)) most = max(1, min(most, &
-            int(round_bytes/(8.0_wp*n_worker*run%plan%chunk*(1 + size(run%plan%axis) + size(run%keep))))))
+        width = 0
+        if (any(run%spec%keeps)) width = 1 + size(run%plan%axis) + size(run%keep)
+        if (run%map%is_wanted) width = width + 2 + size(run%row%quantity)
+        if (width > 0) most = max(1, min(most, int(round_bytes/(8.0_wp*n_worker*run%plan%chunk*width))))
         call start_progress(config%quiet .or. this_process() > 0, progress)
         call system_clock(kept_start)
         n_before = run%n_done
         n_round = n_worker
+        keeping = 0
         do
             n_left = run%plan%n_chunk - run%n_done
             shared = min(int(n_round, int64), n_left)
@@ -216,9 +222,12 @@ contains
             elapsed = seconds_since(round_start)
             call show_progress((run%n_done - n_before)*run%plan%chunk, (run%plan%n_chunk - n_before)*run%plan%chunk, progress)
             spent = seconds_since(kept_start)
-            if (this_process() == 0 .and. run%n_done < run%plan%n_chunk .and. spent > config%checkpoint) then
+            if (this_process() == 0 .and. run%n_done < run%plan%n_chunk .and. &
+                spent > max(config%checkpoint, costly*keeping)) then
+                call system_clock(kept_start)
                 call sync_spool(spool, status)
                 if (status%is_ok()) call write_checkpoint(output, hash, run, status)
+                keeping = seconds_since(kept_start)
                 call system_clock(kept_start)
             end if
             n_round = n_worker*max(1, min(most, int(real(n_round, wp)/n_worker*max(0.5_wp, min(2.0_wp, &
@@ -239,6 +248,7 @@ contains
         type(sweep_run), intent(inout) :: run
         type(status_type), intent(inout) :: status
         type(totals_type) :: other(1)
+        type(kept_chunk) :: other_kept(1)
         real(wp), allocatable :: reals(:), records(:, :)
         integer(int64), allocatable :: integers(:)
         integer(int64) :: design, first
@@ -259,22 +269,57 @@ contains
                 if (owner == this_process()) then
                     call pack_totals(part(own), reals, integers)
                     call send_arrays(reals, integers)
+                    call send_map(run, kept(own))
                     if (allocated(records)) call send_arrays(reshape(records, [size(records)]), integers(:0))
                 end if
                 run%n_done = run%n_done + 1
                 cycle
             end if
             if (owner == 0) then
-                call join_chunks(run, part(own:own))
+                call join_chunks(run, part(own:own), kept(own:own))
             else
                 call receive_arrays(owner, reals, integers)
                 call unpack_totals(run%shape, reals, integers, other(1))
-                call join_chunks(run, other)
+                call receive_map(owner, run, other_kept(1))
+                call join_chunks(run, other, other_kept)
                 if (allocated(records)) call receive_records(owner, records)
             end if
             if (allocated(records)) call write_spool(spool, first, records, status)
         end do
     end subroutine gather_round
+
+    !> A chunk's share of the map: its length, then its cells.
+    subroutine send_map(run, kept)
+        type(sweep_run), intent(in) :: run
+        type(kept_chunk), intent(in) :: kept
+        real(wp) :: no_reals(0)
+
+        if (.not. run%map%is_wanted) return
+        associate (map => kept%map)
+            call send_arrays(no_reals, [int(map%n, int64)])
+            call send_arrays(reshape(map%worst(:, :map%n), [size(map%worst, 1)*map%n]), &
+                [map%cell(:map%n), map%n_feasible(:map%n)])
+        end associate
+    end subroutine send_map
+
+    subroutine receive_map(owner, run, kept)
+        integer, intent(in) :: owner
+        type(sweep_run), intent(in) :: run
+        type(kept_chunk), intent(inout) :: kept
+        real(wp), allocatable :: reals(:)
+        integer(int64), allocatable :: integers(:)
+        integer(int64) :: n(1)
+        real(wp) :: no_reals(0)
+
+        if (.not. run%map%is_wanted) return
+        call receive_arrays(owner, no_reals, n)
+        allocate (reals(size(run%row%quantity)*n(1)), integers(2*n(1)))
+        call receive_arrays(owner, reals, integers)
+        kept%map%n = int(n(1))
+        kept%map%cell = integers(:n(1))
+        kept%map%n_feasible = integers(n(1) + 1:)
+        kept%map%worst = reshape(reals, [size(run%row%quantity), int(n(1))])
+    end subroutine receive_map
 
     subroutine receive_records(owner, records)
         integer, intent(in) :: owner

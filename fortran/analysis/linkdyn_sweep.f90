@@ -8,6 +8,7 @@ module linkdyn_sweep
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk
     use linkdyn_sweep_design, only: sweep_design, open_design, close_design
+    use linkdyn_sweep_map, only: sweep_map, make_map, join_part
     use linkdyn_sweep_plan, only: sweep_plan, make_sweep_plan, samples_of_chunk, too_many
     use linkdyn_sweep_quantities, only: quantity_row, make_row
     use linkdyn_sweep_source, only: design_source
@@ -28,6 +29,7 @@ module linkdyn_sweep
         type(quantity_row) :: row
         type(totals_shape) :: shape
         type(bins_type) :: bins
+        type(sweep_map) :: map
         class(design_source), allocatable :: source
         integer :: solver = 0                           !! one of `solver_*`
         integer, allocatable :: keep(:)                 !! entries kept of every sample
@@ -78,6 +80,7 @@ contains
         end associate
         if (run%design(1)%status%is_ok() .and. run%design(1)%wants_map) run%length = run%design(1)%map%length
         call choose_bins(run)
+        call make_map(run%spec, run%plan, size(run%row%quantity), run%map)
         allocate (run%total(run%plan%n_design))
         do k = 1, run%plan%n_design
             call empty_totals(run%shape, run%total(k))
@@ -110,6 +113,7 @@ contains
     subroutine choose_bins(run)
         type(sweep_run), intent(inout) :: run
         type(totals_type) :: found, part
+        type(sweep_map) :: no_map
         type(totals_shape) :: shape
         type(kept_chunk) :: kept
         integer, parameter :: nothing(0) = 0
@@ -130,7 +134,7 @@ contains
             n = int(min(run%plan%n_pose, int(coarse_length, int64)))
             first = int(modulo(spot*golden, 1.0_wp)*real(run%plan%n_pose - n + 1, wp), int64)
             call open_design(run%spec, run%plan, run%row, run%source, run%solver, design, run%design(1))
-            call reduce_chunk(run%spec, run%plan, run%row, shape, run%bins, nothing, design*run%plan%n_pose + first, n, &
+            call reduce_chunk(run%spec, run%plan, run%row, shape, run%bins, no_map, nothing, design*run%plan%n_pose + first, n, &
                 run%design(1), part, kept)
             call join_totals(part, 0_int64, found)
         end do
@@ -200,8 +204,8 @@ contains
                 call open_design(run%spec, run%plan, run%row, run%source, run%solver, number, design)
                 if (.not. design%status%is_ok()) call note_bad_design(design)
                 call make_keeping(run, n, kept(k))
-                call reduce_chunk(run%spec, run%plan, run%row, run%shape, run%bins, run%keep, first_sample, n, design, &
-                    part(k), kept(k))
+                call reduce_chunk(run%spec, run%plan, run%row, run%shape, run%bins, run%map, run%keep, first_sample, n, &
+                    design, part(k), kept(k))
             end do
         end subroutine work
 
@@ -241,15 +245,17 @@ contains
     end subroutine provide_designs
 
     !> Add the chunks that follow what has been joined.
-    subroutine join_chunks(run, part)
+    subroutine join_chunks(run, part, kept)
         type(sweep_run), intent(inout) :: run
         type(totals_type), intent(in) :: part(:)        !! in order
+        type(kept_chunk), intent(in) :: kept(:)         !! their share of the map
         integer(int64) :: design
         integer :: k
 
         do k = 1, size(part)
             design = run%n_done/run%plan%n_chunk_design + 1
             call join_totals(part(k), run%plan%n_line, run%total(design))
+            call join_part(kept(k)%map, run%map)
             run%n_done = run%n_done + 1
         end do
     end subroutine join_chunks

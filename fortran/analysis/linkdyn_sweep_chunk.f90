@@ -14,6 +14,7 @@ module linkdyn_sweep_chunk
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged
     use linkdyn_sweep_design, only: sweep_design
+    use linkdyn_sweep_map, only: sweep_map, map_part, cell_of, start_part, add_to_part
     use linkdyn_sweep_plan, only: sweep_plan, place_cursor, advance_cursor
     use linkdyn_sweep_quantities, only: quantity_row
     use linkdyn_sweep_spec, only: sweep_spec, axis_coordinate, axis_rate, axis_acceleration, axis_load, axis_time, &
@@ -33,17 +34,19 @@ module linkdyn_sweep_chunk
         integer, allocatable :: code(:)                 !! (sample)
         real(wp), allocatable :: axis(:, :)             !! (axis, sample)
         real(wp), allocatable :: value(:, :)            !! (kept entry, sample)
+        type(map_part) :: map
     end type kept_chunk
 
 contains
 
     !> Reduce the samples of one chunk of the open design.
-    subroutine reduce_chunk(spec, plan, row, shape, bins, keep, first, n, design, totals, kept)
+    subroutine reduce_chunk(spec, plan, row, shape, bins, map, keep, first, n, design, totals, kept)
         type(sweep_spec), intent(in) :: spec
         type(sweep_plan), intent(in) :: plan
         type(quantity_row), intent(in) :: row
         type(totals_shape), intent(in) :: shape
         type(bins_type), intent(in) :: bins
+        type(sweep_map), intent(in) :: map
         integer, intent(in) :: keep(:)                  !! entries to be kept
         integer(int64), intent(in) :: first             !! number of the first sample, from 0
         integer, intent(in) :: n
@@ -53,8 +56,10 @@ contains
         integer :: code(lanes), block, n_here
         logical :: counts(lanes)
         real(wp) :: axis(size(plan%axis), lanes)
+        integer(int64) :: cell(lanes)
 
         call start_lanes(shape, design%part)
+        if (map%is_wanted) call start_part(size(row%quantity), n, kept%map)
         if (.not. design%status%is_ok()) then
             design%part%n_sample = n
             design%part%n_code(code_no_model) = n
@@ -65,10 +70,11 @@ contains
         call place_cursor(plan, first, design%cursor)
         do block = 0, (n - 1)/lanes
             n_here = min(lanes, n - block*lanes)
-            call fill_lanes(plan, n_here, design, axis)
+            call fill_lanes(plan, map, n_here, design, axis, cell)
             call evaluate_block(spec, row, n_here, design, code)
             call check_counts(spec, code, n_here, counts)
             if (allocated(kept%code)) call keep_block()
+            if (map%is_wanted) call add_to_part(row, design%value, cell, counts, code == code_feasible, n_here, kept%map)
             if (.not. all(counts)) call blank_lanes(shape%n_entry, counts, design%value)
             call reduce_lanes(shape, bins, design%value, counts, block, design%part)
             call count_lanes(code, n_here, design%part)
@@ -124,15 +130,18 @@ contains
     end subroutine make_records
 
     !> The next samples into lanes; lanes beyond the last one repeat it.
-    subroutine fill_lanes(plan, n_here, design, axis_of_lane)
+    subroutine fill_lanes(plan, map, n_here, design, axis_of_lane, cell)
         type(sweep_plan), intent(in) :: plan
+        type(sweep_map), intent(in) :: map
         integer, intent(in) :: n_here
         type(sweep_design), intent(inout) :: design
         real(wp), intent(out) :: axis_of_lane(:, :)     !! (axis, lane)
+        integer(int64), intent(out) :: cell(lanes)      !! of the map
         integer :: l, i
 
         do l = 1, lanes
             axis_of_lane(:, l) = design%cursor%value
+            if (map%is_wanted) cell(l) = cell_of(map, design%cursor, design%number)
             if (l < n_here) call advance_cursor(plan, design%cursor)
         end do
         call advance_cursor(plan, design%cursor)

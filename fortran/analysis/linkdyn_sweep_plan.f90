@@ -10,7 +10,7 @@ module linkdyn_sweep_plan
     implicit none (type, external)
     private
     public :: sweep_plan, sweep_cursor, make_sweep_plan, place_cursor, advance_cursor, axis_values, samples_of_chunk
-    public :: too_many
+    public :: too_many, longest_table
 
     integer(int64), parameter :: too_many = 2_int64**52    !! samples: beyond, numbers are no longer exact as reals
     integer(int64), parameter :: longest_table = 65536     !! values of an axis kept instead of computed again

@@ -11,6 +11,7 @@ module linkdyn_sweep_results
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk
     use linkdyn_sweep_design, only: sweep_design, open_design, close_design
+    use linkdyn_sweep_map, only: sweep_map, is_least
     use linkdyn_sweep_plan, only: axis_values
     use linkdyn_sweep_quantities, only: quantity_type
     use linkdyn_sweep_spec, only: axis_coordinate, axis_parameter, quantity_name, quantity_driving_power, &
@@ -46,6 +47,7 @@ contains
             run%row%quantity(run%row%place(quantity_force_amplification)), 0, "force", by_design, dataset)
         if (run%row%place(quantity_moment_amplification) > 0) call add_directions(run, &
             run%row%quantity(run%row%place(quantity_moment_amplification)), 3, "moment", by_design, dataset)
+        if (run%map%is_wanted) call add_map(run, by_design, dataset)
         call add_attribute(dataset, "chunk", value=[real(run%plan%chunk, wp)])
         call add_attribute(dataset, "lanes", value=[real(lanes, wp)])
         if (run%spec%tool_link > 0) call add_attribute(dataset, "tool", text=trim(run%spec%tool))
@@ -406,6 +408,53 @@ contains
         call add_integers(dataset, name//"_outside", by_design//dims//"side", outside, "samples below the bins and above them")
     end subroutine add_histogram
 
+    !> The worst of every quantity in each cell, and the share of feasible samples. Dimensions bear the names of the axes.
+    subroutine add_map(run, by_design, dataset)
+        type(sweep_run), intent(in) :: run
+        character(len=*), intent(in) :: by_design
+        type(dataset_type), intent(inout) :: dataset
+        character(len=:), allocatable :: dims, units
+        real(wp), allocatable :: worst(:)
+        integer :: i, k
+
+        dims = by_design
+        do i = 1, size(run%map%axis)
+            associate (axis => run%plan%axis(run%map%axis(i)))
+                call add_dimension(dataset, map_name(axis%spec%name), int(axis%spec%n))
+                dims = dims//map_name(axis%spec%name)//" "
+                call add_reals(dataset, map_name(axis%spec%name), map_name(axis%spec%name), axis%table, &
+                    trim(axis%spec%name), trim(axis%spec%unit))
+            end associate
+        end do
+        call add_reals(dataset, "map_feasible_fraction", dims, real(run%map%n_feasible, wp) &
+            /(real(run%plan%n_pose, wp)/real(run%map%n_cell, wp)), "share of feasible samples in the cell", "1")
+        do i = 1, size(run%row%quantity)
+            associate (quantity => run%row%quantity(i))
+                worst = run%map%worst(i, :)
+                do k = 1, size(worst)
+                    if (worst(k) < -0.5_wp*huge(1.0_wp)) worst(k) = nan()
+                end do
+                if (is_least(quantity%id)) worst = -worst
+                units = trim(quantity%unit(1))
+                if (any(quantity%unit /= quantity%unit(1))) units = ""
+                call add_reals(dataset, "map_"//trim(quantity_name(quantity%id)), dims, worst, trim(merge("least  ", &
+                    "largest", is_least(quantity%id)))//" magnitude in the cell: "//trim(quantity%long_name), units)
+            end associate
+        end do
+    end subroutine add_map
+
+    !> The name of an axis as that of a dimension: in one word.
+    pure function map_name(name) result(word)
+        character(len=*), intent(in) :: name
+        character(len=len_trim(name)) :: word
+        integer :: i
+
+        word = name
+        do i = 1, len(word)
+            if (scan(word(i:i), " /") > 0) word(i:i) = "_"
+        end do
+    end function map_name
+
     !> How much of the power that goes through an actuator comes back.
     subroutine add_regeneration(run, by_design, dataset)
         type(sweep_run), intent(in) :: run
@@ -440,6 +489,7 @@ contains
         type(sweep_design) :: design
         type(totals_type) :: part
         type(kept_chunk) :: kept
+        type(sweep_map) :: no_map
         integer, parameter :: nothing(0) = 0
         real(wp), allocatable :: direction(:)
         real(wp) :: row(3)
@@ -456,7 +506,8 @@ contains
                 row = nan()
                 if (sample >= 0) then
                     call open_design(run%spec, run%plan, run%row, run%source, run%solver, sample/run%plan%n_pose, design)
-                    call reduce_chunk(run%spec, run%plan, run%row, run%shape, run%bins, nothing, sample, 1, design, part, kept)
+                    call reduce_chunk(run%spec, run%plan, run%row, run%shape, run%bins, no_map, nothing, sample, 1, design, &
+                        part, kept)
                     row = design%force(1, k, first_component + 1:first_component + 3)
                     row = row/norm2(row)
                 end if

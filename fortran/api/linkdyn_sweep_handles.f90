@@ -114,7 +114,7 @@ contains
                 n_kept = n_kept + n
             end do
         end if
-        call join_chunks(run, part)
+        call join_chunks(run, part, kept)
     end subroutine advance_sweep
 
     !> All numbers of a dataset in the order of the variables.

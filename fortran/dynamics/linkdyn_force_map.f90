@@ -281,7 +281,8 @@ contains
                     end do
                 end do
             end do
-            if (.not. worst > 4*epsilon(1.0_wp)) exit
+            ! The rotations of this sweep leave about the square of what they found.
+            if (.not. worst > sqrt(epsilon(1.0_wp))) exit
         end do
         largest = 0
         smallest = huge(1.0_wp)

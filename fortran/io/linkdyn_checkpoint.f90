@@ -21,6 +21,7 @@ module linkdyn_checkpoint
     private
     public :: sweep_hash, write_checkpoint, read_checkpoint, checkpoint_name, has_checkpoint
 
+    integer, parameter :: map_block = 4096         !! cells written at a time
     character(len=*), parameter :: magic = "linkdyn sweep checkpoint 1"//new_line("a")
 
 contains
@@ -112,6 +113,11 @@ contains
             call put(bytes_of(reals))
             call put(bytes_of_integers(integers))
         end do
+        do d = 1, size(run%map%worst, 2), map_block
+            call put(bytes_of(reshape(run%map%worst(:, d:min(d + map_block - 1, size(run%map%worst, 2))), &
+                [size(run%map%worst, 1)*(min(d + map_block - 1, size(run%map%worst, 2)) - d + 1)])))
+            call put(bytes_of_integers(run%map%n_feasible(d:min(d + map_block - 1, size(run%map%worst, 2)))))
+        end do
         call write_text(file, bytes_of_integers([check]), status)
         call close_text(file, status)
         if (status%is_ok()) then
@@ -140,7 +146,7 @@ contains
         real(wp), allocatable :: reals(:)
         integer(int64), allocatable :: integers(:)
         integer(int64) :: head(4), check, last(1)
-        integer :: n_real, n_integer, d, at
+        integer :: n_real, n_integer, n, d, at
 
         name = checkpoint_name(output)
         call read_file_text(name, name, text, status)
@@ -162,7 +168,8 @@ contains
             return
         end if
         if (len(text, int64) /= at + 32 + len(run%bad_design%message) + 8 &
-            + head(3)*(n_real*(storage_size(1.0_wp)/8) + 8_int64*n_integer)) then
+            + head(3)*(n_real*(storage_size(1.0_wp)/8) + 8_int64*n_integer) &
+            + size(run%map%worst, kind=int64)*(storage_size(1.0_wp)/8) + size(run%map%n_feasible, kind=int64)*8) then
             call refuse_broken()
             return
         end if
@@ -177,6 +184,12 @@ contains
             reals = transfer(piece(n_real*(storage_size(1.0_wp)/8)), reals)
             integers = transfer(piece(8*n_integer), integers)
             call unpack_totals(run%shape, reals, integers, run%total(d))
+        end do
+        do d = 1, size(run%map%worst, 2), map_block
+            n = min(map_block, size(run%map%worst, 2) - d + 1)
+            run%map%worst(:, d:d + n - 1) = reshape(transfer(piece(n*size(run%map%worst, 1)*(storage_size(1.0_wp)/8)), &
+                [1.0_wp]), [size(run%map%worst, 1), n])
+            run%map%n_feasible(d:d + n - 1) = transfer(piece(8*n), [1_int64])
         end do
         last = transfer(text(at + 1:at + 8), last)
         if (last(1) /= check) then

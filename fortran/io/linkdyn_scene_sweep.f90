@@ -11,6 +11,8 @@ module linkdyn_scene_sweep
     use linkdyn_suggest, only: suggestion
     use linkdyn_sweep_quantities, only: described => quantity_type, describe_quantity
     use linkdyn_sampling, only: most_sobol_dimensions
+    use linkdyn_sweep_map, only: most_cells
+    use linkdyn_sweep_plan, only: longest_table
     use linkdyn_sweep_spec, only: sweep_spec, axis_spec, bound_spec, segment_spec, swing_spec, axis_coordinate, axis_rate, &
         axis_acceleration, axis_load, axis_parameter, axis_time, sampling_linspace, sampling_values, sampling_random, &
         sampling_sobol, sampling_name, set_value, operation_name, quantity_name, n_quantity, axis_name_len, &
@@ -49,10 +51,11 @@ contains
         place = place_at(root, node, "sweep")
         scene%sweep%is_given = .true.
         call require_table(place, "a table with axes, written [sweep] and [[sweep.axis]]", status)
-        call allow_keys(place, [character(len=11) :: "axis", "combination", "reduce", "moments", "histogram", "keep", "on", &
+        call allow_keys(place, [character(len=11) :: "axis", "combination", "reduce", "moments", "histogram", "keep", "map", "on", &
             "length", "constraint", "limit", "clearance", "swing", "chunk"], status)
         call read_axes(place, root%node, scene, status)
         call read_wishes(place, scene, status)
+        call read_map(place, scene%sweep, status)
         call read_bounds(place, "constraint", .false., scene, status)
         call read_bounds(place, "limit", .true., scene, status)
         call read_bodies(place, scene, status)
@@ -538,6 +541,48 @@ contains
         if (status%is_ok() .and. .not. scene%sweep%bin_to(id) > scene%sweep%bin_from(id)) &
             call refuse(place, "'to' is not above 'from' (expected a range)", status)
     end subroutine read_range
+
+    !> The axes over which a map is kept: each alone in its group, with values in order.
+    subroutine read_map(place, spec, status)
+        type(scene_place), intent(in) :: place
+        type(sweep_spec), intent(inout) :: spec
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node, item
+        character(len=:), allocatable :: name
+        logical :: is_text
+        real(wp) :: n_cell
+        integer :: i, k
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("map")
+        if (.not. node%is_present()) return
+        if (node%kind() /= toml_array) then
+            call refuse_value(place, "map", node, "is "//node%kind_text()//" (expected a list of axes)", status)
+            return
+        end if
+        n_cell = 1
+        do i = 1, node%count()
+            item = node%at(i)
+            call item%get_text(name, is_text)
+            k = 0
+            if (is_text) k = findloc(spec%axis%name == name, .true., dim=1)
+            if (k == 0) then
+                call refuse_value(place, "map", node, "holds "//quoted(name)//" (expected some of the axes "// &
+                    join(spec%axis%name)//")"//suggestion(name, (spec%axis%name)), status)
+                return
+            end if
+            if (any(spec%map_axis == k)) call refuse_value(place, "map", node, "holds "//quoted(name)//" twice", status)
+            if (spec%axis(k)%kind == axis_parameter) call refuse_value(place, "map", node, "holds "//quoted(name)// &
+                ": every design has a map of its own (expected axes over poses or loads)", status)
+            if (spec%axis(k)%sampling >= sampling_random .or. count(spec%axis%group == spec%axis(k)%group) > 1) &
+                call refuse_value(place, "map", node, "holds "//quoted(name)// &
+                ": its values are no grid (expected an axis with linspace or values, in no group)", status)
+            spec%map_axis = [spec%map_axis, k]
+            n_cell = n_cell*real(spec%axis(k)%n, wp)
+        end do
+        if (n_cell > most_cells .or. any(spec%axis(spec%map_axis)%n > longest_table)) call refuse_value(place, "map", node, &
+            "has too many cells (expected at most 1e8, 65536 along an axis)", status)
+    end subroutine read_map
 
     !> A list of names of quantities, or "all".
     subroutine read_quantities(place, key, chosen, status, found)

@@ -41,6 +41,7 @@ def long_sweep(tsai) -> dict:
     tsai["sweep"] = {
         "reduce": ["driving_force", "determinant"],
         "keep": ["driving_force"],
+        "map": ["platform.z", "platform.x"],
         "chunk": 32,
         "histogram": {"driving_force": True},
         "axis": [

@@ -264,6 +264,31 @@ def test_feasible_volume(tsai, tmp_path):
     assert results["feasible_volume"] == pytest.approx(0.16 * float(results["feasible_fraction"]))
 
 
+def test_map(swept, grid, tmp_path):
+    """Worst values in the cells of two of the axes, in another order than theirs; one constraint, one limit."""
+    swept["sweep"] |= {
+        "map": ["platform.z", "platform.x"],
+        "constraint": [{"of": "driving_position", "max": 1.65}],
+        "limit": [{"of": "driving_force", "max": 8.0}],
+    }
+    results = sweep_file(swept, tmp_path, "--threads", "2")
+    run = brute(swept, grid)
+    inside = run["joint_variable"].sel(variable=[f"leg{i}.P.slide" for i in range(1, 7)]).max("variable").values <= 1.65
+    feasible = inside & (run["driving_force"].values.max(axis=1) <= 8.0)
+    assert 0 < feasible.sum() < inside.sum() < len(grid)
+    whole = np.where(inside[:, np.newaxis], np.abs(run["driving_force"].values), np.nan)
+    assert results["map_driving_force"].dims == ("platform.z", "platform.x")
+    for i, z in enumerate(results["platform.z"].values):
+        for j, x in enumerate(results["platform.x"].values):
+            cell = (grid[:, 2] == z) & (grid[:, 0] == x)
+            assert results["map_feasible_fraction"].values[i, j] == pytest.approx(feasible[cell].mean(), rel=1e-15)
+            expected = np.nanmax(whole[cell]) if inside[cell].any() else np.nan
+            assert results["map_driving_force"].values[i, j] == pytest.approx(expected, rel=1e-12, nan_ok=True)
+    # The least determinant of all cells is that of the sweep, so is the largest condition.
+    assert np.nanmin(results["map_determinant"]) == pytest.approx(np.abs(results["determinant_max"]).item(), rel=1e-15)
+    assert np.nanmax(results["map_condition"]) == results["condition_max"]
+
+
 def test_extremes_alone_are_the_same(swept, tmp_path):
     with_means = sweep_file(swept, tmp_path)
     swept["sweep"]["moments"] = False
@@ -282,7 +307,7 @@ def test_threads_to_the_last_bit(swept, tmp_path):
 
 
 def test_python_and_executable_are_the_same(swept, tmp_path):
-    swept["sweep"] |= {"histogram": {"driving_force": True}, "keep": ["reaction"]}
+    swept["sweep"] |= {"histogram": {"driving_force": True}, "keep": ["reaction"], "map": ["platform.z"]}
     swept["sweep"]["axis"].append({"parameter": "link.platform.mass", "values": [1.0, 2.0]})
     swept["sweep"]["constraint"] = [{"of": "driving_position", "max": 1.8, "name": "stroke"}]
     written = sweep_file(swept, tmp_path, "--keep", "driving_force")
