@@ -30,7 +30,7 @@ FOLDER = Path(__file__).resolve().parent
 
 # ---- values of each coordinate in smaller sweeps
 QUICK = {"x": 5, "y": 5, "z": 5, "roll": 5, "pitch": 5, "yaw": 3}
-MAP = {"x": 13, "y": 13, "z": 6, "roll": 5, "pitch": 5, "yaw": 1}       # for pictures: fine in the plane
+KEPT = {"x": 7, "y": 7, "z": 5, "roll": 5, "pitch": 5, "yaw": 1}        # whose samples are kept, for force over speed
 STUDY = {"x": 5, "y": 5, "z": 3, "roll": 3, "pitch": 3, "yaw": 1}       # of each design
 
 # ---- the drive in mind: servo motor on a ball screw
@@ -79,7 +79,8 @@ def design_study(scene: Scene, threads: int) -> xr.Dataset:
     table = thinned(tomllib.loads(scene.text)["sweep"], STUDY)
     table["axis"] = design_axes() + table["axis"]
     table["reduce"] = ["driving_force", "driving_position", "condition"]
-    del table["limit"], table["histogram"]
+    for key in ("limit", "histogram", "map"):
+        del table[key]
     return scene.sweep(table, threads=threads)
 
 
@@ -139,12 +140,12 @@ def main() -> None:
     table = tomllib.loads(scene.text)["sweep"]
     run = scene.sweep(None if options.full else thinned(table, QUICK), threads=options.threads, progress=options.full)
     run.to_netcdf(out / "workspace.nc")
-    samples = scene.sweep(thinned(table, MAP), keep=["driving_force", "driving_speed", "condition"], threads=options.threads)
+    samples = scene.sweep(thinned(table, KEPT), keep=["driving_force", "driving_speed"], threads=options.threads)
     study = design_study(scene, options.threads)
 
     limit, continuous = (linkdyn.plot.screw_limit(curve, LEAD, efficiency=EFFICIENCY) for curve in (MOTOR_PEAK, MOTOR_CONTINUOUS))
-    draw(out, "force_slices.png", linkdyn.plot.workspace(samples)[0])
-    draw(out, "feasible.png", linkdyn.plot.workspace(samples, "feasible", kind="3d")[0])
+    draw(out, "force_slices.png", linkdyn.plot.workspace(run)[0])
+    draw(out, "feasible.png", linkdyn.plot.workspace(run, "feasible", kind="3d")[0])
     draw(out, "force_map.png", linkdyn.plot.force_map(samples)[0])
     draw(out, "sizing.png", linkdyn.plot.sizing(samples, limit, continuous)[0])
     draw(out, "histogram.png", linkdyn.plot.histograms(run)[0])

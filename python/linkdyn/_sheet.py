@@ -17,7 +17,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ._style import readable
-from ._sweep_data import axis_names, describe_place, entries_of, need_sweep, one_design
+from ._sweep_data import axis_names, describe_place, entries_of, mapped_axes, need_sweep, one_design
 from .errors import FileError, InputError
 from .scene import Scene
 
@@ -532,8 +532,8 @@ def _pictures(run: xr.Dataset, data: xr.Dataset, design: int | None, scene: Scen
         pictures.append(Picture("How often which force", _sweep_plots.histograms(run, design=design)[0]))
     has_samples = "sample_axis" in run and "design" not in run.dims
     places = [name for name, size in zip(axis_names(run), run.axis_size.values) if size > 1 and " " not in name]
-    if has_samples and len(places) >= 2 and "driving_force" in run:
-        pictures.append(Picture("Peak force over the workspace", _sweep_plots.workspace(run)[0]))
+    if len(mapped_axes(run, "driving_force")) in (2, 3) or has_samples and "driving_force" in run and len(places) >= 2:
+        pictures.append(Picture("Peak force over the workspace", _sweep_plots.workspace(run, design=design)[0]))
     if has_samples and _sweep_plots._has_samples(run):
         pictures.append(Picture("Force and speed", _sweep_plots.sizing(run)[0]))
     return pictures

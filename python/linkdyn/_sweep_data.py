@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -14,12 +15,16 @@ from ._style import readable
 from .errors import InputError
 
 __all__ = [
+    "LEAST",
     "Cells",
+    "Grid",
     "axis_names",
     "cells_of",
     "chosen_axes",
     "describe_place",
     "entries_of",
+    "mapped_axes",
+    "mapped_cells",
     "need_sweep",
     "one_design",
     "unit_of",
@@ -28,6 +33,8 @@ __all__ = [
     "worst_of",
 ]
 
+LEAST = ("clearance", "determinant")
+"""Quantities of which the least magnitude is the worst."""
 BINS = 24
 """Cells along an axis whose samples are random."""
 
@@ -99,7 +106,7 @@ def worst_of(quantity: str, values: NDArray[np.float64], axis: int) -> NDArray[n
     """What a designer fears of some values along an axis: the smallest gap or determinant, else the largest magnitude."""
     size = np.abs(values) if quantity != "clearance" else values
     filled = np.where(np.isnan(size), np.inf, size)
-    if quantity in ("clearance", "determinant"):
+    if quantity in LEAST:
         worst = filled.min(axis=axis)
         return np.where(np.isinf(worst), np.nan, worst)
     worst = np.where(np.isnan(size), -np.inf, size).max(axis=axis)
@@ -190,6 +197,46 @@ def cells_of(run: xr.Dataset, names: list[str], where: Mapping[str, float] | Non
         edges.append(border)
     units = [str(run.axis_unit.values[known.index(name)]) for name in names]
     return Cells(names, units, centres, edges, cell, picked)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What a map shows of each cell."""
+
+    cells: Cells
+    values: NDArray[np.float64]
+    share: NDArray[np.float64]
+    """Of feasible samples."""
+
+
+def mapped_axes(run: xr.Dataset, quantity: str) -> list[str]:
+    """Axes of the map that the sweep kept of a quantity; none if it kept none."""
+    name = _map_variable(quantity)
+    if name not in run:
+        return []
+    dims = [dim for dim in run[name].dims if dim != "design"]
+    by_dim = {re.sub("[ /]", "_", name): name for name in axis_names(run)}
+    return [by_dim[dim] for dim in dims]
+
+
+def mapped_cells(data: xr.Dataset, names: list[str], quantity: str) -> Grid:
+    """The sweep's own map over the axes ``names``, of one design; the worst over its other axes."""
+    dims = [re.sub("[ /]", "_", name) for name in names]
+    values, share = (
+        data[name].sortby(dims).transpose(*dims, ...) for name in (_map_variable(quantity), "map_feasible_fraction")
+    )
+    centres = [values[dim].values for dim in dims]
+    known = axis_names(data)
+    units = [str(data.axis_unit.values[known.index(name)]) for name in names]
+    shape = tuple(len(middle) for middle in centres)
+    worst = worst_of(quantity, values.values.reshape(*shape, -1), axis=-1)
+    nothing = np.zeros(0, dtype=np.intp)
+    cells = Cells(names, units, centres, [_borders(middle) for middle in centres], nothing, nothing.astype(bool))
+    return Grid(cells, worst, share.values.reshape(*shape, -1).mean(axis=-1))
+
+
+def _map_variable(quantity: str) -> str:
+    return "map_feasible_fraction" if quantity == "feasible" else f"map_{quantity}"
 
 
 def _borders(middle: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -16,11 +16,15 @@ from numpy.typing import NDArray
 
 from ._style import BAD, COLOURS, DIVERGING, SEQUENTIAL, readable
 from ._sweep_data import (
+    LEAST,
     Cells,
+    Grid,
     axis_names,
     cells_of,
     chosen_axes,
     entries_of,
+    mapped_axes,
+    mapped_cells,
     need_sweep,
     one_design,
     unit_of,
@@ -63,23 +67,27 @@ def workspace(
     at: str | None = None,
     where: Mapping[str, float] | None = None,
     kind: str = "slices",
+    design: int | None = None,
 ) -> tuple[Figure, np.ndarray]:
     """Map of a workspace: in every cell the worst over all that is not shown (orientations, load cases, actuators).
 
     Parameters
     ----------
     run
-        Results of a sweep that keeps ``quantity`` of every sample.
+        Results of a sweep with a ``map`` over the axes, or that keeps ``quantity`` of every sample.
     quantity
-        A kept quantity; "feasible": the share of feasible samples; "outcome": the most frequent reason against.
+        A quantity of the map, or a kept one; "feasible": the share of feasible samples; "outcome": the most frequent reason
+        against (of samples).
     axes
-        Names of two or three axes; default: the coordinates that are lengths.
+        Names of two or three axes; default: those of the map, or the coordinates that are lengths.
     at
         One entry of the quantity ("leg1.P"); default: the worst of all.
     where
         Axis to value [SI]: samples at the nearest value alone, instead of all.
     kind
         "slices": a panel for each value of the third axis (six at most, evenly chosen); "3d": cells in space, cut open.
+    design
+        Number of the design in a sweep of several with a map.
 
     Returns
     -------
@@ -94,9 +102,18 @@ def workspace(
     need_sweep(run, "workspace")
     if kind not in ("slices", "3d"):
         raise InputError(f"workspace: kind {kind!r} (expected slices or 3d)")
-    names = chosen_axes(run, axes, (3,) if kind == "3d" else (2, 3), "workspace")
-    cells = cells_of(run, names, where, "workspace")
-    shown = _cell_values(run, cells, quantity, at)
+    mapped = mapped_axes(run, quantity) if at is None and not where else []
+    numbers = (3,) if kind == "3d" else (2, 3)
+    if axes is None and len(mapped) in numbers:
+        names = mapped
+    else:
+        names = chosen_axes(run, axes, numbers, "workspace")
+    if set(names) <= set(mapped):
+        grid = mapped_cells(one_design(run, design, "workspace"), names, quantity)
+    else:
+        grid = _sampled(run, names, quantity, at, where)
+    shown = _colours(run, quantity, at, grid)
+    cells = grid.cells
     if kind == "3d":
         figure, panels = _space(cells, shown)
     else:
@@ -119,42 +136,51 @@ class _Shown:
         self.reasons: list[str] = []
 
 
-def _cell_values(run: xr.Dataset, cells: Cells, quantity: str, at: str | None) -> _Shown:
+def _sampled(run: xr.Dataset, names: list[str], quantity: str, at: str | None, where: Mapping[str, float] | None) -> Grid:
+    """Samples put into cells."""
+    cells = cells_of(run, names, where, "workspace")
     outcome = run.sample_outcome.values
     total = cells.count(np.ones(len(outcome), dtype=bool))
     with np.errstate(invalid="ignore"):
         share = np.where(total > 0, cells.count(outcome == 0) / total, np.nan)
     if quantity == "feasible":
-        shown = _Shown(100.0 * share, share, "feasible share of the samples", "feasible [%]")
+        return Grid(cells, share, share)
+    if quantity == "outcome":
+        return Grid(cells, _reasons(run, cells), share)
+    values = worst_of(quantity, values_of(run, quantity, at, "workspace"), axis=1)
+    values = np.where(within_constraints(run), values, np.nan)
+    return Grid(cells, cells.reduce(values, quantity in LEAST), share)
+
+
+def _reasons(run: xr.Dataset, cells: Cells) -> NDArray[np.float64]:
+    """Number of the most frequent outcome that is against a pose in each cell; 0 where there is none."""
+    outcome = run.sample_outcome.values
+    counts = np.stack([cells.count(outcome == k) for k in range(run.sizes["outcome"])])
+    worst = np.where(counts[1:].sum(axis=0) > 0, 1.0 + counts[1:].argmax(axis=0), 0.0)
+    return np.where(counts.sum(axis=0) > 0, worst, np.nan)
+
+
+def _colours(run: xr.Dataset, quantity: str, at: str | None, grid: Grid) -> _Shown:
+    if quantity == "feasible":
+        shown = _Shown(100.0 * grid.share, grid.share, "feasible share of the samples", "feasible [%]")
         shown.norm = Normalize(0.0, 100.0)
         return shown
     if quantity == "outcome":
-        return _reasons(run, cells, outcome, total, share)
-    values = worst_of(quantity, values_of(run, quantity, at, "workspace"), axis=1)
-    values = np.where(within_constraints(run), values, np.nan)
-    smallest = quantity in ("clearance", "determinant")
-    of_cell = cells.reduce(values, smallest)
-    word = "smallest" if smallest else "largest"
-    factor, unit = readable(unit_of(run, quantity), float(np.nanmax(of_cell, initial=0.0)))
+        seen = [int(k) for k in np.unique(grid.values[np.isfinite(grid.values)]) if k > 0]
+        places = np.full(grid.values.shape, np.nan)
+        for place, k in enumerate([0, *seen]):
+            places[grid.values == k] = place
+        shown = _Shown(places, grid.share, "why poses are not feasible", "")
+        shown.reasons = ["feasible", *(str(run.outcome.values[k]).replace("_", " ") for k in seen)]
+        shown.map = ListedColormap(["#DDEBF7", *(COLOURS[(k + 1) % len(COLOURS)] for k in range(len(seen)))])
+        shown.norm = Normalize(-0.5, len(seen) + 0.5)
+        return shown
+    word = "smallest" if quantity in LEAST else "largest"
+    factor, unit = readable(unit_of(run, quantity), float(np.nanmax(grid.values, initial=0.0)))
     title = f"{word} {TITLES.get(quantity, quantity)}" + (f" of {at}" if at else "")
-    shown = _Shown(of_cell * factor, share, title, f"{title} [{unit}]" if unit else title)
-    if smallest:
+    shown = _Shown(grid.values * factor, grid.share, title, f"{title} [{unit}]" if unit else title)
+    if quantity in LEAST:
         shown.map = shown.map.reversed()
-    return shown
-
-
-def _reasons(run: xr.Dataset, cells: Cells, outcome: Any, total: Any, share: NDArray[np.float64]) -> _Shown:
-    """The most frequent reason against; feasible where there is none."""
-    names = [str(name) for name in run.outcome.values]
-    seen = [k for k in range(1, len(names)) if (outcome[cells.picked] == k).any()]
-    counts = np.stack([cells.count(outcome == k) for k in seen]) if seen else np.zeros((0, *cells.shape))
-    worst = np.zeros(cells.shape)
-    if seen:
-        worst = np.where(counts.sum(axis=0) > 0, 1.0 + counts.argmax(axis=0), 0.0)
-    shown = _Shown(np.where(total > 0, worst, np.nan), share, "why poses are not feasible", "")
-    shown.reasons = ["feasible", *(names[k].replace("_", " ") for k in seen)]
-    shown.map = ListedColormap(["#DDEBF7", *(COLOURS[(k + 1) % len(COLOURS)] for k in range(len(seen)))])
-    shown.norm = Normalize(-0.5, len(seen) + 0.5)
     return shown
 
 
@@ -714,10 +740,10 @@ def _score(run: xr.Dataset, name: str) -> tuple[NDArray[np.float64], str]:
     n = run.sizes["design"]
     both = np.stack([run[f"{name}_min"].values.reshape(n, -1), run[f"{name}_max"].values.reshape(n, -1)], axis=1).reshape(n, -1)
     worst = worst_of(name, both, axis=1)
-    if name in ("determinant", "clearance"):
+    if name in LEAST:
         worst = worst_of(name, run[f"{name}_min"].values.reshape(n, -1), axis=1)
     factor, unit = readable(unit_of(run, name), float(np.nanmax(worst)))
-    words = f"{'smallest' if name in ('determinant', 'clearance') else 'largest'} {TITLES.get(name, name)}"
+    words = f"{'smallest' if name in LEAST else 'largest'} {TITLES.get(name, name)}"
     return worst * factor, f"{words} [{unit}]" if unit else words
 
 

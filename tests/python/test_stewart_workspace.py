@@ -20,7 +20,7 @@ SPEC.loader.exec_module(example)
 
 def test_runs(tmp_path, monkeypatch, capsys):
     few = {"x": 3, "y": 3, "z": 2, "roll": 2, "pitch": 2, "yaw": 1}
-    for name in ("QUICK", "MAP", "STUDY"):
+    for name in ("QUICK", "KEPT", "STUDY"):
         monkeypatch.setattr(example, name, few)
     monkeypatch.setattr(example, "RADIUS", ["-0.2 m", "0.2 m", 3])
     monkeypatch.setattr(example, "SPACING", ["-0.1 m", "0.2 m", 2])

@@ -98,6 +98,22 @@ def test_samples_beyond_a_constraint_are_not_shown(run):
     assert n_smaller > 0
 
 
+def test_the_sweeps_own_map_is_the_same_picture(run, scene):
+    """Worst of each cell and its feasible share, from samples or as the sweep goes; over all axes of the map or over some."""
+    mapped = scene.sweep(table() | {"map": ["platform.z", "platform.x", "platform.y"]})
+    assert "sample_axis" not in mapped
+    for quantity in ("driving_force", "condition", "feasible"):
+        for axes in (("platform.x", "platform.z"), ("platform.x", "platform.z", "platform.y")):
+            ours, theirs = (plot.workspace(results, quantity, axes=axes)[1] for results in (mapped, run))
+            assert len(ours) == len(theirs)
+            for one, other in zip(ours, theirs):
+                np.testing.assert_allclose(mesh(one), mesh(other), rtol=1e-13)
+    _, axes = plot.workspace(mapped)        # as the map is: slices over its last axis
+    assert axes[0].get_xlabel() == "platform z [mm]" and axes[0].get_title() == "platform y = -100 mm"
+    with pytest.raises(linkdyn.InputError, match="no samples"):
+        plot.workspace(mapped, where={"platform.y": 0.0})
+
+
 def test_slices_one_entry_and_one_value(run):
     figure, axes = plot.workspace(run, "driving_force", at="leg4.P", where={"platform.roll": 0.3})
     assert axes.shape == (3,)    # of y
