@@ -5,7 +5,7 @@ module linkdyn_drive_forward
     use linkdyn_drive_inverse, only: load_model
     use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, method_name
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, dyad_names
     use linkdyn_forward_block, only: advance_block
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block
     use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
@@ -41,7 +41,7 @@ contains
         if (status%is_ok()) call choose_times(config, model, t, status)
         if (status%is_ok()) call start_forward(model, options_of(config, t(1)), run, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, config%wanted, .true., layout, is_forward=.true.)
+            call describe_results(model%scene, config%wanted, .true., layout, is_forward=.true., dyad=dyad_names(model))
             call open_results(config, model, layout, size(t), output, status)
         else if (index(status%message, config%scene//":") /= 1) then
             status%message = config%scene//": "//trim(status%message)

@@ -31,6 +31,7 @@ _GROUPS = (
     ("error",),
     ("driving_force_error",),
     ("reaction_error",),
+    ("transmission_angle",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
