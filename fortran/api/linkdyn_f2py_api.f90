@@ -13,6 +13,7 @@ module linkdyn_f2py_api
     use linkdyn_dataset, only: dataset_type, sample_variable
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
     use linkdyn_explain, only: explain_model
+    use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, choose_method
     use linkdyn_forward_block, only: advance_block
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
@@ -212,8 +213,9 @@ contains
     end subroutine api_describe_results
 
     !> The report of `linkdyn explain`; text as in `api_describe_scene`.
-    subroutine api_explain(handle, capacity, text, length, code, message)
+    subroutine api_explain(handle, with_matrix, capacity, text, length, code, message)
         integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: with_matrix          ! 1: and the equations at the first instant
         integer(c_int), intent(in) :: capacity
         integer(c_int), intent(inout) :: text(capacity)
         integer(c_int), intent(out) :: length
@@ -229,6 +231,7 @@ contains
         if (status%code == 0) call open_report(unit, status)
         if (status%code == 0) then
             call explain_model(model, unit)
+            if (with_matrix == 1) call explain_first_instant(model, unit)
             call read_report(unit, written, status)
             if (status%code == 0) call to_bytes(written, text, length)
         end if

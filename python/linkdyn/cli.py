@@ -48,6 +48,8 @@ def main() -> None:
         path = executable()
     except FileNotFoundError as error:
         sys.exit(str(error))
+    if twin := quadruple_twin():
+        os.environ["LINKDYN_REAL128"] = os.fspath(twin)
     arguments = sys.argv[1:]
     if _asks_for_sheet(arguments):
         sys.exit(_sweep_with_sheet(path, arguments))
