@@ -3,7 +3,7 @@ module linkdyn_sweep_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_dataset, only: dataset_type, sample_variable, find_dimension, add_dimension, &
-        add_reals, add_integers, add_texts, add_attribute
+        add_reals, add_integers, add_texts, add_attribute, text_len
     use linkdyn_force_map, only: evaluate_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -38,6 +38,7 @@ contains
         call add_axes(run, dataset)
         if (has_designs(run)) call add_designs(run, dataset)
         call add_counts(run, by_design, dataset)
+        if (size(run%spec%bound) > 0) call add_bounds(run, dataset)
         do i = 1, size(run%row%quantity)
             call add_quantity(run, run%row%quantity(i), by_design, dataset)
         end do
@@ -212,6 +213,38 @@ contains
         call add_integers(dataset, "sign_change_sample", by_design, run%total%first_crossing, &
             "sample behind the first change of sign, from 0; -1: none")
     end subroutine add_counts
+
+    !> Constraints and limits as the scene gives them: what results are measured against.
+    subroutine add_bounds(run, dataset)
+        type(sweep_run), intent(in) :: run
+        type(dataset_type), intent(inout) :: dataset
+        character(len=text_len) :: at(size(run%spec%bound))
+        character(len=code_len) :: unit(size(run%spec%bound))
+        real(wp) :: low(size(run%spec%bound)), high(size(run%spec%bound))
+        integer :: i, k
+
+        do i = 1, size(run%spec%bound)
+            at(i) = ""
+            associate (bound => run%spec%bound(i), quantity => run%row%quantity(run%row%place(run%spec%bound(i)%quantity)))
+                do k = 1, merge(0, size(bound%entry), size(bound%entry) == quantity%n)
+                    at(i) = trim(at(i))//", "//quantity%label(bound%entry(k))
+                end do
+                at(i) = at(i)(3:)
+                unit(i) = quantity%unit(bound%entry(1))
+                low(i) = merge(bound%low, nan(), bound%low > -huge(1.0_wp))
+                high(i) = merge(bound%high, nan(), bound%high < huge(1.0_wp))
+            end associate
+        end do
+        call add_dimension(dataset, "bound", size(run%spec%bound))
+        call add_texts(dataset, "bound", "bound", run%spec%bound%name)
+        call add_texts(dataset, "bound_of", "bound", quantity_name(run%spec%bound%quantity))
+        call add_texts(dataset, "bound_at", "bound", at)
+        call add_texts(dataset, "bound_unit", "bound", unit)
+        call add_integers(dataset, "bound_is_limit", "bound", merge(1_int64, 0_int64, run%spec%bound%is_limit), &
+            "1: a limit, poses beyond it are reduced; 0: a constraint, they are not")
+        call add_reals(dataset, "bound_min", "bound", low, "smallest value allowed, NaN: open", "", "bound_unit")
+        call add_reals(dataset, "bound_max", "bound", high, "largest value allowed, NaN: open", "", "bound_unit")
+    end subroutine add_bounds
 
     !> Extremes with their places, moments, histogram of one quantity.
     subroutine add_quantity(run, quantity, by_design, dataset)
