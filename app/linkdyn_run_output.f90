@@ -3,13 +3,13 @@ module linkdyn_run_output
     use linkdyn_cli, only: command_line
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
     use linkdyn_model, only: model_type
-    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf
+    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
     use linkdyn_results, only: layout_type, block_type
     use linkdyn_status, only: status_type
     use linkdyn_version, only: version
     implicit none (type, external)
     private
-    public :: output_type, open_results, put_results, close_results
+    public :: output_type, open_results, put_results, note_result, close_results
     public :: exit_done, exit_bad_input, exit_samples_failed
 
     integer, parameter :: exit_done = 0, exit_bad_input = 2, exit_samples_failed = 3
@@ -25,13 +25,14 @@ module linkdyn_run_output
 
 contains
 
-    subroutine open_results(config, model, layout, n_sample, output, status)
+    subroutine open_results(config, model, layout, n_sample, output, status, may_end_early)
         type(command_line), intent(in) :: config
         type(model_type), intent(in) :: model
         type(layout_type), intent(in) :: layout
         integer, intent(in) :: n_sample
         type(output_type), intent(out) :: output
         type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: may_end_early    !! fewer samples may come
         type(attributes_type) :: attributes
 
         output%is_none = config%no_output
@@ -56,7 +57,8 @@ contains
         if (allocated(model%scene%text)) attributes%scene = model%scene%text
         attributes%history = timestamp()//" "//command_text()
         attributes%gravity = model%scene%gravity
-        call create_netcdf(output%name, layout, n_sample, attributes, config%deflate, output%netcdf, status)
+        call create_netcdf(output%name, layout, n_sample, attributes, config%deflate, output%netcdf, status, &
+                           may_end_early)
     end subroutine open_results
 
     subroutine put_results(layout, block, first, n, output, status)
@@ -73,6 +75,15 @@ contains
             call put_netcdf(layout, block, first, n, output%netcdf, status)
         end if
     end subroutine put_results
+
+    !> What is known at the end of a run only; CSV has no room for it.
+    subroutine note_result(name, text, output, status)
+        character(len=*), intent(in) :: name, text
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (.not. (output%is_none .or. output%is_csv)) call note_netcdf(name, text, output%netcdf, status)
+    end subroutine note_result
 
     subroutine close_results(output, status)
         type(output_type), intent(inout) :: output
