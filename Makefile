@@ -2,6 +2,7 @@
 #   make run     build, install into .venv, compute and draw the main example
 #   make test    the same set-up, then every test
 #   make bench   time against error of the solvers
+#   make real128 linkdyn-real128, the same program in quadruple precision, beside the installed one
 #   make docs    reference of the Fortran sources in docs/html
 #   make clean   remove what was made; `make distclean` removes .venv too
 
@@ -27,7 +28,10 @@ SOURCES := $(shell find fortran c app python tools -type f \
 # configuration of the one build folder: test and benchmark programs are built only when asked for
 SETUP := -Dtests=true -Dbenchmarks=true
 
-.PHONY: run test bench docs clean distclean system
+# the same sources in quadruple precision: the measure of accuracy, not part of the package
+REAL128 := build/real128
+
+.PHONY: run test bench real128 docs clean distclean system
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -40,6 +44,11 @@ test: $(PACKAGE)
 bench: $(PACKAGE)
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_inverse_real64
 	$(VENV)/bin/python benchmarks/python/bench_inverse.py
+
+real128: $(PACKAGE)
+	@[ -f $(REAL128)/build.ninja ] || $(VENV)/bin/meson setup $(REAL128) -Dreal128=enabled
+	@$(VENV)/bin/meson compile -C $(REAL128) linkdyn-real128
+	@cp $(REAL128)/app/linkdyn-real128 "$$($(VENV)/bin/python -c 'from linkdyn import cli; print(cli.executable().parent)')"
 
 docs: $(REQUIREMENTS)
 	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/python -m pip install --quiet ford

@@ -10,18 +10,22 @@ module linkdyn_cli
     implicit none (type, external)
     private
     public :: command_line, argument_type, read_arguments, parse_arguments, print_help
-    public :: command_none, command_inverse, command_forward, command_explain, command_version
+    public :: command_none, command_inverse, command_forward, command_sweep, command_explain, command_version
 
     integer, parameter :: command_none = 0
     integer, parameter :: command_inverse = 1
     integer, parameter :: command_explain = 2
     integer, parameter :: command_version = 3
     integer, parameter :: command_forward = 4
-    character(len=8), parameter :: command_name(3) = [character(len=8) :: "inverse", "forward", "explain"]
-    character(len=11), parameter :: inverse_option(10) = [character(len=11) :: &
+    integer, parameter :: command_sweep = 5
+    character(len=8), parameter :: command_name(4) = [character(len=8) :: "inverse", "forward", "sweep", "explain"]
+    character(len=11), parameter :: common_option(10) = [character(len=11) :: &
         "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
-    character(len=11), parameter :: forward_option(16) = [character(len=11) :: inverse_option, &
+    character(len=11), parameter :: inverse_option(12) = [character(len=11) :: common_option, "--error", "--states"]
+    character(len=11), parameter :: forward_option(16) = [character(len=11) :: common_option, &
         "--method", "--step", "--rtol", "--atol", "--until", "--samples"]
+    character(len=12), parameter :: sweep_option(11) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
+        "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
     character(len=10), parameter :: other_option(2) = [character(len=10) :: "--help", "--matrix"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
     character(len=12), parameter :: solver_name(4) = [character(len=12) :: &
@@ -42,6 +46,8 @@ module linkdyn_cli
         logical :: csv = .false.
         logical :: quiet = .false.
         logical :: matrix = .false.                   !! explain: write the equations out
+        logical :: error = .false.                    !! inverse: estimate the errors of the forces
+        character(len=:), allocatable :: states       !! inverse: file with the motion; not allocated: the scene's laws
         integer :: deflate = 0                        !! compression of netCDF output
         character(len=:), allocatable :: solver       !! its name
         type(inverse_options) :: options
@@ -51,6 +57,10 @@ module linkdyn_cli
         real(wp) :: until = 0                         !! end of a forward run [s]
         logical :: has_until = .false.
         integer :: n_sample = 0                       !! output instants of a forward run; 0: the scene's
+        character(len=:), allocatable :: keep         !! quantities kept of every sample of a sweep
+        logical :: resume = .false.
+        logical :: yes = .false.                      !! a sweep may be as large as it is
+        real(wp) :: checkpoint = 5                    !! seconds between two
     end type command_line
 
 contains
@@ -88,6 +98,8 @@ contains
             config%command = command_inverse
         case ("forward")
             config%command = command_forward
+        case ("sweep")
+            config%command = command_sweep
         case ("explain")
             config%command = command_explain
         case ("--version")
@@ -101,7 +113,7 @@ contains
                 call refuse(quoted(arguments(1)%text)//": unknown option"//suggestion(arguments(1)%text, global_option), &
                     status)
             else
-                call refuse(quoted(arguments(1)%text)//": unknown command (expected inverse, forward or explain)"// &
+                call refuse(quoted(arguments(1)%text)//": unknown command (expected inverse, forward, sweep or explain)"// &
                     suggestion(arguments(1)%text, command_name), status)
             end if
             return
@@ -115,6 +127,8 @@ contains
         if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) call refuse( &
             "--no-output: nothing is written (expected no --output, --csv or --compress beside it)", status)
         if (.not. allocated(config%want)) config%wanted = default_wanted(config)
+        config%wanted%errors = config%error
+        config%options%wants_errors = config%error
     contains
         subroutine refuse(message, status)
             character(len=*), intent(in) :: message
@@ -169,18 +183,33 @@ contains
             call refuse(quoted(option)//": unknown option"//suggestion(option, other_option))
             return
         end if
+        if (config%command == command_sweep .and. .not. any(sweep_option == option)) then
+            call refuse(quoted(option)//": unknown option"//suggestion(option, sweep_option))
+            return
+        end if
+        if (config%command /= command_sweep .and. any(["--resume", "--yes   ", "--keep  "] == option)) then
+            call refuse(quoted(option)//": unknown option (expected with linkdyn sweep)")
+            return
+        end if
+        if (config%command /= command_inverse .and. any(["--error ", "--states"] == option)) then
+            call refuse(quoted(option)//": unknown option (expected with linkdyn inverse)")
+            return
+        end if
         select case (option)
-        case ("--csv", "--no-output", "--quiet", "-q", "--compress")
+        case ("--csv", "--no-output", "--quiet", "-q", "--compress", "--resume", "--yes", "--error")
             if (allocated(value)) then
                 call refuse(option//": takes no value")
                 return
             end if
             if (option == "--csv") config%csv = .true.
+            if (option == "--error") config%error = .true.
             if (option == "--no-output") config%no_output = .true.
             if (option == "--compress") config%deflate = 1
+            if (option == "--resume") config%resume = .true.
+            if (option == "--yes") config%yes = .true.
             if (option == "--quiet" .or. option == "-q") config%quiet = .true.
         case ("-o", "--output", "--solver", "--want", "--threads", "--method", "--step", "--rtol", "--atol", "--until", &
-            "--samples")
+            "--samples", "--keep", "--checkpoint", "--states")
             if (config%command == command_inverse .and. .not. any(inverse_option == option)) then
                 call refuse(quoted(option)//": unknown option"//suggestion(option, inverse_option))
                 return
@@ -210,6 +239,9 @@ contains
             case ("-o", "--output")
                 if (len_trim(value) == 0) call refuse(option//": empty file name")
                 config%output = value
+            case ("--states")
+                if (len_trim(value) == 0) call refuse(option//": empty file name")
+                config%states = value
             case ("--solver")
                 config%solver = value
                 call choose_solver(value, config%options%solver, outcome)
@@ -234,6 +266,11 @@ contains
             case ("--until")
                 call take_number(option, value, config%until)
                 config%has_until = .true.
+            case ("--keep")
+                config%keep = value
+            case ("--checkpoint")
+                call take_number(option, value, config%checkpoint)
+                if (config%checkpoint < 0) call refuse(option//": "//quoted(value)//" (expected seconds)")
             case ("--samples")
                 config%n_sample = whole_number(value)
                 if (config%n_sample < 1) call refuse("--samples: "//quoted(value)//" (expected a whole number from 1 on)")
@@ -279,6 +316,8 @@ contains
             call print_inverse_help(unit)
         case (command_forward)
             call print_forward_help(unit)
+        case (command_sweep)
+            call print_sweep_help(unit)
         case (command_explain)
             write (unit, "(a)") &
                 "linkdyn explain SCENE [--matrix]", &
@@ -293,6 +332,7 @@ contains
                 "", &
                 "  linkdyn inverse SCENE [options]   driving forces and joint reactions along a motion", &
                 "  linkdyn forward SCENE [options]   motion and joint reactions from driving forces", &
+                "  linkdyn sweep SCENE [options]     peaks over a workspace, load cases and designs", &
                 "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
                 "", &
                 "  linkdyn COMMAND --help            options of a command", &
@@ -302,6 +342,27 @@ contains
                 "and why); 3 done, but some samples failed: they are flagged and NaN in the results."
         end select
     end subroutine print_help
+
+    subroutine print_sweep_help(unit)
+        integer, intent(in) :: unit
+
+        write (unit, "(a)") &
+            "linkdyn sweep SCENE [options]", &
+            "", &
+            "What the table [sweep] of the scene asks for: extremes with their places, means, histograms and", &
+            "feasibility over all combinations of poses, loads and designs. Memory does not grow with their number.", &
+            "", &
+            "  -o, --output FILE   results; default: the scene's name with _sweep.nc in this folder", &
+            "  --keep LIST         keep these quantities of every sample, too (names as in 'reduce', with", &
+            "                      commas between)", &
+            "  --threads N         threads to compute with; default 1; the results do not depend on it", &
+            "  --resume            go on where an interrupted run of the same sweep stands", &
+            "  --yes               start though it is large or long", &
+            "  --checkpoint S      seconds between two checkpoints; default 5", &
+            "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced", &
+            "  -q, --quiet         no table and no progress", &
+            "  -h, --help          this text"
+    end subroutine print_sweep_help
 
     subroutine print_forward_help(unit)
         integer, intent(in) :: unit
@@ -342,6 +403,9 @@ contains
             "                      (default), with commas between; the rest is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced, which", &
             "                      gives all but the reactions", &
+            "  --error             also estimate the error of every force: takes up to three times as long", &
+            "  --states FILE       q, qd, qdd from a CSV file, as written with --csv, instead of the", &
+            "                      scene's motion: a row a sample; columns as the results have them", &
             "  --threads N         threads to compute with; default 1", &
             "  --compress          compress the netCDF file", &
             "  -q, --quiet         no table and no progress", &

@@ -9,15 +9,16 @@ module linkdyn_drive_inverse
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_motion, only: evaluate_motion, sample_count, sample_times
+    use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
         find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
         result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
-        result_error, result_growth, result_power_imbalance
+        result_error, result_growth, result_power_imbalance, result_driving_force_error, result_reaction_error
     use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
+    use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text
     use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
@@ -48,17 +49,24 @@ contains
         type(layout_type) :: layout
         type(output_type) :: output
         type(summary_type) :: summary
+        type(states_type) :: states
         type(status_type) :: status
         real(wp) :: seconds
+        integer :: n_sample
 
         exit_status = exit_bad_input
         call load_model(config%scene, .true., model, status)
+        n_sample = sample_count(model)
+        if (allocated(config%states)) then
+            if (status%is_ok()) call read_states(config%states, model%scene, states, status)
+            if (status%is_ok()) n_sample = size(states%time)
+        end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
             call describe_results(model%scene, config%wanted, .true., layout)
-            call open_results(config, model, layout, sample_count(model), output, status)
+            call open_results(config, model, layout, n_sample, output, status)
         end if
-        if (status%is_ok()) call run_blocks(config, model, solver, layout, output, summary, seconds, status)
+        if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
         call solver%free()
         if (.not. status%is_ok()) then
             write (error_unit, "(a)") trim(status%message)
@@ -88,11 +96,13 @@ contains
     end subroutine load_model
 
     !> Compute, store and sum up block by block.
-    subroutine run_blocks(config, model, solver, layout, output, summary, seconds, status)
+    subroutine run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
         type(command_line), intent(in) :: config
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         type(layout_type), intent(in) :: layout
+        type(states_type), intent(in) :: states       !! not allocated: the scene's motion
+        integer, intent(in) :: n_sample
         type(output_type), intent(inout) :: output
         type(summary_type), intent(out) :: summary
         real(wp), intent(out) :: seconds              !! spent computing, mean of the threads
@@ -100,9 +110,8 @@ contains
         type(progress_type) :: progress
         type(assembly_trail) :: trail
         type(summary_type), allocatable :: part(:)    !! of each group: joined in order, whichever thread made it
-        integer :: n_sample, length, n_block, n_group, n_taker, n_helper, n_done, k
+        integer :: length, n_block, n_group, n_taker, n_helper, n_done, k
 
-        n_sample = sample_count(model)
         length = merge(passing_block, written_block, output%is_none)
         n_block = (n_sample - 1)/length + 1
         n_group = min(n_block, most_groups)
@@ -158,14 +167,14 @@ contains
 
             if (.not. status%is_ok()) return
             call system_clock(start)
-            call compute_block(model, solver, n_helper, layout, first, n, block, scratch, trail, n_fallback)
+            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, n_fallback)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
             call add_to_summary(layout, block, n, n_fallback, part)
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n
-            call show_progress(n_done, n_sample, progress)
+            call show_progress(int(n_done, int64), int(n_sample, int64), progress)
             !$omp end critical (linkdyn_progress)
         end subroutine take_block
     end subroutine run_blocks
@@ -184,11 +193,12 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, threads, layout, first, n, block, scratch, trail, n_fallback)
+    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, n_fallback)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads
         type(layout_type), intent(in) :: layout
+        type(states_type), intent(in) :: states       !! not allocated: the scene's motion
         integer, intent(in) :: first, n               !! number of the first sample, and how many
         type(block_type), intent(inout), target :: block
         type(scratch_type), intent(inout), target :: scratch
@@ -210,13 +220,27 @@ contains
         call view_values(layout, result_joint_rate, n, block, results%joint_rate)
         call view_values(layout, result_rcond, n, block, results%rcond)
         call view_values(layout, result_error, n, block, results%error)
+        call view_values(layout, result_driving_force_error, n, block, results%driving_force_error)
+        call view_values(layout, result_reaction_error, n, block, results%reaction_error)
         call view_values(layout, result_growth, n, block, results%growth)
         call view_values(layout, result_power_imbalance, n, block, results%power_imbalance)
         if (allocated(scratch%driving_force)) results%driving_force => scratch%driving_force(:, :n)
         if (allocated(scratch%joint_rate)) results%joint_rate => scratch%joint_rate(:, :n)
-        call sample_times(model, first, time)
-        call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n))
-        call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail)
+        if (allocated(states%time)) then
+            time = states%time(first:first + n - 1)
+            q = states%q(:, first:first + n - 1)
+            qd = states%qd(:, first:first + n - 1)
+            qdd = states%qdd(:, first:first + n - 1)
+            call evaluate_loads(model, time, scratch%load(:, :, :n))
+        else
+            call sample_times(model, first, time)
+            call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n))
+        end if
+        if (allocated(states%time) .and. .not. states%is_motion) then
+            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results)
+        else
+            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail)
+        end if
         n_fallback = results%n_fallback
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)

@@ -5,11 +5,12 @@ module linkdyn_run_output
     use linkdyn_model, only: model_type
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
     use linkdyn_results, only: layout_type, block_type
+    use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
     use linkdyn_version, only: version
     implicit none (type, external)
     private
-    public :: output_type, open_results, put_results, note_result, close_results
+    public :: output_type, open_results, put_results, note_result, close_results, default_name, run_attributes
     public :: exit_done, exit_bad_input, exit_samples_failed
 
     integer, parameter :: exit_done = 0, exit_bad_input = 2, exit_samples_failed = 3
@@ -33,7 +34,6 @@ contains
         type(output_type), intent(out) :: output
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: may_end_early    !! fewer samples may come
-        type(attributes_type) :: attributes
 
         output%is_none = config%no_output
         output%is_csv = config%csv
@@ -50,16 +50,24 @@ contains
             call create_csv(output%name, layout, output%csv, status)
             return
         end if
-        attributes%title = trim(model%scene%title)
+        call create_netcdf(output%name, layout, n_sample, run_attributes(config, model%scene), config%deflate, output%netcdf, &
+            status, may_end_early)
+    end subroutine open_results
+
+    !> What a file says of the run.
+    function run_attributes(config, scene) result(attributes)
+        type(command_line), intent(in) :: config
+        type(scene_type), intent(in) :: scene
+        type(attributes_type) :: attributes
+
+        attributes%title = trim(scene%title)
         attributes%version = version
         attributes%solver = config%solver
         attributes%scene = ""
-        if (allocated(model%scene%text)) attributes%scene = model%scene%text
+        if (allocated(scene%text)) attributes%scene = scene%text
         attributes%history = timestamp()//" "//command_text()
-        attributes%gravity = model%scene%gravity
-        call create_netcdf(output%name, layout, n_sample, attributes, config%deflate, output%netcdf, status, &
-                           may_end_early)
-    end subroutine open_results
+        attributes%gravity = scene%gravity
+    end function run_attributes
 
     subroutine put_results(layout, block, first, n, output, status)
         type(layout_type), intent(in) :: layout

@@ -10,7 +10,7 @@ module linkdyn_summary
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, significant
+    public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, significant, left, right
 
     !> A largest value with its place.
     type :: peak_type

@@ -5,7 +5,8 @@ module linkdyn_terminal
     use linkdyn_output_file, only: is_terminal, leave_process
     implicit none (type, external)
     private
-    public :: progress_type, start_progress, show_progress, show_share, end_progress, seconds_since, leave_program
+    public :: progress_type, start_progress, show_progress, show_share, end_progress, seconds_since, duration_text, &
+        leave_program
 
     real(wp), parameter :: patience = 2         !! seconds without a sign of life
     real(wp), parameter :: refresh = 0.5_wp !! seconds between two signs
@@ -36,8 +37,8 @@ contains
         real(wp) :: elapsed
 
         if (.not. is_due(progress, elapsed) .or. .not. share > 0) return
-        write (error_unit, "(a, i4, a, i0, a)", advance="no") achar(13), int(100*share), " % done, ", &
-            ceiling(min(elapsed*(1 - share)/share, 1.0e9_wp)), " s left   "
+        write (error_unit, "(a, i4, 4a)", advance="no") achar(13), int(100*share), " % done, ", &
+            duration_text(elapsed*(1 - share)/share), " left", repeat(" ", 12)
         flush (error_unit)
     end subroutine show_share
 
@@ -55,22 +56,44 @@ contains
 
     !> Share done, rate and time left; nothing in a short run.
     subroutine show_progress(done, total, progress)
-        integer, intent(in) :: done, total           !! samples
+        integer(int64), intent(in) :: done, total    !! samples
         type(progress_type), intent(inout) :: progress
         real(wp) :: elapsed
 
         if (done == 0) return
         if (.not. is_due(progress, elapsed)) return
-        write (error_unit, "(a, i4, a, es9.2, a, i0, a)", advance="no") achar(13), int(100*(real(done, wp)/total)), &
-            " % done, ", done/elapsed, " samples/s, ", ceiling(elapsed*(real(total - done, wp)/done)), " s left   "
+        write (error_unit, "(a, i4, a, es9.2, 4a)", advance="no") achar(13), int(100*(real(done, wp)/total)), &
+            " % done, ", done/elapsed, " samples/s, ", duration_text(elapsed*(real(total - done, wp)/done)), " left", &
+            repeat(" ", 12)
         flush (error_unit)
     end subroutine show_progress
+
+    !> "35 s", "12 min", "3.4 h", "51 days", "2.5 years"
+    function duration_text(seconds) result(text)
+        real(wp), intent(in) :: seconds
+        character(len=:), allocatable :: text
+        real(wp), parameter :: minute = 60, hour = 3600, day = 24*hour, year = 365.25_wp*day
+        character(len=24) :: buffer
+
+        if (seconds < 100) then
+            write (buffer, "(i0, a)") ceiling(seconds), " s"
+        else if (seconds < 100*minute) then
+            write (buffer, "(i0, a)") nint(seconds/minute), " min"
+        else if (seconds < 2*day) then
+            write (buffer, "(f5.1, a)") seconds/hour, " h"
+        else if (seconds < year) then
+            write (buffer, "(i0, a)") nint(seconds/day), " days"
+        else
+            write (buffer, "(es9.1, a)") seconds/year, " years"
+        end if
+        text = trim(adjustl(buffer))
+    end function duration_text
 
     !> Wipe the line.
     subroutine end_progress(progress)
         type(progress_type), intent(inout) :: progress
 
-        if (progress%is_shown) write (error_unit, "(3a)", advance="no") achar(13), repeat(" ", 60), achar(13)
+        if (progress%is_shown) write (error_unit, "(3a)", advance="no") achar(13), repeat(" ", 72), achar(13)
         flush (error_unit)
         progress%is_shown = .false.
     end subroutine end_progress

@@ -87,6 +87,60 @@ int linkdyn_close_write(int descriptor, char *reason, int reason_len)
     return close(descriptor) == 0 ? 0 : fail_with(errno, reason, reason_len);
 }
 
+int linkdyn_open_update(const char *path, int path_len, char *reason, int reason_len)
+{
+    char c_path[path_capacity];
+
+    if (to_c_path(path, path_len, c_path) != 0) {
+        return fail_with(errno, reason, reason_len);
+    }
+    int descriptor = open(c_path, O_RDWR | O_CREAT, 0666);
+    return descriptor >= 0 ? descriptor : fail_with(errno, reason, reason_len);
+}
+
+int linkdyn_write_at(int descriptor, int64_t offset, const void *bytes, int64_t n, char *reason, int reason_len)
+{
+    const char *next = bytes;
+
+    while (n > 0) {
+        ssize_t written = pwrite(descriptor, next, (size_t)n, (off_t)offset);
+        if (written < 0) {
+            if (errno == EINTR) {
+                continue;
+            }
+            return fail_with(errno, reason, reason_len);
+        }
+        next += written;
+        offset += written;
+        n -= written;
+    }
+    return 0;
+}
+
+int linkdyn_read_at(int descriptor, int64_t offset, void *bytes, int64_t n, char *reason, int reason_len)
+{
+    char *next = bytes;
+
+    while (n > 0) {
+        ssize_t taken = pread(descriptor, next, (size_t)n, (off_t)offset);
+        if (taken < 0 && errno == EINTR) {
+            continue;
+        }
+        if (taken <= 0) {
+            return fail_with(taken < 0 ? errno : EIO, reason, reason_len);
+        }
+        next += taken;
+        offset += taken;
+        n -= taken;
+    }
+    return 0;
+}
+
+int linkdyn_sync(int descriptor, char *reason, int reason_len)
+{
+    return fsync(descriptor) == 0 ? 0 : fail_with(errno, reason, reason_len);
+}
+
 int linkdyn_probe_write(const char *path, int path_len, int n_block, char *reason, int reason_len)
 {
     static const char zeros[probe_size];

@@ -3,6 +3,8 @@
 #ifndef LINKDYN_OUTPUT_H
 #define LINKDYN_OUTPUT_H
 
+#include <stdint.h>
+
 enum linkdyn_path_kind {
     linkdyn_path_missing = 0,
     linkdyn_path_file = 1,
@@ -26,6 +28,16 @@ int linkdyn_probe_write(const char *path, int path_len, int n_block, char *reaso
 
 /* Bring `from` to the disk and rename it to `to`; 0, or -1 with the system's reason. */
 int linkdyn_replace_file(const char *from, int from_len, const char *to, int to_len, char *reason, int reason_len);
+
+/* A file to be written and read at any place, kept as it is if it is there: its descriptor, or -1 with the reason. */
+int linkdyn_open_update(const char *path, int path_len, char *reason, int reason_len);
+
+/* All n bytes at an offset; 0, or -1 with the reason. Reading beyond the end is a failure. */
+int linkdyn_write_at(int descriptor, int64_t offset, const void *bytes, int64_t n, char *reason, int reason_len);
+int linkdyn_read_at(int descriptor, int64_t offset, void *bytes, int64_t n, char *reason, int reason_len);
+
+/* Everything written so far is on the disk; 0, or -1 with the reason. */
+int linkdyn_sync(int descriptor, char *reason, int reason_len);
 
 void linkdyn_remove_file(const char *path, int path_len);
 

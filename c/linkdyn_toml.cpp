@@ -155,4 +155,28 @@ int64_t linkdyn_toml_text(const void *handle, char *text, int64_t text_len) {
     return copy_text(string->get(), text, text_len);
 }
 
+// The document is the caller's own; nodes are handed out const because nothing else changes it.
+int linkdyn_toml_put(const void *handle, const char *key, int key_len, double value) {
+    auto *table = const_cast<toml::table *>(handle ? as_node(handle)->as_table() : nullptr);
+    const std::string_view name(key, static_cast<size_t>(key_len));
+    if (!table || !table->contains(name)) return 0;
+    try {
+        table->insert_or_assign(name, value);
+    } catch (const std::bad_alloc &) {
+        return 0;
+    }
+    return 1;
+}
+
+int linkdyn_toml_put_at(const void *handle, int64_t index, double value) {
+    auto *array = const_cast<toml::array *>(handle ? as_node(handle)->as_array() : nullptr);
+    if (!array || index < 0 || index >= static_cast<int64_t>(array->size())) return 0;
+    try {
+        array->replace(array->cbegin() + index, value);
+    } catch (const std::bad_alloc &) {
+        return 0;
+    }
+    return 1;
+}
+
 }  // extern "C"

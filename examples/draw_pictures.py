@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Draw the pictures in the READMEs of the examples: forces.png, reactions.png, scene.png and motion.gif beside each scene;
-hodograph.png and polar.png where a README shows them.
+hodograph.png, polar.png and motion_NAME.gif (of scene_NAME.toml) where a README shows them.
 
-Scenes in which nothing is given a motion run forward. Reactions of many unlike joints would be a tower of panels: left out.
+Scenes in which nothing is given a motion, and those named below, run forward; states.png and energies.png come with them. Reactions of many unlike joints would be a tower of panels: left out.
 
     python examples/draw_pictures.py [EXAMPLE ...]
 """
@@ -16,6 +16,7 @@ import matplotlib
 matplotlib.use("Agg")   # pictures go to files
 import matplotlib.pyplot as plt
 import numpy as np
+import xarray as xr
 from PIL import Image
 
 import linkdyn
@@ -24,6 +25,15 @@ import linkdyn.plot
 FOLDER = Path(__file__).resolve().parent
 COLOURS = 256   # a palette is enough, and a third of the size
 MOST_PANELS = 4
+FORWARD = {"fourbar_start", "rcsp_start"}           # run forward although a motion is given: it is to be found again
+BESIDE = {"andrews": "scene_forward.toml"}          # a second scene of the folder, which runs forward
+STROBES = {                                         # instants of the stroboscopic picture: first, last, how many
+    "andrews": (0.0, 0.03, 40),
+    "fivebar_motors": (0.0, 0.6, 31),
+    "fourbar_constant_torque": (2.0, 4.6, 27),
+    "fourbar_start": (0.0, 6.2, 32),
+    "n_fourbar": (0.0, 0.97, 24),
+}
 
 
 def save(file: Path) -> None:
@@ -32,24 +42,70 @@ def save(file: Path) -> None:
     Image.open(file).convert("RGB").quantize(COLOURS).save(file, optimize=True)
 
 
+def strobe(scene: linkdyn.Scene, instants: np.ndarray) -> None:
+    """A planar mechanism at many instants of its forward run, the later the brighter."""
+    start = scene.times()[0]
+    grid = instants if instants[0] == start else np.concatenate([[start], instants])
+    q = scene.forward(t=grid, want="driving_force").q.values[-len(instants):]
+    poses = scene.poses(q, in_order=True)
+    jointed = {(link, marker) for joint in scene.description["joints"] for link, marker in zip(joint["links"], joint["markers"])}
+    figure, axis = plt.subplots(figsize=(8.0, 5.5), layout="constrained")
+    colours = plt.get_cmap("plasma")(np.linspace(0.0, 0.92, len(instants)))
+    for position, rotation, colour in zip(poses.position, poses.rotation, colours):
+        for k, link in enumerate(scene.description["links"][1:]):
+            points = np.array([marker["at"] for marker in link["markers"] if (k + 1, marker["name"]) in jointed])
+            outline = position[k] + points[[*range(len(points)), 0]] @ rotation[k].T
+            axis.plot(*outline.T[:2], color=colour, linewidth=1.2, alpha=0.75, solid_capstyle="round")
+    fixed = np.array([marker["at"] for marker in scene.description["links"][0]["markers"] if (0, marker["name"]) in jointed])
+    axis.plot(*fixed.T[:2], "^", color="0.2", markersize=9)
+    axis.set(xlabel="x [m]", ylabel="y [m]", title=scene.title, aspect="equal")
+    axis.spines[["top", "right"]].set_visible(False)
+    scale = plt.cm.ScalarMappable(plt.Normalize(instants[0], instants[-1]), plt.matplotlib.colors.ListedColormap(colours))
+    figure.colorbar(scale, ax=axis, label="time [s]", shrink=0.7)
+
+
+def draw_forward(folder: Path, scene: linkdyn.Scene, run: xr.Dataset) -> None:
+    linkdyn.plot.motion(run)
+    save(folder / "states.png")
+    linkdyn.plot.energies(run)
+    save(folder / "energies.png")
+    if folder.name in STROBES:
+        first, last, n = STROBES[folder.name]
+        strobe(scene, np.linspace(first, last, n))
+        save(folder / "strobe.png")
+
+
 def main() -> None:
     names = sys.argv[1:] or sorted(path.parent.name for path in FOLDER.glob("*/scene.toml"))
     for name in names:
-        scene = linkdyn.load(FOLDER / name / "scene.toml")
-        moves = any(np.ptp(values) > 0 for values in scene.motion()[0].T)
-        run = scene.inverse() if moves else scene.forward()
-        linkdyn.plot.driving_forces(run)
-        save(FOLDER / name / "forces.png")
+        folder = FOLDER / name
+        scene = linkdyn.load(folder / "scene.toml")
+        goes_forward = name in FORWARD or not any(np.ptp(values) > 0 for values in scene.motion()[0].T)
+        run = scene.forward() if goes_forward else scene.inverse()
+        if scene.actuators:
+            linkdyn.plot.driving_forces(run)
+            save(folder / "forces.png")
         if len(linkdyn.plot.reactions(run)[1]) <= MOST_PANELS:
-            save(FOLDER / name / "reactions.png")
+            save(folder / "reactions.png")
         plt.close("all")
         linkdyn.plot.mechanism(scene)
-        save(FOLDER / name / "scene.png")
-        linkdyn.plot.animate(run, FOLDER / name / "motion.gif", scene=scene)
+        save(folder / "scene.png")
+        linkdyn.plot.animate(run, folder / "motion.gif", scene=scene)
+        readme = (folder / "README.md").read_text()
+        for other in sorted(folder.glob("scene_*.toml")):
+            picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
+            if picture.name in readme:
+                variant = linkdyn.load(other)
+                linkdyn.plot.animate(variant.inverse(), picture, scene=variant)
         for kind, draw in (("hodograph", linkdyn.plot.hodograph), ("polar", linkdyn.plot.polar)):
-            if f"{kind}.png" in (FOLDER / name / "README.md").read_text():
+            if f"{kind}.png" in readme:
                 draw(run)
-                save(FOLDER / name / f"{kind}.png")
+                save(folder / f"{kind}.png")
+        if goes_forward:
+            draw_forward(folder, scene, run)
+        if name in BESIDE:
+            beside = linkdyn.load(folder / BESIDE[name])
+            draw_forward(folder, beside, beside.forward())
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ MAY_USE["app"] = set(ORDER) | {"integrate", "app"}
 RESERVED = [
     ("the netCDF library", r"^\s*use\s*(?:,\s*non_intrinsic\s*::)?\s*netcdf\b", ["io/linkdyn_netcdf*.f90"]),
     ("C kinds", r"\biso_c_binding\b",
-     ["io/linkdyn_toml.f90", "io/linkdyn_input.f90", "io/linkdyn_output_file.f90", "lanes/linkdyn_slots.f90",
+     ["core/linkdyn_mix.f90", "io/linkdyn_toml.f90", "io/linkdyn_input.f90", "io/linkdyn_spool.f90", "io/linkdyn_output_file.f90", "lanes/linkdyn_slots.f90",
       "integrate/linkdyn_ode_gsl.f90", "api/*.f90"]),
     ("real kinds", r"\b(?:real32|real64|real128|double\s+precision)\b|\d[de][+-]?\d+(?!_wp|\d)\b",
      ["kinds/*.f90", "io/linkdyn_netcdf*.f90", "io/linkdyn_scene_links.f90"]),   # a file's numbers are real64
@@ -74,7 +74,7 @@ def find_violations(root: Path) -> list[str]:
         stem = Path(file).stem
         if layer not in ("kinds", "app") and len(modules) > 1:
             violations.append(f"{file}: more than one module")
-        twins = ("_lapack", "_builtin", "_absent", "_real64", "_real128")
+        twins = ("_lapack", "_builtin", "_absent", "_real64", "_real128", "_serial", "_mpi")
         if modules and stem.removesuffix(next((end for end in twins if stem.endswith(end)), "")) != modules[0]:
             violations.append(f"{file}: holds module {modules[0]}")
     return violations

@@ -1,7 +1,7 @@
 #!/bin/sh
 # Install the system packages that building linkdyn needs and that are missing. Does nothing, and
 # asks for no rights, when all are there.
-# Usage: install_packages.sh PYTHON
+# Usage: [MPI=1] install_packages.sh PYTHON; MPI=1 asks for OpenMPI too, for -Dmpi=enabled.
 set -u
 python=$1
 missing=""
@@ -20,6 +20,10 @@ need libopenblas-dev pkg-config --exists openblas
 need libgsl-dev pkg-config --exists gsl
 need libnetcdff-dev pkg-config --exists netcdf-fortran
 need libtomlplusplus-dev pkg-config --exists tomlplusplus
+if [ -n "${MPI:-}" ]; then
+    need libopenmpi-dev mpifort --version
+    need openmpi-bin mpirun --version
+fi
 need python3 "$python" --version
 need python3-venv "$python" -c "import ensurepip, venv"
 need python3-dev "$python" -c "import os, sysconfig as s; os.stat(s.get_path('include') + '/Python.h')"

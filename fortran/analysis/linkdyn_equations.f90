@@ -52,6 +52,7 @@ module linkdyn_equations
         integer :: solver = solver_elimination
         logical :: wants_reactions = .true.
         logical :: needs_world = .false.                !! angular rates in world axes of all links
+        logical :: needs_columns = .false.              !! acceleration columns, though no equation needs them
         type(unknown_choice) :: unknown
         type(formulation_type) :: formulation
         type(acceleration_columns) :: accelerations
@@ -163,7 +164,8 @@ contains
         type(equations_type), intent(in) :: equations
 
         n_column_of = 0
-        if (equations%solver == solver_reduced .or. any(equations%unknown%acceleration)) n_column_of = model%n_q
+        if (equations%solver == solver_reduced .or. any(equations%unknown%acceleration) .or. equations%needs_columns) &
+            n_column_of = model%n_q
     end function n_column_of
 
     ! ---------------------------------------------------------------- the plan

@@ -9,6 +9,7 @@ module linkdyn_inverse
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
+    use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_joint_rates, only: measure_joints, power_imbalance
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: link_position, link_rotation
@@ -30,6 +31,7 @@ module linkdyn_inverse
         integer :: solver = solver_elimination
         integer :: threads = 1
         logical :: in_order = .false.        !! samples follow each other along a motion
+        logical :: wants_errors = .false.    !! error estimates of the forces
     end type inverse_options
 
     !> Where results go; what is not associated is not computed.
@@ -41,6 +43,8 @@ module linkdyn_inverse
         integer, pointer, contiguous :: status(:) => null()     !! (n) one of `sample_*`
         real(wp), pointer, contiguous :: rcond(:) => null()     !! (n) NaN where the solver has none
         real(wp), pointer, contiguous :: error(:) => null()     !! (n) NaN where the solver has none
+        real(wp), pointer, contiguous :: driving_force_error(:, :) => null() !! (n_actuator, n) estimates [N, N m]
+        real(wp), pointer, contiguous :: reaction_error(:, :, :) => null() !! (n_component, n_joint, n) [N, N m]
         real(wp), pointer, contiguous :: growth(:) => null()    !! (n) reciprocal pivot growth; NaN but for gauss-jordan
         real(wp), pointer, contiguous :: power_imbalance(:) => null() !! (n)
         real(wp), pointer, contiguous :: acceleration(:, :) => null() !! (n_q, n) of the coordinates, found or given
@@ -57,6 +61,7 @@ module linkdyn_inverse
         type(equation_workspace) :: workspace
         real(wp), allocatable :: reaction(:, :, :)              !! (lane, 6, n_joint)
         real(wp), allocatable :: variable(:, :), rate(:, :)     !! (lane, n_variable)
+        type(probe_space) :: probe                              !! if errors are wanted
         type(thread_space), pointer :: next => null()           !! idle as well
     end type thread_space
 
@@ -68,6 +73,7 @@ module linkdyn_inverse
     !> Equations planned once for many batches of the same kind, also at the same time. Freed by `free`.
     type :: inverse_solver
         type(equations_type) :: equations
+        type(error_probe), allocatable :: probe                 !! there if errors are wanted
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
         procedure :: free => free_solver
@@ -84,6 +90,10 @@ contains
         type(status_type), intent(inout) :: status
 
         call build_equations(model, options%solver, wants_reactions, solver%equations, status)
+        if (status%is_ok() .and. options%wants_errors) then
+            allocate (solver%probe)
+            call make_probe(model, options%solver, wants_reactions, solver%probe, status)
+        end if
         if (status%is_ok()) allocate (solver%pool)
     end subroutine prepare_inverse
 
@@ -96,8 +106,7 @@ contains
         do while (associated(self%pool%first))
             space => self%pool%first
             self%pool%first => space%next
-            call space%workspace%free()
-            deallocate (space)
+            call free_space(space)
         end do
         deallocate (self%pool)
     end subroutine free_solver
@@ -169,7 +178,7 @@ contains
         space%workspace%state%world_rates = wants_world
         !$omp do schedule(dynamic, share) reduction(+:n_fallback)
         do block = 1, n_block
-            call run_block(block, space%workspace, space%reaction, space%variable, space%rate)
+            call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe)
             n_fallback = n_fallback + space%workspace%n_fallback
         end do
         !$omp end do
@@ -181,10 +190,11 @@ contains
     contains
 
         !> One block from samples to samples.
-        subroutine run_block(block, workspace, reaction, variable, rate)
+        subroutine run_block(block, workspace, reaction, variable, rate, probe)
             integer, intent(in) :: block
             type(equation_workspace), intent(inout) :: workspace
             real(wp), intent(inout) :: reaction(:, :, :), variable(:, :), rate(:, :)
+            type(probe_space), intent(inout) :: probe
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap
 
             call gather(block, workspace)
@@ -192,13 +202,17 @@ contains
             call solve_block(model, solver%equations, workspace)
             if (associated(results%reaction)) &
                 call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
+            if (allocated(solver%probe)) then
+                call estimate_errors(solver%probe, workspace, reaction, associated(results%reaction), probe)
+                workspace%error = probe%worst
+            end if
             if (wants_rates) call measure_joints(model, workspace%state, variable, rate)
             if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
                 call measure_energy(model, workspace%state, kinetic, potential)
             if (associated(results%closure)) call measure_closure(model, workspace%state, gap)
             if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
             if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
-            call scatter(block, workspace, reaction, variable, rate, imbalance, kinetic, potential, gap)
+            call scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap)
         end subroutine run_block
 
         !> Samples into lanes; lanes beyond the last sample repeat it.
@@ -220,10 +234,11 @@ contains
         end subroutine gather
 
         !> Lanes into samples; failed ones become NaN.
-        subroutine scatter(block, workspace, reaction, variable, rate, imbalance, kinetic, potential, gap)
+        subroutine scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap)
             integer, intent(in) :: block
             type(equation_workspace), intent(in) :: workspace
             real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :)
+            type(probe_space), intent(in) :: probe
             real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap
             real(wp) :: nan
             integer :: lane, sample, i
@@ -241,6 +256,14 @@ contains
                 if (associated(results%reaction)) then
                     results%reaction(:, :, sample) = reaction(lane, :, :)
                     if (failed) results%reaction(:, :, sample) = nan
+                end if
+                if (associated(results%driving_force_error)) then
+                    results%driving_force_error(:, sample) = probe%driving_force_error(lane, :)
+                    if (failed) results%driving_force_error(:, sample) = nan
+                end if
+                if (associated(results%reaction_error)) then
+                    results%reaction_error(:, :, sample) = probe%reaction_error(lane, :, :)
+                    if (failed) results%reaction_error(:, :, sample) = nan
                 end if
                 if (associated(results%joint_variable)) then
                     results%joint_variable(:, sample) = variable(lane, :)
@@ -293,6 +316,7 @@ contains
         call prepare_workspace(model, solver%equations, space%workspace)
         allocate (space%reaction(lanes, model%n_component, model%n_joint), space%variable(lanes, model%n_variable), &
                   space%rate(lanes, model%n_variable))
+        if (allocated(solver%probe)) call prepare_probe_space(solver%probe, space%probe)
     end subroutine take_space
 
     subroutine return_space(solver, space)
@@ -300,8 +324,7 @@ contains
         type(thread_space), pointer, intent(inout) :: space
 
         if (.not. associated(solver%pool)) then
-            call space%workspace%free()
-            deallocate (space)
+            call free_space(space)
             return
         end if
         !$omp critical (linkdyn_space_pool)
@@ -309,6 +332,15 @@ contains
         solver%pool%first => space
         !$omp end critical (linkdyn_space_pool)
     end subroutine return_space
+
+    subroutine free_space(space)
+        type(thread_space), pointer, intent(inout) :: space
+
+        call space%workspace%free()
+        call space%probe%free()
+        deallocate (space)
+    end subroutine free_space
+
     !> The power balance of the motion found; driving forces that were given count among the loads.
     subroutine balance_power(model, equations, workspace, imbalance)
         type(model_type), intent(in) :: model

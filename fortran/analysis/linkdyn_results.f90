@@ -18,6 +18,7 @@ module linkdyn_results
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
+    public :: result_driving_force_error, result_reaction_error
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -54,6 +55,8 @@ module linkdyn_results
     integer, parameter :: result_work = 18
     integer, parameter :: result_closure = 19
     integer, parameter :: result_step = 20
+    integer, parameter :: result_driving_force_error = 21   ! of inverse dynamics, on demand
+    integer, parameter :: result_reaction_error = 22
 
     ! ---- what the user may ask for
     character(len=14), parameter :: wanted_name(6) = [character(len=14) :: &
@@ -66,6 +69,7 @@ module linkdyn_results
         logical :: joint_variable = .true.   !! with its rate
         logical :: power = .true.            !! speed and power of every actuator
         logical :: checks = .true.           !! rcond, error, growth, power_imbalance
+        logical :: errors = .false.          !! error estimates of what of the forces is wanted
     end type wanted_type
 
     !> One dimension. `label` and `unit` are absent for the samples.
@@ -79,7 +83,7 @@ module linkdyn_results
     !> One variable; dimensions slowest first, as netCDF tools and Python show them.
     type :: variable_type
         integer :: id = 0                                  !! one of `result_*`
-        character(len=16) :: name = ""
+        character(len=20) :: name = ""
         character(len=96) :: long_name = ""
         character(len=unit_list_len) :: units = ""         !! several where they differ along the last dimension
         character(len=unit_list_len), allocatable :: entry_unit(:)  !! along the last dimension, or a single one
@@ -277,6 +281,12 @@ contains
             if (wanted%reaction) call add(layout, result_reaction, "reaction", &
                 "wrench of the first link of the joint on the second, at the joint point, world axes", &
                 of=[dim_joint, dim_component], units=of_component)
+            if (wanted%errors .and. wanted%driving_force) call add(layout, result_driving_force_error, "driving_force_error", &
+                "estimated error of the driving force, infinite where it says nothing", &
+                of=[dim_actuator], units=of_actuator)
+            if (wanted%errors .and. wanted%reaction) call add(layout, result_reaction_error, "reaction_error", &
+                "estimated error of the reaction, infinite where it says nothing", &
+                of=[dim_joint, dim_component], units=of_component)
             if (wanted%joint_variable) then
                 call add(layout, result_joint_variable, "joint_variable", "joint variables", &
                     of=[dim_variable], units=of_variable)
@@ -285,9 +295,10 @@ contains
             end if
         end associate
         call add(layout, result_status, "status", "outcome of the sample", "1", is_integer=.true.)
+        if (wanted%checks .or. wanted%errors) call add(layout, result_error, "error", &
+            "relative error bound or estimate of the forces", "1")
         if (wanted%checks) then
             call add(layout, result_rcond, "rcond", "reciprocal condition number of the equations", "1")
-            call add(layout, result_error, "error", "relative error bound or estimate of the forces", "1")
             call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
             call add(layout, result_power_imbalance, "power_imbalance", &
                 "driving and external power less change of energy, relative to the sum of magnitudes", "1")

@@ -10,7 +10,8 @@ module linkdyn_f2py_api
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
-    use linkdyn_description, only: scene_as_json, layout_as_json
+    use linkdyn_dataset, only: dataset_type, sample_variable
+    use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, choose_method
     use linkdyn_forward_block, only: advance_block
@@ -26,12 +27,16 @@ module linkdyn_f2py_api
     use linkdyn_scene_reader, only: parse_scene, check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
+    use linkdyn_sweep, only: sweep_run
+    use linkdyn_sweep_handles, only: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
+    use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_text, only: to_text, quoted
     use linkdyn_version, only: version
     implicit none
     private
     public :: api_version, api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_describe_results
     public :: api_explain, api_motion, api_inverse, api_forward, api_advance, api_finish, api_poses
+    public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
 
     integer, parameter :: status_stale_handle = 7   !! beside the engine's codes: the scene was closed
 
@@ -44,8 +49,7 @@ module linkdyn_f2py_api
     type :: open_scene
         type(model_type) :: model
         type(layout_type) :: layout                                 !! of all results
-        type(solver_box) :: without_reactions(size(solver_name))    !! by number of the solver
-        type(solver_box) :: with_reactions(size(solver_name))
+        type(solver_box) :: planned(2, 2, size(solver_name))        !! without and with reactions, error estimates; by solver
     end type open_scene
 
     !> Pointed to, so that the list can grow while a batch runs.
@@ -135,8 +139,7 @@ contains
             !$omp critical (linkdyn_registry)
             nullify (opened(handle)%scene)
             !$omp end critical (linkdyn_registry)
-            call free_solvers(scene%without_reactions)
-            call free_solvers(scene%with_reactions)
+            call free_solvers(scene%planned)
             deallocate (scene)
         end if
         call report(status, code, message)
@@ -189,11 +192,12 @@ contains
     end subroutine api_describe_scene
 
     !> Dimensions and variables of the results as JSON; text as in `api_describe_scene`.
-    subroutine api_describe_results(handle, solver, want, has_time, capacity, text, length, code, message)
+    subroutine api_describe_results(handle, solver, want, has_time, has_errors, capacity, text, length, code, message)
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
         character(len=*), intent(in) :: want               ! "all" or names with commas; blank: all that the solver gives
         integer(c_int), intent(in) :: has_time             ! 1: samples are instants; 2: of a forward run
+        integer(c_int), intent(in) :: has_errors           ! 1: error estimates are wanted
         integer(c_int), intent(in) :: capacity
         integer(c_int), intent(inout) :: text(capacity)
         integer(c_int), intent(out) :: length
@@ -210,6 +214,7 @@ contains
         if (status%code == 0) call choose_solver(trim(solver), number, status)
         if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(number)
         if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
+        wanted%errors = has_errors == 1
         if (status%code == 0) then
             call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2)
             call to_bytes(layout_as_json(layout), text, length)
@@ -271,24 +276,29 @@ contains
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
             n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
-            n_variable, joint_variable, joint_rate, n_check, rcond, error, growth, power_imbalance, sample_status, code, message)
+            n_variable, joint_variable, joint_rate, n_check, rcond, growth, power_imbalance, n_error, error, &
+            n_driving_error, driving_force_error, n_reaction_error, reaction_error, sample_status, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(5)            ! 1: driving force, power, reaction, joint variables, checks
+        integer(c_int), intent(in) :: wanted(8)            ! 1: driving force, power, reaction, joint variables, checks,
+                                                           ! relative error, errors of driving forces, of reactions
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
+        integer(c_int), intent(in) :: n_error, n_driving_error, n_reaction_error
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
         real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: joint_variable(n_variable), joint_rate(n_variable)  ! (n_variable, n)
-        real(c_double), intent(inout), target :: rcond(n_check), error(n_check)                ! (n)
-        real(c_double), intent(inout), target :: growth(n_check), power_imbalance(n_check)       ! (n)
+        real(c_double), intent(inout), target :: rcond(n_check), growth(n_check)                 ! (n)
+        real(c_double), intent(inout), target :: power_imbalance(n_check), error(n_error)        ! (n)
+        real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
+        real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
@@ -304,7 +314,7 @@ contains
         call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
             model => scene%model
-            call find_solver(scene, trim(solver), wanted(3) == 1, planned, status)
+            call find_solver(scene, trim(solver), wanted(3) == 1, any(wanted(7:8) == 1), planned, status)
             call check_size("q", n_q_values, model%n_q*n, status)
             call check_size("load", n_load_values, max(1, 6*model%n_load*n), status)
             call check_size("driving_force", n_driving, model%n_actuator*n, status, wanted(1))
@@ -312,6 +322,9 @@ contains
             call check_size("reaction", n_reaction, model%n_component*model%n_joint*n, status, wanted(3))
             call check_size("joint_variable", n_variable, model%n_variable*n, status, wanted(4))
             call check_size("rcond", n_check, n, status, wanted(5))
+            call check_size("error", n_error, n, status, wanted(6))
+            call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(7))
+            call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(8))
         end if
         if (status%code == 0) then
             call check_finite("q", model, first, n, q, status)
@@ -333,10 +346,12 @@ contains
             end if
             if (wanted(5) == 1) then
                 results%rcond => rcond
-                results%error => error
                 results%growth => growth
                 results%power_imbalance => power_imbalance
             end if
+            if (wanted(6) == 1) results%error => error
+            if (wanted(7) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
+            if (wanted(8) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
                 allocate (own_force(model%n_actuator, n))
                 results%driving_force => own_force
@@ -536,6 +551,124 @@ contains
         call report(status, code, message)
     end subroutine api_poses
 
+    !> Plan the sweep of a scene. It is advanced, read and closed by its own handle.
+    subroutine api_sweep_open(handle, n_folder, folder, solver, n_keep, keep, sweep, n_sample, n_chunk, chunk, width, code, &
+            message)
+        integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: n_folder, n_keep
+        integer(c_int), intent(in) :: folder(n_folder)     ! where the scene's tables lie
+        character(len=*), intent(in) :: solver
+        integer(c_int), intent(in) :: keep(n_keep)         ! quantities kept of every sample, with commas; blank: the scene's
+        integer(c_int), intent(out) :: sweep
+        real(c_double), intent(out) :: n_sample, n_chunk   ! whole numbers, below 2**53
+        integer(c_int), intent(out) :: chunk               ! samples of a chunk at most
+        integer(c_int), intent(out) :: width               ! values kept of a sample; 0: none
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+        integer :: number
+
+        sweep = 0
+        n_sample = 0
+        n_chunk = 0
+        chunk = 0
+        width = 0
+        call find_model(handle, model, status)
+        if (status%code == 0) call check_actuators(model%scene, status)
+        if (status%code == 0) call choose_solver(trim(solver), number, status)
+        if (status%code == 0) call open_sweep(model%scene, from_bytes(folder), number, trim(from_bytes(keep)), sweep, status)
+        if (status%code == 0) call find_sweep(sweep, run, status)
+        if (status%code == 0) then
+            n_sample = real(run%plan%n_sample, c_double)
+            n_chunk = real(run%plan%n_chunk, c_double)
+            chunk = int(run%plan%chunk, c_int)
+            width = kept_width(run)
+        end if
+        call report(status, code, message)
+    end subroutine api_sweep_open
+
+    !> Compute the next chunks. What is kept of their samples comes out, sample after sample.
+    subroutine api_sweep_advance(sweep, n_chunk, threads, n_records, records, n_done, n_kept, code, message)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: sweep
+        integer(c_int), intent(in) :: n_chunk              ! at most
+        integer(c_int), intent(in) :: threads
+        integer(c_int), intent(in) :: n_records
+        real(c_double), intent(inout), target :: records(n_records)  ! (width, samples of the chunks), room for all
+        real(c_double), intent(out) :: n_done              ! chunks in all
+        integer(c_int), intent(out) :: n_kept              ! samples
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+        real(c_double), pointer :: values(:, :)
+
+        n_done = 0
+        n_kept = 0
+        call find_sweep(sweep, run, status)
+        if (status%code == 0) call check_size("records", n_records, &
+            max(1, kept_width(run)*n_chunk*int(run%plan%chunk)), status)
+        if (status%code == 0) then
+            values(1:kept_width(run), 1:n_chunk*int(run%plan%chunk)) => records
+            call advance_sweep(run, n_chunk, int(threads), values, n_kept)
+            n_done = real(run%n_done, c_double)
+        end if
+        call report(status, code, message)
+    end subroutine api_sweep_advance
+
+    !> Dimensions, variables, labels of the results as JSON; text as in `api_describe_scene`.
+    subroutine api_sweep_describe(sweep, capacity, text, length, code, message)
+        integer(c_int), intent(in) :: sweep
+        integer(c_int), intent(in) :: capacity
+        integer(c_int), intent(inout) :: text(capacity)
+        integer(c_int), intent(out) :: length
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+        type(dataset_type) :: dataset
+        type(sample_variable), allocatable :: kept(:)
+
+        length = 0
+        call find_sweep(sweep, run, status)
+        if (status%code == 0) then
+            call sweep_dataset(run, dataset)
+            allocate (kept(0))
+            if (kept_width(run) > 0) call kept_variables(run, dataset, kept)
+            call to_bytes(dataset_as_json(dataset, kept), text, length)
+        end if
+        call report(status, code, message)
+    end subroutine api_sweep_describe
+
+    !> The numbers of the results in the order of their variables.
+    subroutine api_sweep_values(sweep, n_real, reals, n_integer, integers, code, message)
+        integer(c_int), intent(in) :: sweep
+        integer(c_int), intent(in) :: n_real, n_integer
+        real(c_double), intent(inout) :: reals(n_real)
+        real(c_double), intent(inout) :: integers(n_integer)   ! whole numbers, below 2**53
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+        type(dataset_type) :: dataset
+
+        call find_sweep(sweep, run, status)
+        if (status%code == 0) then
+            call sweep_dataset(run, dataset)
+            call copy_numbers(dataset, reals, integers)
+        end if
+        call report(status, code, message)
+    end subroutine api_sweep_values
+
+    !> Forget a sweep.
+    subroutine api_sweep_close(sweep)
+        integer(c_int), intent(in) :: sweep
+
+        call close_sweep(int(sweep))
+    end subroutine api_sweep_close
+
     !> Plan a scene and keep it.
     subroutine register_scene(scene, handle, status)
         type(scene_type), intent(in) :: scene
@@ -589,10 +722,10 @@ contains
 
     !> The equations for a solver, planned when they are first asked for. Threads that ask at the same time may both
     !> plan; the first one's plan is kept.
-    subroutine find_solver(scene, name, wants_reactions, solver, status)
+    subroutine find_solver(scene, name, wants_reactions, wants_errors, solver, status)
         type(open_scene), pointer, intent(in) :: scene
         character(len=*), intent(in) :: name
-        logical, intent(in) :: wants_reactions
+        logical, intent(in) :: wants_reactions, wants_errors
         type(inverse_solver), pointer, intent(out) :: solver
         type(status_type), intent(inout) :: status
         type(inverse_solver), pointer :: new
@@ -602,8 +735,8 @@ contains
         nullify (solver)
         call choose_solver(name, options%solver, status)
         if (status%code /= 0) return
-        box => scene%without_reactions(options%solver)
-        if (wants_reactions) box => scene%with_reactions(options%solver)
+        options%wants_errors = wants_errors
+        box => scene%planned(merge(2, 1, wants_reactions), merge(2, 1, wants_errors), options%solver)
         !$omp critical (linkdyn_registry)
         solver => box%solver
         !$omp end critical (linkdyn_registry)
@@ -625,13 +758,17 @@ contains
     end subroutine find_solver
 
     subroutine free_solvers(boxes)
-        type(solver_box), intent(inout) :: boxes(:)
-        integer :: i
+        type(solver_box), intent(inout) :: boxes(:, :, :)
+        integer :: i, j, k
 
-        do i = 1, size(boxes)
-            if (.not. associated(boxes(i)%solver)) cycle
-            call boxes(i)%solver%free()
-            deallocate (boxes(i)%solver)
+        do k = 1, size(boxes, 3)
+            do j = 1, size(boxes, 2)
+                do i = 1, size(boxes, 1)
+                    if (.not. associated(boxes(i, j, k)%solver)) cycle
+                    call boxes(i, j, k)%solver%free()
+                    deallocate (boxes(i, j, k)%solver)
+                end do
+            end do
         end do
     end subroutine free_solvers
 

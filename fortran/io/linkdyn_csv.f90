@@ -3,6 +3,7 @@
 !> A column name may carry its unit in brackets: `roll [deg]`. Blank lines and lines that start with
 !> `#` are passed over. Fields are separated by commas, or by the semicolons or tabs of the header.
 module linkdyn_csv
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: to_text, quoted, join
@@ -18,27 +19,32 @@ module linkdyn_csv
 contains
 
     !> Read a table from a file.
-    subroutine read_csv(file, where, table, status)
+    subroutine read_csv(file, where, table, status, takes_text)
         character(len=*), intent(in) :: file
         character(len=*), intent(in) :: where     !! start of the message if the file cannot be read
         type(table_spec), intent(out) :: table
         type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: takes_text    !! a field that is no number is NaN; absent: a failure
         character(len=:), allocatable :: text
 
         call read_file_text(file, where, text, status)
-        if (status%is_ok()) call parse_csv(text, file, table, status)
+        if (status%is_ok()) call parse_csv(text, file, table, status, takes_text)
     end subroutine read_csv
 
     !> Read a table from a text.
-    subroutine parse_csv(text, file, table, status)
+    subroutine parse_csv(text, file, table, status, takes_text)
         character(len=*), intent(in) :: text
         character(len=*), intent(in) :: file      !! for messages
         type(table_spec), intent(out) :: table
         type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: takes_text    !! as in `read_csv`
         character(len=1) :: separator
+        logical :: is_strict
         integer :: n_row, n_column, line, first, last, next, row, most_rows
 
         table%file = file
+        is_strict = .true.
+        if (present(takes_text)) is_strict = .not. takes_text
         next = 1
         if (len(text) >= 3) then
             if (text(1:3) == char(239)//char(187)//char(191)) next = 4   ! byte order mark
@@ -60,7 +66,7 @@ contains
             if (last < first) exit
             row = row + 1
             table%line(row) = line
-            call read_row(text(first:last), separator, row, table, status)
+            call read_row(text(first:last), separator, row, is_strict, table, status)
             if (.not. status%is_ok()) return
         end do
         n_row = row
@@ -131,10 +137,11 @@ contains
     end subroutine read_header
 
     !> The numbers of a row.
-    subroutine read_row(text, separator, row, table, status)
+    subroutine read_row(text, separator, row, is_strict, table, status)
         character(len=*), intent(in) :: text
         character(len=1), intent(in) :: separator
         integer, intent(in) :: row
+        logical, intent(in) :: is_strict          !! nothing but finite numbers
         type(table_spec), intent(inout) :: table
         type(status_type), intent(inout) :: status
         real(wp) :: value
@@ -150,7 +157,9 @@ contains
                 return
             end if
             call parse_field(text(first:last), value, n_used)
-            if (n_used == 0) then
+            if (.not. is_strict) then
+                if (n_used == 0) value = ieee_value(value, ieee_quiet_nan)
+            else if (n_used == 0) then
                 call refuse_value(quoted(adjustl(text(first:last)))//" is not a number (expected one)")
                 return
             else if (.not. abs(value) <= huge(value)) then

@@ -1,12 +1,13 @@
 !> A scene and the layout of its results as JSON: how other languages learn names, units and shapes.
 module linkdyn_description
+    use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, joint_kind_name
     use linkdyn_status, only: sample_status_name
     implicit none (type, external)
     private
-    public :: scene_as_json, layout_as_json
+    public :: scene_as_json, layout_as_json, dataset_as_json
 
 contains
 
@@ -151,6 +152,59 @@ contains
         text = ","
         if (i == 1) text = ""
     end function separator
+
+    !> A dataset without its numbers, which come in the order of the variables: reals and integers each in one row.
+    function dataset_as_json(dataset, kept) result(text)
+        type(dataset_type), intent(in) :: dataset
+        type(sample_variable), intent(in) :: kept(:)    !! along the samples
+        character(len=:), allocatable :: text
+        integer :: i, k
+
+        text = '{"dimensions":{'
+        do i = 1, size(dataset%dimension)
+            text = text//separator(i)//pair(trim(dataset%dimension(i)%name), integer_value(dataset%dimension(i)%size))
+        end do
+        text = text//'},"variables":['
+        do i = 1, size(dataset%variable)
+            associate (variable => dataset%variable(i))
+                text = text//separator(i)//"{"//pair("name", string(variable%name))//","// &
+                    pair("dims", strings([(dataset%dimension(variable%dim(k))%name, k=1, size(variable%dim))]))//","// &
+                    pair("long_name", string(variable%long_name))//","//pair("units", string(variable%units))//","// &
+                    pair("kind", string(kind_of(variable)))
+                if (allocated(variable%text)) text = text//","//pair("text", strings(variable%text))
+                text = text//"}"
+            end associate
+        end do
+        text = text//'],"kept":['
+        do i = 1, size(kept)
+            associate (variable => kept(i))
+                text = text//separator(i)//"{"//pair("name", string(variable%name))//","// &
+                    pair("dims", strings([(dataset%dimension(variable%dim(k))%name, k=1, size(variable%dim))]))//","// &
+                    pair("long_name", string(variable%long_name))//","//pair("units", string(variable%units))//","// &
+                    pair("is_integer", logical_value(variable%is_integer))//"}"
+            end associate
+        end do
+        text = text//'],"attributes":{'
+        do i = 1, size(dataset%attribute)
+            associate (attribute => dataset%attribute(i))
+                if (allocated(attribute%text)) then
+                    text = text//separator(i)//pair(trim(attribute%name), string(attribute%text))
+                else
+                    text = text//separator(i)//pair(trim(attribute%name), numbers(attribute%value))
+                end if
+            end associate
+        end do
+        text = text//"}}"
+    end function dataset_as_json
+
+    pure function kind_of(variable) result(kind)
+        type(dataset_variable), intent(in) :: variable
+        character(len=7) :: kind
+
+        kind = "text"
+        if (allocated(variable%real)) kind = "real"
+        if (allocated(variable%integer)) kind = "integer"
+    end function kind_of
 
     pure function pair(key, value) result(text)
         character(len=*), intent(in) :: key, value

@@ -16,6 +16,7 @@ module linkdyn_netcdf_writer
     implicit none (type, external)
     private
     public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
+    public :: open_netcdf, abandon_netcdf, put_attributes, put_strings, check, chunk_length
 
     integer, parameter :: chunk_values = 131072   !! values in a compressed chunk at most: 1 MiB
     integer, parameter :: longest_chunk = 16384   !! samples in a chunk at most
@@ -32,12 +33,11 @@ module linkdyn_netcdf_writer
 
     !> An open file.
     type :: netcdf_writer
-        private
-        type(output_file) :: file
-        integer :: id = 0
-        integer, allocatable :: variable_id(:)     !! in the order of the layout
-        logical :: is_open = .false.
-        logical :: grows = .false.                   !! the number of samples is not known beforehand
+        type(output_file), private :: file
+        integer :: id = 0                          !! of the netCDF library
+        integer, allocatable, private :: variable_id(:)     !! in the order of the layout
+        logical, private :: is_open = .false.
+        logical, private :: grows = .false.        !! the number of samples is not known beforehand
     end type netcdf_writer
 
 contains
@@ -54,14 +54,8 @@ contains
         logical, intent(in), optional :: may_end_early    !! the file may get fewer samples
         integer :: dimension_id(n_dimension), i
 
-        call open_output(target, .false., writer%file, status)
+        call open_netcdf(target, writer, status)
         if (.not. status%is_ok()) return
-        call check(nf90_create(trim(writer%file%part), ior(nf90_netcdf4, nf90_clobber), writer%id), writer, status)
-        if (.not. status%is_ok()) then
-            call abandon_netcdf(writer)
-            return
-        end if
-        writer%is_open = .true.
         writer%grows = n_sample == 0
         if (present(may_end_early)) writer%grows = writer%grows .or. may_end_early
         call check(nf90_def_dim(writer%id, trim(layout%dimension(dim_sample)%name), &
@@ -76,10 +70,26 @@ contains
             call define_variable(layout, layout%variable(i), n_sample, dimension_id, deflate, writer, &
                 writer%variable_id(i), status)
         end do
-        call put_attributes(layout, attributes, writer, status)
+        call put_attributes(layout%planar, attributes, writer, status)
         call put_labels(layout, dimension_id, writer, status)
         if (.not. status%is_ok()) call abandon_netcdf(writer)
     end subroutine create_netcdf
+
+    !> An empty file.
+    subroutine open_netcdf(target, writer, status)
+        character(len=*), intent(in) :: target
+        type(netcdf_writer), intent(inout) :: writer
+        type(status_type), intent(inout) :: status
+
+        call open_output(target, .false., writer%file, status)
+        if (.not. status%is_ok()) return
+        call check(nf90_create(trim(writer%file%part), ior(nf90_netcdf4, nf90_clobber), writer%id), writer, status)
+        if (.not. status%is_ok()) then
+            call abandon_netcdf(writer)
+            return
+        end if
+        writer%is_open = .true.
+    end subroutine open_netcdf
 
     !> Store one block of samples.
     subroutine put_netcdf(layout, block, first, n, writer, status)
@@ -221,18 +231,19 @@ contains
         call check(nf90_put_att(writer%id, id, "flag_meanings", meanings(2:)), writer, status)
     end subroutine put_flags
 
-    subroutine put_attributes(layout, attributes, writer, status)
-        type(layout_type), intent(in) :: layout
+    !> What is said of the run as a whole.
+    subroutine put_attributes(planar, attributes, writer, status)
+        logical, intent(in) :: planar
         type(attributes_type), intent(in) :: attributes
         type(netcdf_writer), intent(in) :: writer
         type(status_type), intent(inout) :: status
 
         call put_text("title", attributes%title)
         call put_text("linkdyn_version", attributes%version)
-        call put_text("space", trim(merge("planar ", "spatial", layout%planar)))
+        call put_text("space", trim(merge("planar ", "spatial", planar)))
         call put_text("solver", attributes%solver)
         call check(nf90_put_att(writer%id, nf90_global, "gravity", &
-            real(attributes%gravity(:merge(2, 3, layout%planar)), real64)), writer, status)
+            real(attributes%gravity(:merge(2, 3, planar)), real64)), writer, status)
         call put_text("scene", attributes%scene)
         call put_text("history", attributes%history)
     contains

@@ -8,7 +8,7 @@ module linkdyn_output_file
     private
     public :: output_file, open_output, commit_output, discard_output, writing_failed
     public :: open_text, write_text, close_text, print_text
-    public :: is_terminal, leave_process, watch_interrupts, interrupt_noted
+    public :: is_terminal, leave_process, watch_interrupts, interrupt_noted, path_exists, remove_file
 
     integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2   !! of linkdyn_output.h
 
@@ -219,6 +219,18 @@ contains
         if (.not. file%is_direct .and. file%descriptor < 0) call probe(file, probe_blocks, status)
         call fail(status, status_io_error, trim(file%target)//": cannot be written: "//trim(fallback))
     end subroutine writing_failed
+
+    logical function path_exists(path)
+        character(len=*), intent(in) :: path
+
+        path_exists = linkdyn_path_kind(path, len_trim(path)) /= path_missing
+    end function path_exists
+
+    subroutine remove_file(path)
+        character(len=*), intent(in) :: path
+
+        call linkdyn_remove_file(path, len_trim(path))
+    end subroutine remove_file
 
     !> True if the stream is read by a person: 1 standard output, 2 standard error.
     logical function is_terminal(descriptor)

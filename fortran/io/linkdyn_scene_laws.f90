@@ -14,7 +14,7 @@ module linkdyn_scene_laws
         get_quantity, quantity_of, list_of, get_text, get_word
     implicit none (type, external)
     private
-    public :: table_shelf, read_law, law_of_column, constant_law
+    public :: table_shelf, read_law, law_of_column, column_in_si, constant_law
     public :: spline, straight_lines, table_reading, read_table_keys, has_column, require_positive
 
     integer, parameter :: spline = 1           !! between rows: cubic spline with continuous acceleration

@@ -21,6 +21,9 @@ module linkdyn_scene_reader
     use linkdyn_scene_motion, only: read_coordinates
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_time, only: read_time
+    use linkdyn_scene_parameters, only: vary_scene
+    use linkdyn_scene_sweep, only: read_sweep
+    use linkdyn_sweep_spec, only: axis_spec
     use linkdyn_toml, only: toml_node
     implicit none (type, external)
     private
@@ -44,12 +47,14 @@ contains
     end subroutine read_scene
 
     !> Read a scene from its text.
-    subroutine parse_scene(text, file, folder, scene, status)
+    subroutine parse_scene(text, file, folder, scene, status, axis, value)
         character(len=*), intent(in) :: text
         character(len=*), intent(in) :: file           !! what to call the text in messages
         character(len=*), intent(in) :: folder         !! where the tables lie; blank: the current folder
         type(scene_type), intent(out) :: scene
         type(status_type), intent(out) :: status
+        type(axis_spec), intent(in), optional :: axis(:)   !! of a sweep: with their values the scene is one of its designs
+        real(wp), intent(in), optional :: value(:)
         type(toml_document) :: document
         type(scene_place) :: root
         character(len=:), allocatable :: message
@@ -64,6 +69,7 @@ contains
             return
         end if
         root%node = document%root()
+        if (present(axis)) call vary_scene(root%node, axis, value)
         call read_tables(root, folder, scene, status)
         call free_toml(document)
     end subroutine parse_scene
@@ -113,6 +119,7 @@ contains
         call read_loads(root, shelf, scene, status)
         call read_springs(root, scene, status)
         call read_time(root, scene, status)
+        call read_sweep(root, scene, status)
         if (status%is_ok()) call start_on_motion(scene)
     end subroutine read_tables
 
@@ -130,7 +137,7 @@ contains
             return
         end if
         call allow_keys(root, [character(len=10) :: "title", "space", "gravity", "frame", "link", "joint", &
-            "coordinate", "actuator", "load", "chain", "spring", "time"], status)
+            "coordinate", "actuator", "load", "chain", "spring", "time", "sweep"], status)
         call get_text(root, "title", title, status, found)
         scene%title = title
         call get_word(root, "space", [character(len=7) :: "planar", "spatial"], space, status)

@@ -34,6 +34,8 @@ module linkdyn_toml
         procedure :: get_integer
         procedure :: get_flag
         procedure :: get_text
+        procedure :: put => node_put
+        procedure :: put_at => node_put_at
     end type toml_node
 
     interface
@@ -115,6 +117,21 @@ module linkdyn_toml
             type(c_ptr), value :: node
             integer(c_int), intent(inout) :: value
         end function c_get_bool
+
+        integer(c_int) function c_put(node, key, key_len, value) bind(c, name="linkdyn_toml_put")
+            import :: c_ptr, c_char, c_int, c_double
+            type(c_ptr), value :: node
+            character(kind=c_char), intent(in) :: key(*)
+            integer(c_int), value :: key_len
+            real(c_double), value :: value
+        end function c_put
+
+        integer(c_int) function c_put_at(node, index, value) bind(c, name="linkdyn_toml_put_at")
+            import :: c_ptr, c_int, c_int64_t, c_double
+            type(c_ptr), value :: node
+            integer(c_int64_t), value :: index
+            real(c_double), value :: value
+        end function c_put_at
 
         integer(c_int64_t) function c_get_text(node, text, text_len) bind(c, name="linkdyn_toml_text")
             import :: c_ptr, c_char, c_int64_t
@@ -295,4 +312,24 @@ contains
         allocate (character(len=max(0, int(n))) :: value)
         if (n > 0) n = c_get_text(self%handle, value, n)
     end subroutine get_text
+
+    !> Another number in place of the value of a key, which must be there.
+    subroutine node_put(self, key, value)
+        class(toml_node), intent(in) :: self
+        character(len=*), intent(in) :: key
+        real(wp), intent(in) :: value
+        integer(c_int) :: done
+
+        done = c_put(self%handle, key, int(len_trim(key), c_int), real(value, c_double))
+    end subroutine node_put
+
+    !> Another number in place of item i of a list, from 1, which must be there.
+    subroutine node_put_at(self, i, value)
+        class(toml_node), intent(in) :: self
+        integer, intent(in) :: i
+        real(wp), intent(in) :: value
+        integer(c_int) :: done
+
+        done = c_put_at(self%handle, int(i - 1, c_int64_t), real(value, c_double))
+    end subroutine node_put_at
 end module linkdyn_toml

@@ -10,10 +10,10 @@ module linkdyn_units
     use linkdyn_input, only: parse_number
     implicit none (type, external)
     private
-    public :: quantity_type, per_second, over, unit_factor, quantity_value
+    public :: quantity_type, per_second, over, unit_factor, quantity_value, si_value
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
-    public :: torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
+    public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
 
     integer, parameter :: n_dimension = 5          !! kg m s A rad
 
@@ -64,6 +64,8 @@ module linkdyn_units
         quantity_type("a gain in volts per radian", "100 V/rad", "V/rad", [1, 2, -3, -1, -1], .true.)
     type(quantity_type), parameter :: volt_per_length = &
         quantity_type("a gain in volts per metre", "100 V/m", "V/m", [1, 1, -3, -1, 0])
+    type(quantity_type), parameter :: wattage = &
+        quantity_type("a power", "2 kW", "W", [1, 2, -3, 0, 0])
     type(quantity_type), parameter :: resistance = &
         quantity_type("a resistance", "3 ohm", "ohm", [1, 2, -3, -2, 0])
 
@@ -177,12 +179,44 @@ contains
         type(quantity_type), intent(in) :: quantity    !! what is expected
         real(wp), intent(out) :: value
         character(len=:), allocatable, intent(out) :: problem
+        logical :: has_unit
+        integer :: power(n_dimension)
+
+        call read_value(text, value, has_unit, power, problem)
+        if (len(problem) > 0) return
+        if (.not. has_unit) then
+            if (any(quantity%power /= 0)) problem = quoted(trim(adjustl(text)))//" has no unit"
+        else if (.not. is_same_dimension(power, quantity)) then
+            problem = quoted(trim(adjustl(text)))//" is "//dimension_text(power)
+        end if
+    end subroutine quantity_value
+
+    !> The same whatever the quantity.
+    pure subroutine si_value(text, value, problem)
+        character(len=*), intent(in) :: text
+        real(wp), intent(out) :: value
+        character(len=:), allocatable, intent(out) :: problem
+        logical :: has_unit
+        integer :: power(n_dimension)
+
+        call read_value(text, value, has_unit, power, problem)
+    end subroutine si_value
+
+    !> A number and its unit, if it has one.
+    pure subroutine read_value(text, value, has_unit, power, problem)
+        character(len=*), intent(in) :: text
+        real(wp), intent(out) :: value                 !! SI
+        logical, intent(out) :: has_unit
+        integer, intent(out) :: power(n_dimension)
+        character(len=:), allocatable, intent(out) :: problem
         real(wp) :: number
         type(unit_reading) :: reading
         character(len=:), allocatable :: trimmed
         integer :: n_used
 
         value = 0
+        has_unit = .false.
+        power = 0
         trimmed = trim(adjustl(text))
         call parse_number(trimmed, number, n_used)
         problem = ""
@@ -194,18 +228,15 @@ contains
             problem = quoted(trimmed)//" is not a finite number"
             return
         end if
-        if (n_used == len(trimmed)) then
-            if (any(quantity%power /= 0)) problem = quoted(trimmed)//" has no unit"
-        else
+        has_unit = n_used < len(trimmed)
+        if (has_unit) then
             call read_product(ascii_unit(trimmed(n_used + 1:)), reading, 0)
-            if (.not. reading%is_good) then
+            if (.not. reading%is_good) &
                 problem = quoted(trimmed)//": "//quoted(reading%culprit)//" is not a unit that linkdyn knows"
-            else if (.not. is_same_dimension(reading%power, quantity)) then
-                problem = quoted(trimmed)//" is "//dimension_text(reading%power)
-            end if
         end if
+        power = reading%power
         value = number*reading%factor
-    end subroutine quantity_value
+    end subroutine read_value
 
     pure logical function is_same_dimension(power, quantity)
         integer, intent(in) :: power(n_dimension)
@@ -221,7 +252,7 @@ contains
         integer, intent(in) :: power(n_dimension)
         character(len=:), allocatable :: text
         type(quantity_type), parameter :: known(*) = [plain_number, length, angle, mass, inertia, time_span, &
-            force, speed, angular_rate, acceleration, stiffness, damping, resistance]
+            force, speed, angular_rate, acceleration, stiffness, damping, wattage, resistance]
         character(len=3), parameter :: base(n_dimension) = [character(len=3) :: "kg", "m", "s", "A", "rad"]
         character(len=8) :: exponent
         integer :: i

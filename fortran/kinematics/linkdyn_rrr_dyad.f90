@@ -30,8 +30,9 @@ contains
         square = d.dot.d
         distance = sqrt(square)
         along = 0.5_wp + (length1 - length2)*(length1 + length2)/(2*square)
+        ! The lengths first: a short distance added to a length would lose its digits.
         across = (length1 + length2 - distance)*(length1 + length2 + distance) &
-                 *(distance + length1 - length2)*(distance - length1 + length2)
+                 *(distance + (length1 - length2))*(distance - (length1 - length2))
         is_reachable = across >= -rounding*(length1 + length2)**2*(distance + abs(length1 - length2))**2
         across = sqrt(max(across, 0.0_wp))/(2*square)
         arm1 = along*d + (branch*across)*perp(d)

@@ -5,7 +5,8 @@
 !> the back-substitution would do is recorded as
 !>     out = (base - sum of products + sum of products) * scale     or     out = 1/in
 !> over numbered values ("slots"). Constants are folded, products with one become sums, and what no wanted unknown
-!> depends on is dropped. `linkdyn_elimination_run` executes the record on lanes.
+!> depends on is dropped. Where no entry is large enough everywhere, two rows are turned into each other first.
+!> `linkdyn_elimination_run` executes the record on lanes.
 !>
 !> **Source**: Markowitz, Management Science 3 (1957) 255, for the pivot choice; Duff, Erisman, Reid, Direct Methods for
 !> Sparse Matrices, 2nd ed. (2017), ch. 5 and 7, for the threshold.
@@ -46,6 +47,7 @@ module linkdyn_elimination_plan
     end type elimination_plan
 
     real(wp), parameter :: threshold = 0.05_wp      !! a pivot is at least this fraction of its column, rows scaled
+    real(wp), parameter :: threshold_of_pair = 0.3_wp   !! two entries together: their squares are compared later
     real(wp), parameter :: smallest = 1.0e5_wp*epsilon(1.0_wp)  !! a pivot below this, rows scaled, may be pure rounding
     real(wp), parameter :: alarm_factor = 1.0e2_wp  !! multipliers may exceed those at the representative poses by this
     ! Large systems are looked at in a few short columns at a time (Zlatev, SIAM J. Numer. Anal. 17 (1980) 18).
@@ -144,11 +146,16 @@ contains
         type(elimination_plan), intent(out) :: plan
         type(planner_type) :: p
         integer, allocatable :: solution(:)
+        logical :: has_turned
         integer :: k, e
 
         call start(system, p)
         do k = 1, system%n
             e = best_pivot(p, comes_last)
+            if (e == 0) then
+                call turn_rows(p, has_turned)
+                if (has_turned) e = best_pivot(p, comes_last)
+            end if
             if (e == 0) return
             call eliminate(p, e, p%pivot(k))
         end do
@@ -388,6 +395,147 @@ contains
         if (any(p%row_scale(p%entry(e)%row)*abs(p%entry(e)%value) <= smallest)) return
         pivot_quality = minval(p%row_scale(p%entry(e)%row)*abs(p%entry(e)%value)/largest)
     end function pivot_quality
+
+    ! ---------------------------------------------------------------- turned rows
+
+    !> Where every entry of a column vanishes at some pose, turn two rows into each other, so that one of them takes all
+    !> that both have in the column: with a and b there, the rows become
+    !>     a row1 + b row2        a row2 - b row1
+    !> A link that turns all the way round against the axes of its joint leaves such blocks of sines and cosines.
+    subroutine turn_rows(p, has_turned)
+        type(planner_type), intent(inout) :: p
+        logical, intent(out) :: has_turned
+        integer :: e1, e2, a, b, e, k, row(2), column
+        integer, allocatable :: others(:)
+
+        call best_pair(p, e1, e2)
+        has_turned = e1 > 0
+        if (.not. has_turned) return
+        column = p%entry(e1)%column
+        row = [p%entry(e1)%row, p%entry(e2)%row]
+        a = settle(p, e1, 0, .false.)
+        b = settle(p, e2, 0, .false.)
+        others = [active_others(p, p%in_row(row(1)), e1), active_others(p, p%in_row(row(2)), e2)]
+        others = p%entry(others)%column
+        do k = 1, size(others)
+            if (any(others(:k - 1) == others(k))) cycle
+            call turn_entries(entry_at(row(1), others(k)), entry_at(row(2), others(k)))
+        end do
+        call turn_right(p%right(row(1)), p%right(row(2)))
+        call start_again(e1)
+        call add_term(p, e1, -a, a)
+        call add_term(p, e1, -b, b)
+        p%entry(e1)%value = p%entry(e1)%value**2 + p%entry(e2)%value**2
+        p%entry(e2)%is_active = .false.
+        p%row_count(row(2)) = p%row_count(row(2)) - 1
+        p%column_count(column) = p%column_count(column) - 1
+        call scale_again(row(1))
+        call scale_again(row(2))
+
+    contains
+
+        !> An active entry, made if need be.
+        integer function entry_at(i, j)
+            integer, intent(in) :: i, j
+
+            entry_at = find_entry(p, i, j)
+            if (entry_at == 0) entry_at = new_entry(p, i, j)
+        end function entry_at
+
+        subroutine turn_entries(first, second)
+            integer, intent(in) :: first, second
+            real(wp) :: x(p%n_pose), y(p%n_pose)
+
+            x = p%entry(first)%value
+            y = p%entry(second)%value
+            call turn_right(first, second)
+            p%entry(first)%value = p%entry(e1)%value*x + p%entry(e2)%value*y
+            p%entry(second)%value = p%entry(e1)%value*y - p%entry(e2)%value*x
+        end subroutine turn_entries
+
+        !> The operations alone: a right-hand side has no values here.
+        subroutine turn_right(first, second)
+            integer, intent(in) :: first, second
+            integer :: x, y
+
+            x = settle(p, first, 0, .false.)
+            y = settle(p, second, 0, .false.)
+            call start_again(first)
+            call add_term(p, first, -a, x)
+            call add_term(p, first, -b, y)
+            call start_again(second)
+            call add_term(p, second, -a, y)
+            call add_term(p, second, b, x)
+        end subroutine turn_right
+
+        subroutine start_again(entry)
+            integer, intent(in) :: entry
+
+            p%entry(entry)%base = 0
+            p%entry(entry)%first_term = 0
+            p%entry(entry)%is_constant = .true.
+        end subroutine start_again
+
+        subroutine scale_again(i)
+            integer, intent(in) :: i
+            real(wp) :: largest
+            integer :: m
+
+            largest = 0
+            do m = 1, p%in_row(i)%n
+                e = p%in_row(i)%item(m)
+                if (p%entry(e)%is_active) largest = max(largest, maxval(abs(p%entry(e)%value)))
+            end do
+            if (largest > 0) p%row_scale(i) = 1/largest
+        end subroutine scale_again
+    end subroutine turn_rows
+
+    !> Two entries of a column which together are large at every pose; the pair whose rows are shortest. Zero if none.
+    pure subroutine best_pair(p, best1, best2)
+        type(planner_type), intent(in) :: p
+        integer, intent(out) :: best1, best2
+        real(wp), parameter :: alike = 16           !! rows of a pair: so far may their scales lie apart
+        real(wp) :: largest(p%n_pose), ratio
+        integer :: c, i, j, e1, e2, cost, best_cost
+
+        best1 = 0
+        best2 = 0
+        best_cost = huge(1)
+        do c = 1, p%n
+            if (.not. p%column_active(c)) cycle
+            associate (list => p%in_column(c))
+                largest = 0
+                do i = 1, list%n
+                    if (p%entry(list%item(i))%is_active) largest = max(largest, scaled(list%item(i)))
+                end do
+                do i = 1, list%n
+                    e1 = list%item(i)
+                    if (.not. p%entry(e1)%is_active) cycle
+                    do j = i + 1, list%n
+                        e2 = list%item(j)
+                        if (.not. p%entry(e2)%is_active) cycle
+                        cost = p%row_count(p%entry(e1)%row) + p%row_count(p%entry(e2)%row)
+                        ratio = p%row_scale(p%entry(e1)%row)/p%row_scale(p%entry(e2)%row)
+                        if (cost >= best_cost .or. max(ratio, 1/ratio) > alike) cycle
+                        if (any(hypot(scaled(e1), scaled(e2)) <= smallest)) cycle
+                        if (any(hypot(scaled(e1), scaled(e2)) < threshold_of_pair*largest)) cycle
+                        best1 = e1
+                        best2 = e2
+                        best_cost = cost
+                    end do
+                end do
+            end associate
+        end do
+
+    contains
+
+        pure function scaled(e)
+            integer, intent(in) :: e
+            real(wp) :: scaled(p%n_pose)
+
+            scaled = p%row_scale(p%entry(e)%row)*abs(p%entry(e)%value)
+        end function scaled
+    end subroutine best_pair
 
     ! ---------------------------------------------------------------- elimination
 

@@ -16,13 +16,14 @@ contains
     !>
     !> **Cost**: n^3 + O(n^2) multiply-subtracts a lane.
     !> **Errors**: a lane whose pivot column is all zero is flagged, its x is NaN; the others are untouched.
-    subroutine solve_gauss_jordan(n, n_rhs, a, b, growth, is_singular)
+    subroutine solve_gauss_jordan(n, n_rhs, a, b, growth, is_singular, determinant)
         integer, intent(in) :: n                              !! unknowns
         integer, intent(in) :: n_rhs                          !! right-hand sides
         real(wp), intent(inout) :: a(lanes, n, n)             !! (lane, row, column)
         real(wp), intent(inout) :: b(lanes, n, n_rhs)         !! in: right-hand sides; out: solutions
         real(wp), intent(out) :: growth(lanes)                !! reciprocal pivot growth: max|a| before / max|pivot row| on the way
         logical, intent(out) :: is_singular(lanes)            !! no pivot was left
+        real(wp), intent(out), optional :: determinant(lanes) !! with its sign; 0 where singular
         real(wp) :: largest(lanes), reached(lanes), size_here(lanes), factor(lanes), pivot(lanes)
         integer :: row(lanes), k, i, j, lane
 
@@ -34,6 +35,7 @@ contains
         end do
         reached = largest
         is_singular = .false.
+        if (present(determinant)) determinant = 1
 
         do k = 1, n
             row = k
@@ -52,6 +54,7 @@ contains
                 call swap(a(lane, k, k:n), a(lane, row(lane), k:n))
                 call swap(b(lane, k, :), b(lane, row(lane), :))
             end do
+            if (present(determinant)) determinant = determinant*merge(a(:, k, k), -a(:, k, k), row == k)
             pivot = merge(1.0_wp, a(:, k, k), is_singular)
             factor = 1/pivot
             do j = k + 1, n
@@ -70,6 +73,7 @@ contains
             end do
         end do
 
+        if (present(determinant)) where (is_singular) determinant = 0
         growth = merge(0.0_wp, largest/max(reached, tiny(1.0_wp)), is_singular)
         do j = 1, n_rhs
             do i = 1, n

@@ -5,6 +5,7 @@
 !> is SI and radians here. Planar scenes use the x, y components and leave z zero.
 module linkdyn_scene
     use linkdyn_kinds, only: wp
+    use linkdyn_sweep_spec, only: sweep_spec
     implicit none (type, external)
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
@@ -197,5 +198,6 @@ module linkdyn_scene
         type(load_spec), allocatable :: load(:)
         type(spring_spec), allocatable :: spring(:)
         type(time_spec) :: time
+        type(sweep_spec) :: sweep
     end type scene_type
 end module linkdyn_scene

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,10 @@ _GROUPS = (
     ("driving_speed", "driving_power"),
     ("reaction",),
     ("joint_variable", "joint_rate"),
-    ("rcond", "error", "growth", "power_imbalance"),
+    ("rcond", "growth", "power_imbalance"),
+    ("error",),
+    ("driving_force_error",),
+    ("reaction_error",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
@@ -104,6 +108,52 @@ def open_scene(text: bytes, file: str, folder: str) -> int:
     return handle
 
 
+@dataclass(frozen=True)
+class Sweep:
+    """A sweep planned in the engine."""
+
+    handle: int
+    n_sample: int
+    n_chunk: int
+    chunk: int
+    """Samples of a chunk at most."""
+    width: int
+    """Values kept of a sample; 0: none."""
+
+
+def open_sweep(handle: int, folder: str, solver: str, keep: str) -> Sweep:
+    """Plan the sweep of a scene."""
+    sweep, n_sample, n_chunk, chunk, width, code, message = _api.api_sweep_open(
+        handle, _to_codes(folder), solver, _to_codes(keep)
+    )
+    check(code, message)
+    return Sweep(sweep, int(n_sample), int(n_chunk), chunk, width)
+
+
+def advance_sweep(sweep: Sweep, n_chunk: int, threads: int) -> tuple[int, Floats]:
+    """Compute the next chunks: how many are done in all, and (samples, width) what is kept of these."""
+    records = np.empty(max(1, sweep.width * n_chunk * sweep.chunk))
+    n_done, n_kept, code, message = _api.api_sweep_advance(sweep.handle, n_chunk, threads, records)
+    check(code, message)
+    return int(n_done), records[: n_kept * sweep.width].reshape(n_kept, sweep.width)
+
+
+def sweep_results(sweep: Sweep) -> tuple[dict[str, Any], Floats, Floats]:
+    """Description of the results, and their numbers in the order of the variables: reals, integers."""
+    schema = json.loads(_read_text(_api.api_sweep_describe, sweep.handle))
+    count = {"real": 0, "integer": 0, "text": 0}
+    for variable in schema["variables"]:
+        count[variable["kind"]] += int(np.prod([schema["dimensions"][name] for name in variable["dims"]]))
+    reals, integers = np.zeros(max(1, count["real"])), np.zeros(max(1, count["integer"]))
+    check(*_api.api_sweep_values(sweep.handle, reals, integers))
+    return schema, reals, integers
+
+
+def close_sweep(sweep: Sweep) -> None:
+    """Forget a sweep."""
+    _api.api_sweep_close(sweep.handle)
+
+
 def add_loads(handle: int, markers: Sequence[str]) -> int:
     """A second scene with loads at more markers ("link.marker"); returns its handle."""
     new_handle, code, message = _api.api_add_loads(handle, _to_codes("\n".join(markers)))
@@ -121,10 +171,12 @@ def describe_scene(handle: int) -> dict[str, Any]:
     return json.loads(_read_text(_api.api_describe_scene, handle))
 
 
-def describe_results(handle: int, solver: str, want: str, has_time: bool, is_forward: bool = False) -> dict[str, Any]:
+def describe_results(
+    handle: int, solver: str, want: str, has_time: bool, is_forward: bool = False, error: bool = False
+) -> dict[str, Any]:
     """Dimensions and variables of the results; ``want`` "" is all that the solver gives."""
     kind = 2 if is_forward else int(has_time)
-    return json.loads(_read_text(_api.api_describe_results, handle, solver, want, kind))
+    return json.loads(_read_text(_api.api_describe_results, handle, solver, want, kind, int(error)))
 
 
 def explain(handle: int) -> str:

@@ -7,7 +7,7 @@ import sys
 from importlib.resources import files
 from pathlib import Path
 
-__all__ = ["executable", "main"]
+__all__ = ["executable", "main", "quadruple_twin"]
 
 
 def executable() -> Path:
@@ -22,6 +22,18 @@ def executable() -> Path:
     if not path.is_file():
         raise FileNotFoundError(f"{path}: the executable is not in the package (expected a build with its app)")
     return path
+
+
+def quadruple_twin() -> Path | None:
+    """Path of ``linkdyn-real128``, the same program in quadruple precision; None if it is not built.
+
+    Looked for in the environment variable ``LINKDYN_REAL128``, then beside the executable, where ``make real128``
+    puts it.
+    """
+    if given := os.environ.get("LINKDYN_REAL128"):
+        return Path(given)
+    path = Path(str(files("linkdyn").joinpath("_bin", "linkdyn-real128")))
+    return path if path.is_file() else None
 
 
 def main() -> None:

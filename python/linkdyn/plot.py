@@ -17,7 +17,18 @@ from ._drawing import mechanism
 from ._style import COLOURS, LINES, plain_units
 from .errors import InputError
 
-__all__ = ["animate", "driving_forces", "hodograph", "mechanism", "polar", "reactions", "scene3d"]
+__all__ = [
+    "animate",
+    "driving_forces",
+    "energies",
+    "hodograph",
+    "mechanism",
+    "motion",
+    "polar",
+    "reactions",
+    "scene3d",
+    "steps",
+]
 
 scene3d = mechanism
 
@@ -206,6 +217,92 @@ def _chosen_joints(run: xr.Dataset, joints: Iterable[str] | None, caller: str) -
         if name not in known:
             raise InputError(f"{caller}: no joint {name!r} in the run (expected one of {', '.join(known)})")
     return chosen
+
+
+def motion(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
+    """Coordinates and their rates: a row per unit; left position, right rate.
+
+    Parameters
+    ----------
+    run
+        Results along a motion, or of a forward run.
+
+    Returns
+    -------
+    figure, axes
+        ``axes`` of shape (number of units, 2).
+    """
+    _need(run, "q")
+    units: dict[str, list[str]] = {}
+    for name, unit in zip(map(str, run.coordinate.values), map(str, run.coordinate_unit.values)):
+        units.setdefault(unit, []).append(name)
+    figure, axes = pyplot.subplots(
+        len(units), 2, squeeze=False, sharex=True, figsize=(10.0, 1.2 + 2.6 * len(units)), layout="constrained"
+    )
+    x, x_label = _abscissa(run)
+    for row, (unit, names) in zip(axes, units.items()):
+        for axis, values, what in ((row[0], run.q, unit), (row[1], run.qd, f"{unit}/s")):
+            for k, name in enumerate(names):
+                axis.plot(x, values.sel(coordinate=name), label=name, **_line(k))
+            axis.set_ylabel(f"{'position' if axis is row[0] else 'rate'} [{what}]")
+        row[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+    for axis in axes[-1]:
+        axis.set_xlabel(x_label)
+    _finish(figure, axes, run)
+    return figure, axes
+
+
+def energies(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
+    """Kinetic and potential energy and the work of the drives; below, what the balance of the three has lost or gained.
+
+    Without dampers and loads the balance is constant: what it shows then is the error of the integration.
+
+    Parameters
+    ----------
+    run
+        Results of a forward run with its energies (``want="power"`` brings them).
+
+    Returns
+    -------
+    figure, axes
+        ``axes`` of shape (2,).
+    """
+    for name in ("kinetic_energy", "potential_energy", "work"):
+        _need(run, name)
+    figure, axes = pyplot.subplots(2, sharex=True, figsize=(9.0, 5.5), layout="constrained", height_ratios=(2, 1))
+    x, x_label = _abscissa(run)
+    for k, (name, label) in enumerate((("kinetic_energy", "kinetic"), ("potential_energy", "potential"), ("work", "work of the drives"))):
+        axes[0].plot(x, run[name], label=label, **_line(k))
+    balance = run.kinetic_energy + run.potential_energy - run.work
+    axes[1].plot(x, balance - balance[0], **_line(3))
+    axes[0].set_ylabel("energy [J]")
+    axes[1].set_ylabel("kinetic + potential\n- work, change [J]")
+    axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+    axes[1].set_xlabel(x_label)
+    _finish(figure, axes, run)
+    return figure, axes
+
+
+def steps(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
+    """Step of the integrator that led to each output instant.
+
+    Parameters
+    ----------
+    run
+        Results of a forward run.
+
+    Returns
+    -------
+    figure, axes
+        ``axes`` of shape (1,).
+    """
+    _need(run, "step")
+    figure, axes = pyplot.subplots(1, squeeze=False, figsize=(9.0, 3.2), layout="constrained")
+    x, x_label = _abscissa(run)
+    axes[0, 0].semilogy(x[1:], run.step.values[1:], drawstyle="steps-pre", **_line(0))
+    axes[0, 0].set(xlabel=x_label, ylabel=f"step of {run.attrs.get('method', 'the integrator')} [s]")
+    _finish(figure, axes, run)
+    return figure, axes[:, 0]
 
 
 def _need(run: Any, name: str) -> None:

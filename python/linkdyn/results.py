@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from . import _bind
 
-__all__ = ["result_shapes", "to_dataset"]
+__all__ = ["result_shapes", "run_attributes", "to_dataset"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
@@ -69,7 +69,22 @@ def to_dataset(
             attributes["flag_meanings"] = " ".join(schema["status"])
         target = coordinates if variable["name"] == "time" else variables
         target[variable["name"]] = (variable["dims"], arrays[variable["name"]], attributes)
-    attributes = {
+    return xr.Dataset(variables, coordinates, run_attributes(scene, scene_text, solver))
+
+
+def run_attributes(scene: dict[str, Any], scene_text: str, solver: str) -> dict[str, Any]:
+    """What is said of a run as a whole.
+
+    Parameters
+    ----------
+    scene
+        The scene's description, from the engine.
+    scene_text
+        The scene file.
+    solver
+        Name of the solver used.
+    """
+    return {
         "title": scene["title"],
         "linkdyn_version": _bind.version(),
         "space": "planar" if scene["planar"] else "spatial",
@@ -78,4 +93,3 @@ def to_dataset(
         "scene": scene_text,
         "history": f"{datetime.now().astimezone().isoformat(timespec='seconds')} {Path(sys.argv[0] or 'python').name}",
     }
-    return xr.Dataset(variables, coordinates, attributes)

@@ -19,7 +19,9 @@ from . import _bind
 from ._changes import changed
 from ._progress import Progress
 from .errors import InputError, Interrupted
+from ._run_error import add_errors, finer
 from .results import result_shapes, to_dataset
+from .sweep import run_sweep
 
 __all__ = ["Scene", "Poses", "load"]
 
@@ -218,6 +220,7 @@ class Scene:
         want: str | Iterable[str] | None = None,
         solver: str = "elimination",
         threads: int = 1,
+        error: bool = False,
     ) -> xr.Dataset:
         """Driving forces and joint reactions for a given motion.
 
@@ -242,6 +245,9 @@ class Scene:
             "elimination", "lapack", "gauss-jordan" or "reduced", which gives all but the reactions.
         threads
             Number of threads.
+        error
+            Also the errors of driving forces and reactions, estimated: ``driving_force_error``, ``reaction_error`` and
+            the worst of them relative to the largest force or moment, ``error``.
 
         Returns
         -------
@@ -257,7 +263,7 @@ class Scene:
         along_motion = q is None
         if along_motion and (qd is not None or qdd is not None):
             raise InputError("qd, qdd: given without q")
-        job = self._job(want, solver, wrench, along_motion)
+        job = self._job(want, solver, wrench, along_motion, error)
         if along_motion:
             instants = self.times() if t is None else self._instants(t)
             *motion, load = _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)
@@ -281,6 +287,7 @@ class Scene:
         solver: str = "elimination",
         threads: int = 1,
         progress: bool | None = None,
+        error: bool = False,
     ) -> xr.Dataset:
         """Motion and joint reactions from the laws of the scene's actuators, from the scene's start on.
 
@@ -302,6 +309,10 @@ class Scene:
             As for `inverse`; "power" brings the energies and the work too.
         progress
             Say how far the run is and how long it will take, if it takes over two seconds; default: on a terminal.
+        error
+            Run once more, with half the step or a hundredth of the tolerances, and give the difference: variables
+            "q_error", "qd_error", "driving_force_error", "reaction_error", ..., the error since the start that the
+            first run has gathered, by size.
 
         Returns
         -------
@@ -327,11 +338,16 @@ class Scene:
         schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True)
         settings = (float(step), float(rtol), float(atol))
         threads = _count("threads", threads)
-        run = _bind.Run(self._handle, str(method), str(solver), threads, settings, wanted, float(instants[0]))
-        try:
-            return self._follow(run, instants, schema, str(method), str(solver), progress)
-        finally:
-            run.finish()
+
+        def follow(settings: tuple[float, float, float]) -> xr.Dataset:
+            run = _bind.Run(self._handle, str(method), str(solver), threads, settings, wanted, float(instants[0]))
+            try:
+                return self._follow(run, instants, schema, str(method), str(solver), progress)
+            finally:
+                run.finish()
+
+        run = follow(settings)
+        return add_errors(run, follow(finer(method, settings)), method) if error else run
 
     def _follow(
         self,
@@ -368,6 +384,58 @@ class Scene:
             sign.end()
         return result()
 
+    def sweep(
+        self,
+        sweep: Mapping[str, Any] | None = None,
+        *,
+        keep: str | Iterable[str] = (),
+        solver: str = "elimination",
+        threads: int = 1,
+        progress: bool = False,
+    ) -> xr.Dataset:
+        """What the table ``[sweep]`` asks for: peaks over a workspace, load cases and designs.
+
+        Memory does not grow with the number of samples, unless they are kept. For runs of hours use the executable: it
+        can be interrupted and resumed.
+
+        Parameters
+        ----------
+        sweep
+            The table, as in a scene file (``{"axis": [{"coordinate": "platform.x", "linspace": [0, 1, 5]}, ...]}``);
+            default: the scene's own.
+        keep
+            Quantities to be kept of every sample, e.g. "driving_force", beside those that the table names.
+        solver, threads
+            As for `inverse`; the results do not depend on the number of threads.
+        progress
+            Show a bar.
+
+        Returns
+        -------
+        xarray.Dataset
+            As the executable writes it: docs/sweep.md lists the variables.
+
+        Raises
+        ------
+        SceneError
+            Something is wrong in the table: what, what was expected.
+        InputError
+            The scene has no sweep; an unknown quantity or solver; too many or too few actuators.
+        """
+        if sweep is not None:
+            content = tomllib.loads(self.text) | {"sweep": sweep}
+            return Scene(content, folder=self._folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
+        return run_sweep(
+            self._handle,
+            self._folder,
+            self.description,
+            self.text,
+            keep=keep,
+            solver=str(solver),
+            threads=_count("threads", threads),
+            progress=progress,
+        )
+
     def _output_instants(self, t_end: float | None) -> NDArray[np.float64]:
         """Instants of a forward run: the scene's, or as many up to another end."""
         time = self.description["time"]
@@ -388,6 +456,7 @@ class Scene:
         want: str | Iterable[str] | None = "driving_force",
         solver: str = "elimination",
         threads: int = 1,
+        error: bool = False,
     ) -> dict[str, NDArray[Any]]:
         """What `inverse` computes for a batch, as plain arrays.
 
@@ -396,7 +465,7 @@ class Scene:
 
         Parameters
         ----------
-        q, qd, qdd, wrench, t, solver, threads
+        q, qd, qdd, wrench, t, solver, threads, error
             As in `inverse`.
         want
             As in `inverse`; default: the driving forces alone.
@@ -421,7 +490,7 @@ class Scene:
         >>> scene.solve(q, qd, qdd)["driving_force"].shape
         (1, 6)
         """
-        job = self._job(want, solver, wrench, False)
+        job = self._job(want, solver, wrench, False, error)
         given = self._given(q, qd, qdd)
         return self._run(job, threads, given, self._loads_at(job, t, len(given["q"])), wrench)
 
@@ -431,14 +500,15 @@ class Scene:
         solver: str,
         wrench: Mapping[str, ArrayLike] | None,
         along_motion: bool,
+        error: bool,
     ) -> _Job:
         """Checked once for calls of one kind."""
         wanted = want if isinstance(want, str) else ",".join(want or ())
-        key = (wanted, solver, tuple(wrench or ()), along_motion)
+        key = (wanted, solver, tuple(wrench or ()), along_motion, bool(error))
         job = self._jobs.get(key)
         if job is None:
             handle, n_load = self._with_loads(key[2])
-            schema = _bind.describe_results(handle, str(solver), wanted, along_motion)
+            schema = _bind.describe_results(handle, str(solver), wanted, along_motion, error=bool(error))
             load = _bind.motion(handle, np.zeros(1), len(self.coordinates), n_load)[3]
             job = _Job(handle, n_load, str(solver), schema, result_shapes(schema), load)
             self._jobs[key] = job

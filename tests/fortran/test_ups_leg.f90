@@ -187,7 +187,8 @@ contains
         call evaluate(motion, 0.0_wp, now)
         alpha = now%leg%axes.rotate.now%alpha
         do l = 1, lanes
-            call check_close(error, lane_of(alpha, l), rate(:, l), 1000*difference_error(), "angular acceleration")
+            ! The fifth derivative, which the differences leave out, reaches thousands for the shortest of the random legs.
+            call check_close(error, lane_of(alpha, l), rate(:, l), 3000*difference_error(), "angular acceleration")
         end do
     end subroutine compare_acceleration
 

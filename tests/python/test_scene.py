@@ -344,3 +344,73 @@ def test_scenes_are_closed_with_their_objects(tsai_file):
     gc.collect()
     with pytest.raises(linkdyn.ClosedSceneError):
         _bind.explain(handle)
+
+
+# ---------------------------------------------------------------- planar scenes
+
+
+@pytest.fixture(scope="module")
+def fivebar() -> linkdyn.Scene:
+    return linkdyn.load(Path(__file__).resolve().parents[2] / "examples" / "fivebar_parallel" / "scene.toml")
+
+
+def test_planar_wrench_has_three_components(fivebar):
+    q = fivebar.motion(0.3)[0]
+    pushed = fivebar.inverse(q=q, wrench={"rod1.J3": [3.0, 0.0, 0.5]})
+    one_each = fivebar.inverse(q=q, wrench={"rod1.J3": [[3.0, 0.0, 0.5]]})
+    np.testing.assert_array_equal(pushed.driving_force, one_each.driving_force)
+    assert not np.array_equal(pushed.driving_force, fivebar.inverse(q=q).driving_force)
+    assert list(pushed.component.values) == ["Fx", "Fy", "Mz"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"q": [[1.0]]}, r"q: expected shape \(N, 2\), got \(1, 1\)"),
+        ({"q": [1.0, 2.0]}, r"q: expected shape \(N, 2\), got \(2,\)"),
+        ({"q": [[1.0, 2.0]], "qd": [[0.0, 0.0]] * 2}, r"qd: expected shape \(1, 2\), got \(2, 2\)"),
+        ({"q": [[1.0, 2.0j]]}, "q: expected real numbers"),
+        ({"q": [[1.0, np.nan]]}, r"q\[0, 1\] \(coordinate 'J5'\) is not a finite number"),
+        ({"q": [[1.0, 2.0]], "wrench": {"rod1.J3": [0.0] * 6}}, r"expected shape \(1, 3\) or \(3,\), got \(6,\)"),
+        ({"q": [[1.0, 2.0]], "wrench": {"rod1.J3": [[0.0] * 3] * 2}}, r"expected shape \(1, 3\) or \(3,\), got \(2, 3\)"),
+        ({"q": [[1.0, 2.0]], "wrench": {"rod1.J4": [0.0] * 3}}, "no marker 'rod1.J4'"),
+        ({"q": [[1.0, 2.0]], "wrench": {"rod1.J3": [np.inf, 0.0, 0.0]}}, "is not a finite number"),
+        ({"qd": [[1.0, 2.0]]}, "qd, qdd: given without q"),
+    ],
+)
+def test_planar_input_that_is_wrong(fivebar, arguments, message):
+    with pytest.raises(linkdyn.InputError, match=message):
+        fivebar.inverse(**arguments)
+
+
+def test_planar_poses(fivebar):
+    with pytest.raises(linkdyn.InputError, match=r"q: expected shape \(N, 2\), got \(1, 3\)"):
+        fivebar.poses([1.0, 2.0, 3.0])
+    poses = fivebar.poses([[1.0, 2.2], [0.6, 1.8]])
+    tips = poses.position[:, 1] - poses.position[:, 2]  # J3 of rod1, J4 of rod2
+    np.testing.assert_allclose(np.linalg.norm(tips, axis=1), 0.6, rtol=1e-15)
+
+
+def test_poses_in_order_go_through_change_points():
+    """A parallelogram's follower: alone on the branch of the start, in order parallel to the crank."""
+    links = [
+        {"name": name, "markers": {"a": [0.0, 0.0], "b": [length, 0.0]}, "mass": 1.0, "inertia": 1.0}
+        for name, length in (("crank", 1.0), ("coupler", 2.0), ("follower", 1.0))
+    ]
+    ends = [("frame.O", "crank.a"), ("crank.b", "coupler.a"), ("coupler.b", "follower.b"), ("frame.C", "follower.a")]
+    joints = [{"name": f"J{k}", "type": "revolute", "between": list(pair)} for k, pair in enumerate(ends)]
+    scene = linkdyn.Scene(
+        {
+            "space": "planar",
+            "frame": {"markers": {"O": [0.0, 0.0], "C": [2.0, 0.0]}},
+            "link": links,
+            "joint": [joint | ({"branch": 1} if joint["name"] == "J2" else {}) for joint in joints],
+            "coordinate": [{"joint": "J0"}],
+        }
+    )
+    q = np.linspace(0.5, 6.0, 50)[:, np.newaxis]
+    past = q[:, 0] > np.pi
+    for in_order, crossed in ((True, False), (False, True)):
+        poses = scene.poses(q, in_order=in_order)
+        parallel = np.abs(poses.rotation[:, 2] - poses.rotation[:, 0]).max(axis=(1, 2)) < 1e-9
+        assert parallel[~past].all() and parallel[past].all() == (not crossed)

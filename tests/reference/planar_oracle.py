@@ -156,7 +156,7 @@ class Mechanism:
                 owner, at, _ = self.marker(load["on"])
                 if owner != i:
                     continue
-                f = mp.mpc(*map(mp.mpf, load["force"])) * (turn if load.get("axes") == "link" else 1)
+                f = mp.mpc(*map(mp.mpf, load.get("force", [0, 0]))) * (turn if load.get("axes") == "link" else 1)
                 force -= f
                 moment -= mp.mpf(load.get("moment", 0)) + (mp.conj(at * turn) * f).imag
             out[3 * i], out[3 * i + 1], out[3 * i + 2] = force.real, force.imag, moment

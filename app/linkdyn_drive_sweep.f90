@@ -1,0 +1,333 @@
+!> `linkdyn sweep`: rounds of chunks, checkpoints between them, results at the end.
+module linkdyn_drive_sweep
+    use, intrinsic :: iso_fortran_env, only: error_unit, int64
+    use linkdyn_checkpoint, only: sweep_hash, write_checkpoint, read_checkpoint, checkpoint_name, has_checkpoint
+    use linkdyn_cli, only: command_line
+    use linkdyn_input, only: folder_of
+    use linkdyn_kinds, only: wp
+    use linkdyn_netcdf_writer, only: attributes_type
+    use linkdyn_output_file, only: output_file, open_output, discard_output, remove_file
+    use linkdyn_parallel, only: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, &
+        share_integers
+    use linkdyn_run_output, only: default_name, run_attributes, exit_done, exit_bad_input, exit_samples_failed
+    use linkdyn_scene, only: scene_type
+    use linkdyn_scene_reader, only: read_scene, check_actuators
+    use linkdyn_scene_variant, only: scene_variants
+    use linkdyn_spool, only: spool_type, open_spool, write_spool, sync_spool, close_spool
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
+    use linkdyn_sweep_chunk, only: kept_chunk, make_records
+    use linkdyn_sweep_output, only: write_sweep
+    use linkdyn_sweep_plan, only: samples_of_chunk
+    use linkdyn_sweep_wishes, only: choose_kept
+    use linkdyn_sweep_summary, only: print_sweep, sample_text
+    use linkdyn_sweep_totals, only: totals_type, packed_size, pack_totals, unpack_totals
+    use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since, duration_text
+    implicit none (type, external)
+    private
+    public :: drive_sweep
+
+    real(wp), parameter :: round_seconds = 0.5_wp          !! of computing between two looks at the clock
+    integer, parameter :: most_per_worker = 64             !! chunks of a thread in a round
+    real(wp), parameter :: round_bytes = 64.0e6_wp         !! kept samples of a round
+    real(wp), parameter :: costly = 20                     !! times as long a checkpoint's writing, at least, to the next one
+    ! ---- beyond these a sweep wants --yes
+    real(wp), parameter :: many_samples = 1.0e10_wp, long_time = 3600, much_room = 4.0e9_wp
+
+contains
+
+    !> Compute and report; the exit status says how it went.
+    subroutine drive_sweep(config, unit, exit_status)
+        type(command_line), intent(in) :: config
+        integer, intent(in) :: unit                        !! for the table
+        integer, intent(out) :: exit_status
+        type(sweep_run) :: run
+        type(spool_type) :: spool
+        type(status_type) :: status
+        character(len=:), allocatable :: output
+        integer(int64) :: start, hash, shared(2)
+        real(wp) :: seconds
+        logical :: is_first
+
+        call start_processes()
+        is_first = this_process() == 0
+        exit_status = exit_bad_input
+        call prepare_run(config, run, status)
+        output = default_name(config%scene)//"_sweep.nc"
+        if (allocated(config%output)) output = config%output
+        hash = 0
+        if (status%is_ok() .and. is_first) then
+            hash = sweep_hash(run)
+            call take_up(config, output, hash, run, status)
+            if (status%is_ok() .and. .not. config%yes) call ask_consent(config, run, status)
+            if (status%is_ok() .and. any(run%spec%keeps)) &
+                call open_spool(output//".spool", 1 + size(run%plan%axis) + size(run%keep), spool, status)
+        end if
+        shared = [merge(1_int64, 0_int64, status%is_ok()), run%n_done]
+        call share_integers(shared)
+        call system_clock(start)
+        if (shared(1) == 1 .and. status%is_ok()) then
+            run%n_done = shared(2)
+            call run_rounds(config, output, hash, spool, run, status)
+        end if
+        seconds = seconds_since(start)
+        if (is_first) then
+            if (status%is_ok()) call write_sweep(output, run_attributes(config, run%scene), run, spool, status)
+            call close_spool(spool, status%is_ok())
+            if (status%is_ok()) call remove_file(checkpoint_name(output))
+            if (status%is_ok() .and. .not. config%quiet) call print_sweep(run, config%solver, config%options%threads, &
+                n_process(), seconds, output, unit)
+            if (.not. status%is_ok()) write (error_unit, "(a)") trim(status%message)
+        end if
+        if (status%is_ok()) exit_status = exit_done
+        call finish_sweep(run)
+        call stop_processes()
+    end subroutine drive_sweep
+
+    !> Read the scene and plan the sweep.
+    subroutine prepare_run(config, run, status)
+        type(command_line), intent(in) :: config
+        type(sweep_run), intent(out) :: run
+        type(status_type), intent(inout) :: status
+        type(scene_type) :: scene
+
+        call read_scene(config%scene, scene, status)
+        if (status%is_ok()) call check_actuators(scene, status)
+        if (.not. status%is_ok()) return
+        if (allocated(config%keep)) call choose_kept(config%keep, scene%sweep, status)
+        if (.not. status%is_ok() .and. index(status%message, "keep:") == 1) &
+            status%message = "linkdyn: --"//trim(status%message)
+        if (status%is_ok()) call start_sweep(scene, scene_variants(scene, folder_of(trim(config%scene))), &
+            config%options%solver, run, status)
+    end subroutine prepare_run
+
+    !> Find out at once whether the results can be written, and where an earlier run stands.
+    subroutine take_up(config, output, hash, run, status)
+        type(command_line), intent(in) :: config
+        character(len=*), intent(in) :: output
+        integer(int64), intent(in) :: hash
+        type(sweep_run), intent(inout) :: run
+        type(status_type), intent(inout) :: status
+        type(output_file) :: file
+
+        if (config%resume .and. has_checkpoint(output)) then
+            call read_checkpoint(output, hash, run, status)
+        else if (has_checkpoint(output)) then
+            call fail(status, status_bad_input, checkpoint_name(output)//": an interrupted run is kept there "// &
+                "(expected --resume to go on with it; to start anew, remove this file)")
+        end if
+        if (.not. status%is_ok()) return
+        call open_output(output, .false., file, status)
+        if (status%is_ok()) call discard_output(file)
+    end subroutine take_up
+
+    !> Large requests want to be meant: say how large.
+    subroutine ask_consent(config, run, status)
+        type(command_line), intent(in) :: config
+        type(sweep_run), intent(inout) :: run
+        type(status_type), intent(inout) :: status
+        real(wp) :: seconds, bytes, n_left
+        character(len=:), allocatable :: message
+
+        n_left = real(run%plan%n_sample, wp) - real(run%n_done, wp)*real(run%plan%chunk, wp)
+        bytes = 0
+        if (any(run%spec%keeps)) bytes = 16*real(run%plan%n_sample, wp)*(1 + size(run%plan%axis) + size(run%keep))
+        bytes = bytes + 8*real(size(run%map%worst), wp) &
+                + real(run%plan%n_design, wp)*run%shape%n_entry*(64 + 16.0_wp*size(run%plan%axis))
+        seconds = n_left*seconds_a_sample(run)/(config%options%threads*n_process())
+        if (n_left <= many_samples .and. seconds <= long_time .and. bytes <= much_room) return
+        message = trim(config%scene)//": "//sample_text(run%plan%n_sample)//" samples take about "//duration_text(seconds)
+        if (bytes > 1.0e6_wp) message = message//" and "//room_text(bytes)//" on the disk"
+        call fail(status, status_bad_input, message//" (expected --yes to start all the same, or fewer samples)")
+    end subroutine ask_consent
+
+    !> Measured on a short piece.
+    real(wp) function seconds_a_sample(run) result(seconds)
+        type(sweep_run), intent(inout) :: run
+        type(totals_type) :: part(1)
+        type(kept_chunk) :: kept(1)
+        integer(int64) :: start, design, first
+        integer :: n, pass
+
+        do pass = 1, 2                                    ! the first one plans and warms up
+            call system_clock(start)
+            call compute_chunks(run, 0_int64, 1_int64, 1, part, kept)
+            seconds = seconds_since(start)
+        end do
+        call samples_of_chunk(run%plan, 0_int64, design, first, n)
+        seconds = seconds/n
+    end function seconds_a_sample
+
+    !> "12 MB"
+    pure function room_text(bytes) result(text)
+        real(wp), intent(in) :: bytes
+        character(len=:), allocatable :: text
+        character(len=24) :: buffer
+
+        if (bytes < 1.0e9_wp) then
+            write (buffer, "(i0, a)") nint(bytes/1.0e6_wp), " MB"
+        else if (bytes < 1.0e12_wp) then
+            write (buffer, "(f6.1, a)") bytes/1.0e9_wp, " GB"
+        else
+            write (buffer, "(es9.1, a)") bytes/1.0e12_wp, " TB"
+        end if
+        text = trim(adjustl(buffer))
+    end function room_text
+
+    !> Compute what is left, round by round. Rounds are as long as it takes; the results do not depend on it.
+    subroutine run_rounds(config, output, hash, spool, run, status)
+        type(command_line), intent(in) :: config
+        character(len=*), intent(in) :: output
+        integer(int64), intent(in) :: hash
+        type(spool_type), intent(in) :: spool
+        type(sweep_run), intent(inout) :: run
+        type(status_type), intent(inout) :: status
+        type(progress_type) :: progress
+        type(totals_type), allocatable :: part(:)
+        type(kept_chunk), allocatable :: kept(:)
+        integer(int64) :: n_left, shared(1), round_start, kept_start, n_before
+        real(wp) :: elapsed, spent, keeping
+        integer :: n_worker, n_round, n_own, most, width
+
+        n_worker = config%options%threads*n_process()
+        most = most_per_worker
+        width = 0
+        if (any(run%spec%keeps)) width = 1 + size(run%plan%axis) + size(run%keep)
+        if (run%map%is_wanted) width = width + 2 + size(run%row%quantity)
+        if (width > 0) most = max(1, min(most, int(round_bytes/(8.0_wp*n_worker*run%plan%chunk*width))))
+        call start_progress(config%quiet .or. this_process() > 0, progress)
+        call system_clock(kept_start)
+        n_before = run%n_done
+        n_round = n_worker
+        keeping = 0
+        do
+            n_left = run%plan%n_chunk - run%n_done
+            shared = min(int(n_round, int64), n_left)
+            if (.not. status%is_ok()) shared = 0
+            call share_integers(shared)
+            if (shared(1) == 0) exit
+            n_round = int(shared(1))
+            call system_clock(round_start)
+            ! This process has chunks this_process() + 1, ... of the round.
+            n_own = (n_round - this_process() + n_process() - 1)/n_process()
+            if (allocated(part)) deallocate (part)
+            allocate (part(n_own))
+            if (allocated(kept)) then
+                if (size(kept) < n_own) deallocate (kept)
+            end if
+            if (.not. allocated(kept)) allocate (kept(n_own))
+            if (n_own > 0) call compute_chunks(run, run%n_done + this_process(), int(n_process(), int64), &
+                config%options%threads, part, kept(:n_own))
+            call gather_round(n_round, part, kept, spool, run, status)
+            elapsed = seconds_since(round_start)
+            call show_progress((run%n_done - n_before)*run%plan%chunk, (run%plan%n_chunk - n_before)*run%plan%chunk, progress)
+            spent = seconds_since(kept_start)
+            if (this_process() == 0 .and. run%n_done < run%plan%n_chunk .and. &
+                spent > max(config%checkpoint, costly*keeping)) then
+                call system_clock(kept_start)
+                call sync_spool(spool, status)
+                if (status%is_ok()) call write_checkpoint(output, hash, run, status)
+                keeping = seconds_since(kept_start)
+                call system_clock(kept_start)
+            end if
+            n_round = n_worker*max(1, min(most, int(real(n_round, wp)/n_worker*max(0.5_wp, min(2.0_wp, &
+                round_seconds/max(elapsed, 1.0e-6_wp))) + 0.5_wp)))
+        end do
+        call end_progress(progress)
+        ! All is computed: whatever happens to the results while they are written, --resume will write them again.
+        if (this_process() == 0 .and. status%is_ok() .and. seconds_since(progress%start) > config%checkpoint) &
+            call write_checkpoint(output, hash, run, status)
+    end subroutine run_rounds
+
+    !> All processes' chunks to process 0, joined and kept there in order.
+    subroutine gather_round(n_round, part, kept, spool, run, status)
+        integer, intent(in) :: n_round
+        type(totals_type), intent(in) :: part(:)
+        type(kept_chunk), intent(inout) :: kept(:)
+        type(spool_type), intent(in) :: spool
+        type(sweep_run), intent(inout) :: run
+        type(status_type), intent(inout) :: status
+        type(totals_type) :: other(1)
+        type(kept_chunk) :: other_kept(1)
+        real(wp), allocatable :: reals(:), records(:, :)
+        integer(int64), allocatable :: integers(:)
+        integer(int64) :: design, first
+        integer :: k, n, owner, own, n_real, n_integer
+
+        call packed_size(run%shape, n_real, n_integer)
+        allocate (reals(n_real), integers(n_integer))
+        do k = 1, n_round
+            owner = modulo(k - 1, n_process())
+            own = (k - 1)/n_process() + 1
+            call samples_of_chunk(run%plan, run%n_done, design, first, n)
+            if (any(run%spec%keeps)) then
+                if (allocated(records)) deallocate (records)
+                allocate (records(1 + size(run%plan%axis) + size(run%keep), n))
+                if (owner == this_process()) call make_records(kept(own), n, records)
+            end if
+            if (this_process() > 0) then
+                if (owner == this_process()) then
+                    call pack_totals(part(own), reals, integers)
+                    call send_arrays(reals, integers)
+                    call send_map(run, kept(own))
+                    if (allocated(records)) call send_arrays(reshape(records, [size(records)]), integers(:0))
+                end if
+                run%n_done = run%n_done + 1
+                cycle
+            end if
+            if (owner == 0) then
+                call join_chunks(run, part(own:own), kept(own:own))
+            else
+                call receive_arrays(owner, reals, integers)
+                call unpack_totals(run%shape, reals, integers, other(1))
+                call receive_map(owner, run, other_kept(1))
+                call join_chunks(run, other, other_kept)
+                if (allocated(records)) call receive_records(owner, records)
+            end if
+            if (allocated(records)) call write_spool(spool, first, records, status)
+        end do
+    end subroutine gather_round
+
+    !> A chunk's share of the map: its length, then its cells.
+    subroutine send_map(run, kept)
+        type(sweep_run), intent(in) :: run
+        type(kept_chunk), intent(in) :: kept
+        real(wp) :: no_reals(0)
+
+        if (.not. run%map%is_wanted) return
+        associate (map => kept%map)
+            call send_arrays(no_reals, [int(map%n, int64)])
+            call send_arrays(reshape(map%worst(:, :map%n), [size(map%worst, 1)*map%n]), &
+                [map%cell(:map%n), map%n_feasible(:map%n)])
+        end associate
+    end subroutine send_map
+
+    subroutine receive_map(owner, run, kept)
+        integer, intent(in) :: owner
+        type(sweep_run), intent(in) :: run
+        type(kept_chunk), intent(inout) :: kept
+        real(wp), allocatable :: reals(:)
+        integer(int64), allocatable :: integers(:)
+        integer(int64) :: n(1)
+        real(wp) :: no_reals(0)
+
+        if (.not. run%map%is_wanted) return
+        call receive_arrays(owner, no_reals, n)
+        allocate (reals(size(run%row%quantity)*n(1)), integers(2*n(1)))
+        call receive_arrays(owner, reals, integers)
+        kept%map%n = int(n(1))
+        kept%map%cell = integers(:n(1))
+        kept%map%n_feasible = integers(n(1) + 1:)
+        kept%map%worst = reshape(reals, [size(run%row%quantity), int(n(1))])
+    end subroutine receive_map
+
+    subroutine receive_records(owner, records)
+        integer, intent(in) :: owner
+        real(wp), intent(inout) :: records(:, :)
+        real(wp) :: flat(size(records))
+        integer(int64) :: nothing(0)
+
+        call receive_arrays(owner, flat, nothing)
+        records = reshape(flat, shape(records))
+    end subroutine receive_records
+end module linkdyn_drive_sweep

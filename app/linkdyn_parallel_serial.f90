@@ -1,0 +1,43 @@
+!> One process: the twin of linkdyn_parallel_mpi.f90 for builds without MPI.
+module linkdyn_parallel
+    use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_kinds, only: wp
+    implicit none (type, external)
+    private
+    public :: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, share_integers
+
+contains
+
+    subroutine start_processes()
+    end subroutine start_processes
+
+    subroutine stop_processes()
+    end subroutine stop_processes
+
+    pure integer function n_process()
+        n_process = 1
+    end function n_process
+
+    !> Number of this process, from 0; process 0 reads, writes and speaks.
+    pure integer function this_process()
+        this_process = 0
+    end function this_process
+
+    !> To process 0.
+    subroutine send_arrays(reals, integers)
+        real(wp), intent(in) :: reals(:)
+        integer(int64), intent(in) :: integers(:)
+    end subroutine send_arrays
+
+    !> From another process.
+    subroutine receive_arrays(from, reals, integers)
+        integer, intent(in) :: from
+        real(wp), intent(inout) :: reals(:)
+        integer(int64), intent(inout) :: integers(:)
+    end subroutine receive_arrays
+
+    !> What process 0 has, for all.
+    subroutine share_integers(integers)
+        integer(int64), intent(inout) :: integers(:)
+    end subroutine share_integers
+end module linkdyn_parallel

@@ -1,0 +1,254 @@
+!> How wrong the forces are, found by computing them again on mechanisms that should have the same.
+!>
+!> A few mechanisms similar to the model but of other sizes (`linkdyn_similar_model`) go through the same kinematics,
+!> assembly and solver at the same states. Their data and every operation round differently, so the forces, brought back
+!> to size, scatter as they are uncertain, whatever amplifies the errors on the way: a dead point, a short leg,
+!> accelerations that cancel, a nearly singular system, bad pivots. From the scatter of a force follows its error estimate;
+!> a floor covers what the last few operations round off. Data are taken to be known to half a unit in the last place.
+!>
+!> **Source**: J. Vignes, *Math. Comput. Simul.* 35 (1993) 233, for the idea; there the rounding itself is random.
+module linkdyn_error_probe
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf
+    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block
+    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_reactions, only: collect_reactions
+    use linkdyn_similar_model, only: make_similar, coordinate_scale, drive_scale, near_one
+    use linkdyn_status, only: status_type, sample_ok
+    implicit none (type, external)
+    private
+    public :: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
+
+    integer, parameter :: n_copy = 2
+    real(wp), parameter :: scale_of(n_copy) = [1.3247179572447460_wp, 0.7548776662466927_wp]
+
+    ! An estimate is `safety` times the largest of the differences and of `floor_part` epsilons of the whole force or
+    ! moment. docs/accuracy.md shows how the two were found.
+    real(wp), parameter :: safety = 20, floor_part = 0.5_wp
+
+    !> A similar model, its equations, and what brings inputs to its size and outputs back.
+    type :: probe_copy
+        type(model_type) :: model
+        type(equations_type) :: equations
+        real(wp), allocatable :: motion_factor(:, :)    !! of q, qd, qdd (n_q, 3)
+        real(wp), allocatable :: load_factor(:, :)      !! (6, n_load)
+        real(wp), allocatable :: drive_back(:)          !! (n_actuator)
+        real(wp), allocatable :: reaction_back(:)       !! (n_component)
+    end type probe_copy
+
+    !> All copies: constant, shared by all threads.
+    type :: error_probe
+        type(probe_copy), allocatable :: copy(:)
+    end type error_probe
+
+    !> Scratch and results of one thread.
+    type :: probe_space
+        type(equation_workspace), allocatable :: workspace(:)
+        real(wp), allocatable :: reaction(:, :, :)          !! of a copy (lane, n_component, n_joint)
+        ! ---- RESULTS
+        real(wp), allocatable :: driving_force_error(:, :)  !! (lane, n_actuator) [N, N m]
+        real(wp), allocatable :: reaction_error(:, :, :)    !! (lane, n_component, n_joint) [N, N m]
+        real(wp) :: worst(lanes)                            !! largest error, relative to the largest value of its kind
+    contains
+        procedure :: free => free_probe_space
+    end type probe_space
+
+contains
+
+    !> Similar models with their equations.
+    subroutine make_probe(model, solver, wants_reactions, probe, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: solver
+        logical, intent(in) :: wants_reactions
+        type(error_probe), intent(out) :: probe
+        type(status_type), intent(inout) :: status
+        integer, parameter :: of_motion = 101, of_load = 102    ! keys
+        integer :: i, j, k, n_force
+
+        n_force = model%n_component - merge(1, 3, model%is_planar)
+        allocate (probe%copy(n_copy))
+        do i = 1, n_copy
+            associate (copy => probe%copy(i), scale => scale_of(i))
+                call make_similar(model, i, scale, copy%model)
+                call build_equations(copy%model, solver, wants_reactions, copy%equations, status)
+                if (.not. status%is_ok()) return
+                allocate (copy%motion_factor(model%n_q, 3), copy%load_factor(6, model%n_load))
+                do k = 1, 3
+                    do j = 1, model%n_q
+                        copy%motion_factor(j, k) = coordinate_scale(model, j, scale)*near_one([i, of_motion, j, k])
+                    end do
+                end do
+                do k = 1, model%n_load
+                    do j = 1, 6
+                        copy%load_factor(j, k) = merge(scale, scale**2, j <= 3)*near_one([i, of_load, j, k])
+                    end do
+                end do
+                copy%drive_back = [(1/drive_scale(model, j, scale), j=1, model%n_actuator)]
+                copy%reaction_back = [(merge(1/scale, 1/scale**2, j <= n_force), j=1, model%n_component)]
+            end associate
+        end do
+    end subroutine make_probe
+
+    !> Make room for one thread.
+    subroutine prepare_probe_space(probe, space)
+        type(error_probe), intent(in) :: probe
+        type(probe_space), intent(out) :: space
+        integer :: i
+
+        allocate (space%workspace(n_copy))
+        do i = 1, n_copy
+            call prepare_workspace(probe%copy(i)%model, probe%copy(i)%equations, space%workspace(i))
+        end do
+        associate (model => probe%copy(1)%model)
+            allocate (space%reaction(lanes, model%n_component, model%n_joint), &
+                      space%reaction_error(lanes, model%n_component, model%n_joint), &
+                      space%driving_force_error(lanes, model%n_actuator))
+        end associate
+    end subroutine prepare_probe_space
+
+    subroutine free_probe_space(self)
+        class(probe_space), intent(inout) :: self
+        integer :: i
+
+        if (.not. allocated(self%workspace)) return
+        do i = 1, size(self%workspace)
+            call self%workspace(i)%free()
+        end do
+    end subroutine free_probe_space
+
+    !> Error estimates of the block just solved.
+    !>
+    !> Infinite on a lane on which a copy fails: the state cannot be told from a dead point or a singular position.
+    subroutine estimate_errors(probe, solved, reaction, wants_reactions, space)
+        type(error_probe), intent(in) :: probe
+        type(equation_workspace), intent(in) :: solved
+        real(wp), intent(in), contiguous :: reaction(:, :, :)    !! (lane, n_component, n_joint)
+        logical, intent(in) :: wants_reactions
+        type(probe_space), intent(inout) :: space
+        logical :: has_failed(lanes)
+        integer :: i, k
+
+        space%driving_force_error = 0
+        space%reaction_error = 0
+        has_failed = .false.
+        do i = 1, n_copy
+            associate (copy => probe%copy(i), workspace => space%workspace(i))
+                call take_inputs(copy, solved, workspace)
+                call solve_block(copy%model, copy%equations, workspace)
+                has_failed = has_failed .or. workspace%status /= sample_ok
+                call note_scatter(copy%model%n_actuator, copy%drive_back, workspace%driving_force, solved%driving_force, &
+                                  space%driving_force_error)
+                if (.not. wants_reactions) cycle
+                call collect_reactions(copy%model, copy%equations%formulation, workspace%state, workspace%solution, &
+                                       space%reaction)
+                do k = 1, copy%model%n_joint
+                    call note_scatter(copy%model%n_component, copy%reaction_back, space%reaction(:, :, k), reaction(:, :, k), &
+                                      space%reaction_error(:, :, k))
+                end do
+            end associate
+        end do
+        call finish(probe%copy(1)%model, solved, reaction, wants_reactions, has_failed, space)
+    end subroutine estimate_errors
+
+    !> Motion and loads of the block at the size of the copy, on the same assembly.
+    subroutine take_inputs(copy, solved, workspace)
+        type(probe_copy), intent(in) :: copy
+        type(equation_workspace), intent(in) :: solved
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: j, k
+
+        do k = 1, copy%model%n_q
+            workspace%state%q(:, k) = solved%state%q(:, k)*copy%motion_factor(k, 1)
+            workspace%state%qd(:, k) = solved%state%qd(:, k)*copy%motion_factor(k, 2)
+            workspace%state%qdd(:, k) = solved%state%qdd(:, k)*copy%motion_factor(k, 3)
+        end do
+        do k = 1, copy%model%n_load
+            do j = 1, 6
+                workspace%load(:, j, k) = solved%load(:, j, k)*copy%load_factor(j, k)
+            end do
+        end do
+        if (copy%model%n_dyad > 0) workspace%state%plane%branch = solved%state%plane%branch
+    end subroutine take_inputs
+
+    !> How far values are from those of a copy, brought back to size.
+    pure subroutine note_scatter(n, back, again, value, scatter)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: back(n)
+        real(wp), intent(in) :: again(lanes, n), value(lanes, n)
+        real(wp), intent(inout) :: scatter(lanes, n)
+        integer :: k
+
+        do k = 1, n
+            scatter(:, k) = max(scatter(:, k), abs(back(k)*again(:, k) - value(:, k)))
+        end do
+    end subroutine note_scatter
+
+    !> From scatter to estimates.
+    subroutine finish(model, solved, reaction, wants_reactions, has_failed, space)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(in) :: solved
+        real(wp), intent(in), contiguous :: reaction(:, :, :)
+        logical, intent(in) :: wants_reactions
+        logical, intent(in) :: has_failed(lanes)
+        type(probe_space), intent(inout) :: space
+        real(wp), dimension(lanes, 2) :: error, value      ! largest of forces, of moments
+        integer :: i, j, kind, first, last, n_force
+
+        error = 0
+        value = 0
+        do i = 1, model%n_actuator
+            associate (actuator => model%scene%actuator(i))
+                kind = merge(1, 2, is_slide(model%joint(actuator%joint)%kind, actuator%variable))
+            end associate
+            call finish_force(1, solved%driving_force(:, i), space%driving_force_error(:, i), error(:, kind), value(:, kind))
+        end do
+        if (wants_reactions) then
+            n_force = model%n_component - merge(1, 3, model%is_planar)
+            do j = 1, model%n_joint
+                do kind = 1, 2
+                    first = merge(1, n_force + 1, kind == 1)
+                    last = merge(n_force, model%n_component, kind == 1)
+                    call finish_force(last - first + 1, reaction(:, first:last, j), space%reaction_error(:, first:last, j), &
+                                      error(:, kind), value(:, kind))
+                end do
+            end do
+        end if
+        space%worst = max(ratio(error(:, 1), value(:, 1)), ratio(error(:, 2), value(:, 2)))
+        do i = 1, lanes
+            if (.not. has_failed(i)) cycle
+            space%driving_force_error(i, :) = ieee_value(1.0_wp, ieee_positive_inf)
+            space%reaction_error(i, :, :) = ieee_value(1.0_wp, ieee_positive_inf)
+            space%worst(i) = ieee_value(1.0_wp, ieee_positive_inf)
+        end do
+    end subroutine finish
+
+    !> The components of one force or moment; what is zero in all computations is zero by its nature.
+    pure subroutine finish_force(n, value, error, largest_error, largest_value)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: value(lanes, n)
+        real(wp), intent(inout) :: error(lanes, n)     !! in: the scatter
+        real(wp), intent(inout) :: largest_error(lanes), largest_value(lanes)
+        real(wp) :: least(lanes)
+        integer :: i
+
+        least = 0
+        do i = 1, n
+            least = max(least, abs(value(:, i)))
+        end do
+        largest_value = max(largest_value, least)
+        least = floor_part*epsilon(1.0_wp)*least
+        do i = 1, n
+            error(:, i) = merge(0.0_wp, safety*max(error(:, i), least), error(:, i) == 0 .and. value(:, i) == 0)
+            largest_error = max(largest_error, error(:, i))
+        end do
+    end subroutine finish_force
+
+    !> Relative size of the largest error; 0 if there is none.
+    elemental real(wp) function ratio(error, value)
+        real(wp), intent(in) :: error, value
+
+        ratio = error/max(value, tiny(1.0_wp))
+    end function ratio
+end module linkdyn_error_probe

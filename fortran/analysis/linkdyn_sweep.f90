@@ -1,0 +1,279 @@
+!> A sweep on its way: chunks computed by any number of threads (or by other processes), joined in their order.
+module linkdyn_sweep
+    use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_dense, only: hold_blas_threads, release_blas_threads
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_scene, only: scene_type
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk
+    use linkdyn_sweep_design, only: sweep_design, open_design, close_design
+    use linkdyn_sweep_map, only: sweep_map, make_map, join_part
+    use linkdyn_sweep_plan, only: sweep_plan, make_sweep_plan, samples_of_chunk, too_many
+    use linkdyn_sweep_quantities, only: quantity_row, make_row
+    use linkdyn_sweep_source, only: design_source
+    use linkdyn_sweep_spec, only: sweep_spec, quantity_driving_power, quantity_determinant
+    use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, join_totals, first_bound
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
+
+    integer, parameter :: coarse_spots = 64, coarse_length = 64   !! of the pass that sets the histograms' bins
+    integer, parameter :: coarse_designs = 16
+
+    type :: sweep_run
+        type(scene_type) :: scene                       !! of the file
+        type(sweep_spec) :: spec
+        type(sweep_plan) :: plan
+        type(quantity_row) :: row
+        type(totals_shape) :: shape
+        type(bins_type) :: bins
+        type(sweep_map) :: map
+        class(design_source), allocatable :: source
+        integer :: solver = 0                           !! one of `solver_*`
+        integer, allocatable :: keep(:)                 !! entries kept of every sample
+        real(wp) :: length = 0                          !! characteristic, of the first design [m]; 0: not needed
+        type(totals_type), allocatable :: total(:)      !! (n_design)
+        integer(int64) :: n_done = 0                    !! chunks joined
+        type(status_type) :: bad_design                 !! why the first design that is no mechanism is none
+        integer(int64) :: first_bad = -1                !! its number, from 0
+        type(sweep_design), pointer :: design(:) => null()   !! one a thread
+    end type sweep_run
+
+contains
+
+    !> Plan everything, and check that the sweep can be computed.
+    subroutine start_sweep(scene, source, solver, run, status)
+        type(scene_type), intent(in) :: scene
+        class(design_source), intent(in) :: source
+        integer, intent(in) :: solver
+        type(sweep_run), intent(out) :: run
+        type(status_type), intent(inout) :: status
+        integer(int64) :: k
+
+        run%scene = scene
+        run%spec = scene%sweep
+        allocate (run%source, source=source)
+        run%solver = solver
+        if (.not. run%spec%is_given) then
+            call fail(status, status_bad_input, trim(scene%file)//": the scene has no sweep (expected a table [sweep] with axes)")
+            return
+        end if
+        call make_sweep_plan(run%spec, run%plan)
+        if (run%plan%n_sample > too_many) then
+            call fail(status, status_bad_input, trim(scene%file)//": the sweep has more than 4.5e15 samples "// &
+                "(expected fewer: shorter axes, or sampled ones)")
+            return
+        end if
+        call make_row(scene, run%spec, run%row)
+        call make_shape(run)
+        allocate (run%design(1))
+        associate (design => run%design(1))
+            call open_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
+            if (run%plan%n_design == 1 .and. .not. design%status%is_ok()) then
+                status = design%status
+                if (index(status%message, trim(scene%file)//":") /= 1) &
+                    status%message = trim(scene%file)//": "//trim(status%message)
+                return
+            end if
+        end associate
+        if (run%design(1)%status%is_ok() .and. run%design(1)%wants_map) run%length = run%design(1)%map%length
+        call choose_bins(run)
+        call make_map(run%spec, run%plan, size(run%row%quantity), run%map)
+        allocate (run%total(run%plan%n_design))
+        do k = 1, run%plan%n_design
+            call empty_totals(run%shape, run%total(k))
+        end do
+    end subroutine start_sweep
+
+    !> What is reduced, from the wishes.
+    subroutine make_shape(run)
+        type(sweep_run), intent(inout) :: run
+        integer :: i, k
+
+        run%shape%n_entry = run%row%n
+        run%shape%n_code = first_bound + size(run%spec%bound)
+        run%shape%has_moments = .not. run%spec%extremes_only
+        run%shape%n_bin = run%spec%n_bin
+        allocate (run%shape%histogram_of(0), run%shape%power(0), run%keep(0))
+        do i = 1, size(run%row%quantity)
+            associate (quantity => run%row%quantity(i))
+                if (run%spec%has_histogram(quantity%id)) run%shape%histogram_of = &
+                    [run%shape%histogram_of, (quantity%first + k, k=1, quantity%n)]
+                if (quantity%id == quantity_driving_power .and. run%shape%has_moments) &
+                    run%shape%power = [(quantity%first + k, k=1, quantity%n)]
+                if (quantity%id == quantity_determinant) run%shape%determinant = quantity%first + 1
+                if (run%spec%keeps(quantity%id)) run%keep = [run%keep, (quantity%first + k, k=1, quantity%n)]
+            end associate
+        end do
+    end subroutine make_shape
+
+    !> Bins that the scene gives, or the range found at places spread over the sweep.
+    subroutine choose_bins(run)
+        type(sweep_run), intent(inout) :: run
+        type(totals_type) :: found, part
+        type(sweep_map) :: no_map
+        type(totals_shape) :: shape
+        type(kept_chunk) :: kept
+        integer, parameter :: nothing(0) = 0
+        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp
+        real(wp) :: margin
+        integer(int64) :: first, design, n_design
+        integer :: i, n, spot
+
+        n = size(run%shape%histogram_of)
+        allocate (run%bins%from(n), run%bins%to(n))
+        if (n == 0) return
+        shape = run%shape
+        shape%histogram_of = nothing
+        call empty_totals(shape, found)
+        n_design = min(run%plan%n_design, int(coarse_designs, int64))
+        do spot = 0, coarse_spots - 1
+            design = (run%plan%n_design*modulo(spot*n_design/coarse_spots, n_design))/n_design
+            n = int(min(run%plan%n_pose, int(coarse_length, int64)))
+            first = int(modulo(spot*golden, 1.0_wp)*real(run%plan%n_pose - n + 1, wp), int64)
+            call open_design(run%spec, run%plan, run%row, run%source, run%solver, design, run%design(1))
+            call reduce_chunk(run%spec, run%plan, run%row, shape, run%bins, no_map, nothing, design*run%plan%n_pose + first, n, &
+                run%design(1), part, kept)
+            call join_totals(part, 0_int64, found)
+        end do
+        do i = 1, size(run%shape%histogram_of)
+            associate (k => run%shape%histogram_of(i), id => quantity_of(run%row, run%shape%histogram_of(i)))
+                run%bins%from(i) = run%spec%bin_from(id)
+                run%bins%to(i) = run%spec%bin_to(id)
+                if (run%bins%to(i) > run%bins%from(i)) cycle
+                run%bins%from(i) = -1
+                run%bins%to(i) = 1
+                if (found%low_at(k) < 0) cycle
+                margin = max(0.1_wp*(found%high(k) - found%low(k)), 1.0e-3_wp*max(abs(found%high(k)), abs(found%low(k))), &
+                             tiny(1.0_wp))
+                run%bins%from(i) = found%low(k) - margin
+                run%bins%to(i) = found%high(k) + margin
+            end associate
+        end do
+    end subroutine choose_bins
+
+    !> The quantity to which an entry of the row belongs.
+    pure integer function quantity_of(row, entry) result(id)
+        type(quantity_row), intent(in) :: row
+        integer, intent(in) :: entry
+        integer :: i
+
+        id = 0
+        do i = 1, size(row%quantity)
+            if (entry > row%quantity(i)%first) id = row%quantity(i)%id
+        end do
+    end function quantity_of
+
+    !> Compute chunks first, first + stride, ... on some threads.
+    subroutine compute_chunks(run, first, stride, threads, part, kept)
+        type(sweep_run), intent(inout) :: run
+        integer(int64), intent(in) :: first, stride     !! chunks, from 0
+        integer, intent(in) :: threads
+        type(totals_type), intent(inout) :: part(:)     !! of each chunk
+        type(kept_chunk), intent(inout) :: kept(:)      !! likewise
+        integer :: worker, next, n_worker
+
+        n_worker = max(1, min(threads, size(part)))
+        call provide_designs(run, n_worker)
+        next = 1
+        call hold_blas_threads()
+        !$omp parallel do num_threads(n_worker) schedule(static, 1) default(shared)
+        do worker = 1, n_worker
+            call work(run%design(worker))
+        end do
+        !$omp end parallel do
+        call release_blas_threads()
+
+    contains
+
+        !> What one thread does: take the next chunk until there is none.
+        subroutine work(design)
+            type(sweep_design), intent(inout) :: design
+            integer(int64) :: number, first_sample
+            integer :: k, n
+
+            do
+                !$omp atomic capture
+                k = next
+                next = next + 1
+                !$omp end atomic
+                if (k > size(part)) exit
+                call samples_of_chunk(run%plan, first + (k - 1)*stride, number, first_sample, n)
+                call open_design(run%spec, run%plan, run%row, run%source, run%solver, number, design)
+                if (.not. design%status%is_ok()) call note_bad_design(design)
+                call make_keeping(run, n, kept(k))
+                call reduce_chunk(run%spec, run%plan, run%row, run%shape, run%bins, run%map, run%keep, first_sample, n, &
+                    design, part(k), kept(k))
+            end do
+        end subroutine work
+
+        subroutine note_bad_design(design)
+            type(sweep_design), intent(in) :: design
+
+            !$omp critical (linkdyn_bad_design)
+            if (run%first_bad < 0 .or. design%number < run%first_bad) then
+                run%first_bad = design%number
+                run%bad_design = design%status
+            end if
+            !$omp end critical (linkdyn_bad_design)
+        end subroutine note_bad_design
+    end subroutine compute_chunks
+
+    !> Room for what is kept of a chunk, if anything is.
+    subroutine make_keeping(run, n, kept)
+        type(sweep_run), intent(in) :: run
+        integer, intent(in) :: n
+        type(kept_chunk), intent(inout) :: kept
+
+        if (.not. any(run%spec%keeps)) return
+        kept%n = n
+        if (allocated(kept%code)) return
+        allocate (kept%code(run%plan%chunk), kept%axis(size(run%plan%axis), run%plan%chunk), &
+                  kept%value(size(run%keep), run%plan%chunk))
+    end subroutine make_keeping
+
+    !> Scratch for so many threads.
+    subroutine provide_designs(run, n)
+        type(sweep_run), intent(inout) :: run
+        integer, intent(in) :: n
+
+        if (size(run%design) >= n) return
+        call close_all(run)
+        allocate (run%design(n))
+    end subroutine provide_designs
+
+    !> Add the chunks that follow what has been joined.
+    subroutine join_chunks(run, part, kept)
+        type(sweep_run), intent(inout) :: run
+        type(totals_type), intent(in) :: part(:)        !! in order
+        type(kept_chunk), intent(in) :: kept(:)         !! their share of the map
+        integer(int64) :: design
+        integer :: k
+
+        do k = 1, size(part)
+            design = run%n_done/run%plan%n_chunk_design + 1
+            call join_totals(part(k), run%plan%n_line, run%total(design))
+            call join_part(kept(k)%map, run%map)
+            run%n_done = run%n_done + 1
+        end do
+    end subroutine join_chunks
+
+    !> Give the scratch back.
+    subroutine finish_sweep(run)
+        type(sweep_run), intent(inout) :: run
+
+        if (associated(run%design)) call close_all(run)
+    end subroutine finish_sweep
+
+    subroutine close_all(run)
+        type(sweep_run), intent(inout) :: run
+        integer :: i
+
+        do i = 1, size(run%design)
+            call close_design(run%design(i))
+        end do
+        deallocate (run%design)
+    end subroutine close_all
+end module linkdyn_sweep

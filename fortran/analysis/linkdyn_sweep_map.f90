@@ -1,0 +1,148 @@
+!> Maps of a sweep: the worst of every quantity, and how many samples are feasible, in each cell of a grid over some of
+!> the axes.
+!>
+!> Largest values and counts do not depend on the order in which they are joined.
+module linkdyn_sweep_map
+    use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_sweep_plan, only: sweep_plan, sweep_cursor
+    use linkdyn_sweep_quantities, only: quantity_row
+    use linkdyn_sweep_spec, only: sweep_spec, quantity_determinant, quantity_clearance
+    implicit none (type, external)
+    private
+    public :: sweep_map, map_part, make_map, cell_of, start_part, add_to_part, join_part, is_least, most_cells
+
+    integer(int64), parameter :: most_cells = 100000000_int64
+    real(wp), parameter :: nothing = -huge(1.0_wp)
+
+    type :: sweep_map
+        logical :: is_wanted = .false.
+        integer, allocatable :: axis(:)                    !! of the sweep, slowest first
+        integer, allocatable :: group(:)                   !! of the plan
+        integer(int64), allocatable :: stride(:)
+        integer(int64) :: n_cell = 0                       !! of one design
+        real(wp), allocatable :: worst(:, :)               !! (quantity, cell of all designs); least ones with a minus
+        integer(int64), allocatable :: n_feasible(:)       !! (cell of all designs)
+    end type sweep_map
+
+    !> The same for one chunk: cells in the order in which they were met, some of them several times.
+    type :: map_part
+        integer :: n = 0
+        integer(int64), allocatable :: cell(:)
+        real(wp), allocatable :: worst(:, :)               !! (quantity, n)
+        integer(int64), allocatable :: n_feasible(:)
+    end type map_part
+
+contains
+
+    subroutine make_map(spec, plan, n_quantity, map)
+        type(sweep_spec), intent(in) :: spec
+        type(sweep_plan), intent(in) :: plan
+        integer, intent(in) :: n_quantity
+        type(sweep_map), intent(out) :: map
+        integer :: i, g
+
+        map%is_wanted = size(spec%map_axis) > 0
+        map%axis = spec%map_axis
+        allocate (map%group(size(map%axis)), map%stride(size(map%axis)))
+        map%n_cell = 1
+        do i = size(map%axis), 1, -1
+            do g = 1, size(plan%group)
+                if (any(plan%group(g)%axis == map%axis(i))) map%group(i) = g
+            end do
+            map%stride(i) = map%n_cell
+            map%n_cell = map%n_cell*plan%group(map%group(i))%n
+        end do
+        if (.not. map%is_wanted) map%n_cell = 0
+        allocate (map%worst(n_quantity, map%n_cell*plan%n_design), source=nothing)
+        allocate (map%n_feasible(map%n_cell*plan%n_design), source=0_int64)
+    end subroutine make_map
+
+    !> The cell of the sample at which a walk stands, from 1.
+    pure integer(int64) function cell_of(map, cursor, design) result(cell)
+        type(sweep_map), intent(in) :: map
+        type(sweep_cursor), intent(in) :: cursor
+        integer(int64), intent(in) :: design               !! from 0
+        integer :: i
+
+        cell = design*map%n_cell + 1
+        do i = 1, size(map%group)
+            cell = cell + cursor%digit(map%group(i))*map%stride(i)
+        end do
+    end function cell_of
+
+    !> Room for a chunk of n samples.
+    subroutine start_part(n_quantity, n, part)
+        integer, intent(in) :: n_quantity, n
+        type(map_part), intent(inout) :: part
+
+        part%n = 0
+        if (allocated(part%cell)) then
+            if (size(part%cell) >= n) return
+            deallocate (part%cell, part%worst, part%n_feasible)
+        end if
+        allocate (part%cell(n), part%worst(n_quantity, n), part%n_feasible(n))
+    end subroutine start_part
+
+    !> Take a block in.
+    subroutine add_to_part(row, value, cell, counts, is_feasible, n_here, part)
+        type(quantity_row), intent(in) :: row
+        real(wp), intent(in) :: value(:, :)                !! (lane, entry)
+        integer(int64), intent(in) :: cell(lanes)
+        logical, intent(in) :: counts(lanes), is_feasible(lanes)
+        integer, intent(in) :: n_here
+        type(map_part), intent(inout) :: part
+        real(wp) :: worst(lanes, size(row%quantity))
+        integer :: i, k, l
+        logical :: is_new
+
+        do i = 1, size(row%quantity)
+            associate (first => row%quantity(i)%first)
+                worst(:, i) = nothing
+                do k = first + 1, first + row%quantity(i)%n
+                    select case (row%quantity(i)%id)
+                    case (quantity_clearance)
+                        worst(:, i) = max(worst(:, i), -value(:, k))
+                    case (quantity_determinant)
+                        worst(:, i) = max(worst(:, i), -abs(value(:, k)))
+                    case default
+                        worst(:, i) = max(worst(:, i), abs(value(:, k)))
+                    end select
+                end do
+            end associate
+        end do
+        do l = 1, n_here
+            is_new = part%n == 0
+            if (.not. is_new) is_new = part%cell(part%n) /= cell(l)
+            if (is_new) then
+                part%n = part%n + 1
+                part%cell(part%n) = cell(l)
+                part%worst(:, part%n) = nothing
+                part%n_feasible(part%n) = 0
+            end if
+            if (is_feasible(l)) part%n_feasible(part%n) = part%n_feasible(part%n) + 1
+            if (counts(l)) part%worst(:, part%n) = max(part%worst(:, part%n), worst(l, :))
+        end do
+    end subroutine add_to_part
+
+    subroutine join_part(part, map)
+        type(map_part), intent(in) :: part
+        type(sweep_map), intent(inout) :: map
+        integer :: i
+
+        do i = 1, part%n
+            associate (cell => part%cell(i))
+                map%worst(:, cell) = max(map%worst(:, cell), part%worst(:, i))
+                map%n_feasible(cell) = map%n_feasible(cell) + part%n_feasible(i)
+            end associate
+        end do
+    end subroutine join_part
+
+    !> Is the worst of a quantity its least value?
+    pure logical function is_least(id)
+        integer, intent(in) :: id
+
+        is_least = id == quantity_determinant .or. id == quantity_clearance
+    end function is_least
+end module linkdyn_sweep_map

@@ -1,0 +1,141 @@
+!> Open sweeps by number, for the f2py layer.
+module linkdyn_sweep_handles
+    use, intrinsic :: iso_c_binding, only: c_double
+    use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_dataset, only: dataset_type
+    use linkdyn_scene, only: scene_type
+    use linkdyn_scene_variant, only: scene_variants
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
+    use linkdyn_sweep_chunk, only: kept_chunk, make_records
+    use linkdyn_sweep_plan, only: samples_of_chunk
+    use linkdyn_sweep_totals, only: totals_type
+    use linkdyn_sweep_wishes, only: choose_kept
+    implicit none (type, external)
+    private
+    public :: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
+
+    type :: sweep_box
+        type(sweep_run), pointer :: run => null()
+    end type sweep_box
+
+    type(sweep_box), allocatable, save :: opened(:)   !! place = handle; a closed one stays empty
+
+contains
+
+    subroutine open_sweep(scene, folder, solver, keep, handle, status)
+        type(scene_type), intent(in) :: scene
+        character(len=*), intent(in) :: folder        !! where its tables lie
+        integer, intent(in) :: solver
+        character(len=*), intent(in) :: keep          !! names with commas; blank: as the scene says
+        integer, intent(out) :: handle
+        type(status_type), intent(inout) :: status
+        type(sweep_run), pointer :: new
+        type(sweep_box), allocatable :: longer(:)
+        type(scene_type) :: wished
+
+        handle = 0
+        wished = scene
+        if (len(keep) > 0) call choose_kept(keep, wished%sweep, status)
+        if (.not. status%is_ok()) return
+        allocate (new)
+        call start_sweep(wished, scene_variants(wished, folder), solver, new, status)
+        if (.not. status%is_ok()) then
+            call finish_sweep(new)
+            deallocate (new)
+            return
+        end if
+        !$omp critical (linkdyn_sweeps)
+        if (.not. allocated(opened)) allocate (opened(0))
+        allocate (longer(size(opened) + 1))
+        longer(:size(opened)) = opened
+        call move_alloc(longer, opened)
+        handle = size(opened)
+        opened(handle)%run => new
+        !$omp end critical (linkdyn_sweeps)
+    end subroutine open_sweep
+
+    subroutine find_sweep(handle, run, status)
+        integer, intent(in) :: handle
+        type(sweep_run), pointer, intent(out) :: run
+        type(status_type), intent(inout) :: status
+
+        nullify (run)
+        !$omp critical (linkdyn_sweeps)
+        if (allocated(opened)) then
+            if (handle >= 1 .and. handle <= size(opened)) run => opened(handle)%run
+        end if
+        !$omp end critical (linkdyn_sweeps)
+        if (.not. associated(run)) call fail(status, status_bad_input, "this sweep was closed")
+    end subroutine find_sweep
+
+    subroutine close_sweep(handle)
+        integer, intent(in) :: handle
+        type(sweep_run), pointer :: run
+        type(status_type) :: status
+
+        call find_sweep(handle, run, status)
+        if (.not. associated(run)) return
+        !$omp critical (linkdyn_sweeps)
+        nullify (opened(handle)%run)
+        !$omp end critical (linkdyn_sweeps)
+        call finish_sweep(run)
+        deallocate (run)
+    end subroutine close_sweep
+
+    !> Values kept of a sample; 0: nothing is kept.
+    pure integer function kept_width(run) result(width)
+        type(sweep_run), intent(in) :: run
+
+        width = 0
+        if (any(run%spec%keeps)) width = 1 + size(run%plan%axis) + size(run%keep)
+    end function kept_width
+
+    !> Compute and join the next chunks.
+    subroutine advance_sweep(run, n_chunk, threads, records, n_kept)
+        type(sweep_run), intent(inout) :: run
+        integer, intent(in) :: n_chunk, threads
+        real(c_double), intent(inout) :: records(:, :)
+        integer, intent(out) :: n_kept
+        type(totals_type), allocatable :: part(:)
+        type(kept_chunk), allocatable :: kept(:)
+        integer(int64) :: design, first
+        integer :: k, n
+
+        n_kept = 0
+        n = int(min(int(n_chunk, int64), run%plan%n_chunk - run%n_done))
+        if (n < 1) return
+        allocate (part(n), kept(n))
+        call compute_chunks(run, run%n_done, 1_int64, threads, part, kept)
+        if (kept_width(run) > 0) then
+            do k = 1, size(kept)
+                call samples_of_chunk(run%plan, run%n_done + k - 1, design, first, n)
+                call make_records(kept(k), n, records(:, n_kept + 1:n_kept + n))
+                n_kept = n_kept + n
+            end do
+        end if
+        call join_chunks(run, part, kept)
+    end subroutine advance_sweep
+
+    !> All numbers of a dataset in the order of the variables.
+    subroutine copy_numbers(dataset, reals, integers)
+        type(dataset_type), intent(in) :: dataset
+        real(c_double), intent(inout) :: reals(:), integers(:)
+        integer :: i, n_real, n_integer
+
+        n_real = 0
+        n_integer = 0
+        do i = 1, size(dataset%variable)
+            associate (variable => dataset%variable(i))
+                if (allocated(variable%real)) then
+                    reals(n_real + 1:n_real + size(variable%real)) = variable%real
+                    n_real = n_real + size(variable%real)
+                end if
+                if (allocated(variable%integer)) then
+                    integers(n_integer + 1:n_integer + size(variable%integer)) = real(variable%integer, c_double)
+                    n_integer = n_integer + size(variable%integer)
+                end if
+            end associate
+        end do
+    end subroutine copy_numbers
+end module linkdyn_sweep_handles

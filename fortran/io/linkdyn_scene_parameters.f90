@@ -1,0 +1,266 @@
+!> Numbers of a scene file by their path, and other numbers in their place.
+!>
+!> A path goes down from the top: `link.platform.mass`, `frame.markers.B1[0]`, `chain.leg.lower.mass`,
+!> `load.platform.tool.force[2]`. In a list of tables the one is taken whose name, joint, link or load follows; in a list
+!> of values `[0]` is the first, as in Python.
+module linkdyn_scene_parameters
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene_keys, only: scene_place, refuse
+    use linkdyn_status, only: status_type
+    use linkdyn_suggest, only: suggestion
+    use linkdyn_sweep_spec, only: axis_spec, axis_parameter, multiply_by, add_to, operation_name
+    use linkdyn_text, only: quoted, to_text
+    use linkdyn_toml, only: toml_node, toml_table, toml_array, toml_string
+    use linkdyn_units, only: si_value
+    implicit none (type, external)
+    private
+    public :: number_at, check_parameter, vary_scene
+
+    integer, parameter :: key_len = 256
+
+    !> A value and where it stands.
+    type :: number_at
+        type(toml_node) :: node
+        type(toml_node) :: parent
+        character(len=key_len) :: key = ""      !! in a table
+        integer :: item = 0                     !! in a list, from 1
+    end type number_at
+
+contains
+
+    !> Refuse a path that leads to no number.
+    subroutine check_parameter(place, root, path, allows_list, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: root
+        character(len=*), intent(in) :: path
+        logical, intent(in) :: allows_list      !! a list of numbers will do
+        type(status_type), intent(inout) :: status
+        type(number_at) :: found
+        character(len=:), allocatable :: problem
+
+        if (.not. status%is_ok()) return
+        call walk(root, trim(path), found, problem)
+        if (problem == "") call check_numbers(found%node, allows_list, problem)
+        if (problem /= "") call refuse(place, "parameter "//quoted(path)//": "//problem, status)
+    end subroutine check_parameter
+
+    recursive subroutine check_numbers(node, allows_list, problem)
+        type(toml_node), intent(in) :: node
+        logical, intent(in) :: allows_list
+        character(len=:), allocatable, intent(inout) :: problem
+        real(wp) :: value
+        integer :: i
+
+        if (node%kind() == toml_array .and. allows_list) then
+            do i = 1, node%count()
+                call check_numbers(node%at(i), .true., problem)
+            end do
+        else
+            call number_of(node, value, problem)
+        end if
+    end subroutine check_numbers
+
+    !> Put the values of one design into a scene that has just been read.
+    subroutine vary_scene(root, axis, value)
+        type(toml_node), intent(in) :: root
+        type(axis_spec), intent(in) :: axis(:)
+        real(wp), intent(in) :: value(:)        !! of the axes
+        type(number_at) :: found
+        character(len=:), allocatable :: problem
+        integer :: i, k
+
+        do i = 1, size(axis)
+            if (axis(i)%kind /= axis_parameter) cycle
+            do k = 1, size(axis(i)%parameter)
+                call walk(root, trim(axis(i)%parameter(k)%path), found, problem)
+                if (problem == "") call put(found, axis(i)%operation, axis(i)%parameter(k)%weight*value(i))
+            end do
+        end do
+    end subroutine vary_scene
+
+    recursive subroutine put(found, operation, value)
+        type(number_at), intent(in) :: found
+        integer, intent(in) :: operation
+        real(wp), intent(in) :: value
+        type(number_at) :: inner
+        character(len=:), allocatable :: problem
+        real(wp) :: number
+        integer :: i
+
+        if (found%node%kind() == toml_array) then
+            do i = 1, found%node%count()
+                inner = number_at(found%node%at(i), found%node, "", i)
+                call put(inner, operation, value)
+            end do
+            return
+        end if
+        problem = ""
+        call number_of(found%node, number, problem)
+        if (problem /= "") return
+        select case (operation)
+        case (multiply_by)
+            number = number*value
+        case (add_to)
+            number = number + value
+        case default
+            number = value
+        end select
+        if (found%item > 0) then
+            call found%parent%put_at(found%item, number)
+        else
+            call found%parent%put(found%key, number)
+        end if
+    end subroutine put
+
+    !> A number, or a text with a number and its unit.
+    subroutine number_of(node, value, problem)
+        type(toml_node), intent(in) :: node
+        real(wp), intent(out) :: value
+        character(len=:), allocatable, intent(inout) :: problem
+        character(len=:), allocatable :: text, wrong
+        logical :: is_one
+
+        call node%get_number(value, is_one)
+        if (is_one) return
+        call node%get_text(text, is_one)
+        if (.not. is_one) then
+            problem = "leads to "//node%kind_text()//" (expected a number, or a text with its unit)"
+            return
+        end if
+        call si_value(text, value, wrong)
+        if (wrong /= "") problem = wrong//" (expected a number, or a text with its unit)"
+    end subroutine number_of
+
+    !> Follow a path.
+    subroutine walk(root, path, found, problem)
+        type(toml_node), intent(in) :: root
+        character(len=*), intent(in) :: path
+        type(number_at), intent(out) :: found
+        character(len=:), allocatable, intent(out) :: problem
+        integer :: next, last, item, code
+        type(toml_node) :: inner
+
+        problem = ""
+        found%node = root
+        next = 1
+        do while (next <= len(path))
+            if (path(next:next) == "[") then
+                last = index(path(next:), "]") + next - 1
+                item = -1
+                if (last > next + 1) then
+                    if (verify(path(next + 1:last - 1), "0123456789") == 0) read (path(next + 1:last - 1), *, iostat=code) item
+                end if
+                inner = found%node%at(item + 1)
+                if (item < 0 .or. found%node%kind() /= toml_array .or. .not. inner%is_present()) then
+                    problem = "there is nothing at "//quoted(path(:max(last, next)))//" (expected [0] to ["// &
+                        to_text(max(0, found%node%count() - 1))//"] of a list)"
+                    return
+                end if
+                found = number_at(inner, found%node, "", item + 1)
+                next = last + 1
+                if (next <= len(path)) then
+                    if (path(next:next) == ".") next = next + 1
+                end if
+            else
+                call step_down(path, next, found, problem)
+                if (problem /= "") return
+            end if
+        end do
+    end subroutine walk
+
+    !> To the key, or the named table of a list, that the path goes on with: the longest name that is there.
+    subroutine step_down(path, next, found, problem)
+        character(len=*), intent(in) :: path
+        integer, intent(inout) :: next
+        type(number_at), intent(inout) :: found
+        character(len=:), allocatable, intent(inout) :: problem
+        type(toml_node) :: inner
+        character(len=key_len), allocatable :: names(:)
+        integer :: last, first_end, item
+
+        first_end = len(path)
+        do last = len(path), next, -1
+            if (last < len(path)) then
+                if (scan(path(last + 1:last + 1), ".[") == 0) cycle
+            end if
+            first_end = last
+            if (found%node%kind() == toml_table) then
+                inner = found%node%get(path(next:last))
+                item = 0
+            else
+                call find_named(found%node, path(next:last), inner, item)
+            end if
+            if (.not. inner%is_present()) cycle
+            found = number_at(inner, found%node, path(next:last), item)
+            next = last + 1
+            if (next <= len(path)) then
+                if (path(next:next) == ".") next = next + 1
+            end if
+            return
+        end do
+        call list_names(found%node, names)
+        if (found%node%kind() /= toml_table .and. found%node%kind() /= toml_array) then
+            problem = quoted(path(:next - 2))//" is "//found%node%kind_text()//" and has no "//quoted(path(next:))
+        else
+            problem = "there is no "//quoted(path(next:first_end))
+            if (next > 2) problem = problem//" in "//quoted(path(:next - 2))
+            problem = problem//" (expected the path of a number, such as link.rocker.mass)"
+            if (size(names) > 0) problem = problem//suggestion(path(next:first_end), names)
+        end if
+    end subroutine step_down
+
+    !> The table of a list that bears a name.
+    subroutine find_named(list, name, found, item)
+        type(toml_node), intent(in) :: list
+        character(len=*), intent(in) :: name
+        type(toml_node), intent(out) :: found
+        integer, intent(out) :: item
+
+        do item = 1, list%count()
+            found = list%at(item)
+            if (name_of(found) == name) return
+        end do
+        found = toml_node()
+        item = 0
+    end subroutine find_named
+
+    !> What a table of a list is called by.
+    function name_of(node) result(name)
+        type(toml_node), intent(in) :: node
+        character(len=:), allocatable :: name
+        character(len=5), parameter :: key(*) = [character(len=5) :: "name", "joint", "link", "on"]
+        type(toml_node) :: inner
+        logical :: is_text
+        integer :: i
+
+        name = ""
+        if (node%kind() /= toml_table) return
+        do i = 1, size(key)
+            inner = node%get(key(i))
+            if (inner%kind() /= toml_string) cycle
+            call inner%get_text(name, is_text)
+            return
+        end do
+    end function name_of
+
+    subroutine list_names(node, names)
+        type(toml_node), intent(in) :: node
+        character(len=key_len), allocatable, intent(out) :: names(:)
+        character(len=:), allocatable :: key
+        integer :: i, line
+
+        if (node%kind() /= toml_table .and. node%kind() /= toml_array) then
+            allocate (names(0))
+            return
+        end if
+        allocate (names(node%count()))
+        do i = 1, size(names)
+            if (node%kind() == toml_table) then
+                call node%key(i, key, line)
+                names(i) = key
+            else
+                names(i) = name_of(node%at(i))
+            end if
+        end do
+    end subroutine list_names
+end module linkdyn_scene_parameters

@@ -1,0 +1,841 @@
+!> The table [sweep] of a scene file: axes, what is reduced and kept, bounds.
+module linkdyn_scene_sweep
+    use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, path_len
+    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
+        table_list, get_quantity, quantity_of, direction_of, get_text, get_word, get_flag, get_integer
+    use linkdyn_scene_names, only: find_marker
+    use linkdyn_scene_parameters, only: check_parameter
+    use linkdyn_status, only: status_type
+    use linkdyn_suggest, only: suggestion
+    use linkdyn_sweep_quantities, only: described => quantity_type, describe_quantity
+    use linkdyn_sampling, only: most_sobol_dimensions
+    use linkdyn_sweep_map, only: most_cells
+    use linkdyn_sweep_plan, only: longest_table
+    use linkdyn_sweep_spec, only: sweep_spec, axis_spec, bound_spec, segment_spec, swing_spec, axis_coordinate, axis_rate, &
+        axis_acceleration, axis_load, axis_parameter, axis_time, sampling_linspace, sampling_values, sampling_random, &
+        sampling_sobol, sampling_name, set_value, operation_name, quantity_name, n_quantity, axis_name_len, &
+        quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
+        quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_force_amplification, &
+        quantity_moment_amplification, quantity_swing, quantity_clearance
+    use linkdyn_text, only: to_text, quoted, join
+    use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
+    use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
+        time_span, wattage, per_second, si_value
+    implicit none (type, external)
+    private
+    public :: read_sweep
+
+    character(len=2), parameter :: component_name(6) = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+    character(len=12), parameter :: varied(6) = [character(len=12) :: "coordinate", "rate", "acceleration", "load", &
+        "parameter", "time"]
+    integer, parameter :: usual_quantities(7) = [quantity_driving_force, quantity_driving_position, quantity_driving_speed, &
+        quantity_driving_power, quantity_reaction, quantity_reaction_force, quantity_reaction_moment]
+
+contains
+
+    !> Fill `scene%sweep`. Markers that carry a load only in the sweep get one in the scene.
+    subroutine read_sweep(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: place
+        type(toml_node) :: node
+
+        allocate (scene%sweep%axis(0), scene%sweep%bound(0), scene%sweep%segment(0), scene%sweep%swing(0), &
+                  scene%sweep%map_axis(0))
+        if (.not. status%is_ok()) return
+        node = root%node%get("sweep")
+        if (.not. node%is_present()) return
+        place = place_at(root, node, "sweep")
+        scene%sweep%is_given = .true.
+        call require_table(place, "a table with axes, written [sweep] and [[sweep.axis]]", status)
+        call allow_keys(place, [character(len=11) :: "axis", "combination", "reduce", "moments", "histogram", "keep", "map", "on", &
+            "length", "constraint", "limit", "clearance", "swing", "chunk"], status)
+        call read_axes(place, root%node, scene, status)
+        call read_wishes(place, scene, status)
+        call read_map(place, scene%sweep, status)
+        call read_bounds(place, "constraint", .false., scene, status)
+        call read_bounds(place, "limit", .true., scene, status)
+        call read_bodies(place, scene, status)
+        call read_swings(place, scene, status)
+        call check_wishes(place, scene, status)
+    end subroutine read_sweep
+
+    ! ---------------------------------------------------------------- axes
+
+    subroutine read_axes(place, root, scene, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: root
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list
+        character(len=name_len), allocatable :: group(:)
+        integer :: i, n, combination
+        logical :: found
+
+        call table_list(place, "axis", list, n, status)
+        if (status%is_ok() .and. n == 0) call refuse(place, "has no axis (expected at least one [[sweep.axis]])", status)
+        combination = 1
+        call get_word(place, "combination", [character(len=7) :: "product", "zip"], combination, status, found)
+        if (.not. status%is_ok()) return
+        deallocate (scene%sweep%axis)
+        allocate (scene%sweep%axis(n), group(n))
+        do i = 1, n
+            call read_axis(place_at(place, list%at(i), "sweep axis "//to_text(i)), root, scene, scene%sweep%axis(i), group(i), &
+                status)
+            if (.not. status%is_ok()) return
+        end do
+        call form_groups(place, group, combination == 2, scene%sweep, status)
+    end subroutine read_axes
+
+    subroutine read_axis(at, root, scene, axis, group, status)
+        type(scene_place), intent(in) :: at
+        type(toml_node), intent(in) :: root
+        type(scene_type), intent(inout) :: scene
+        type(axis_spec), intent(out) :: axis
+        character(len=name_len), intent(out) :: group
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: place
+        type(quantity_type) :: quantity
+        character(len=:), allocatable :: text
+        type(toml_node) :: node
+        logical :: found
+        integer :: i
+
+        place = at
+        axis%line = place%line
+        group = ""
+        call require_table(place, "a table", status)
+        call allow_keys(place, [character(len=15) :: varied, "component", "as", "weights", "group", sampling_name], status)
+        do i = 1, size(varied)
+            node = place%node%get(varied(i))
+            if (.not. node%is_present() .or. .not. status%is_ok()) cycle
+            if (axis%kind > 0) then
+                call refuse(place, "has both "//quoted(varied(axis%kind))//" and "//quoted(varied(i))// &
+                    " (expected one of them)", status)
+                return
+            end if
+            axis%kind = i
+        end do
+        if (.not. status%is_ok()) return
+        quantity = plain_number
+        select case (axis%kind)
+        case (axis_coordinate, axis_rate, axis_acceleration)
+            call find_coordinate(place, trim(varied(axis%kind)), scene, axis, quantity, status)
+        case (axis_load)
+            call find_load(place, scene, axis, quantity, status)
+        case (axis_parameter)
+            call read_parameter(place, root, axis, status)
+        case (axis_time)
+            call read_time_axis(place, scene, axis, quantity, status)
+        case default
+            call refuse(place, "says not what it varies (expected one of "//join(varied)//")", status)
+        end select
+        if (.not. status%is_ok()) return
+        place%what = "sweep axis "//quoted(axis%name)
+        if (axis%kind /= axis_load) call refuse_key(place, "component", "a load", status)
+        if (axis%kind /= axis_parameter) call refuse_key(place, "as", "a parameter", status)
+        if (axis%kind /= axis_parameter) call refuse_key(place, "weights", "a parameter", status)
+        call read_values(place, quantity, axis, status)
+        call get_text(place, "group", text, status, found)
+        if (found) group = text
+    end subroutine read_axis
+
+    subroutine refuse_key(place, key, owner, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key, owner
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node
+
+        node = place%node%get(key)
+        if (node%is_present()) call refuse_value(place, key, node, "belongs to an axis over "//owner// &
+            " (expected none here)", status)
+    end subroutine refuse_key
+
+    !> The coordinate under a key, and what its values are.
+    subroutine find_coordinate(place, key, scene, axis, quantity, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        type(scene_type), intent(in) :: scene
+        type(axis_spec), intent(inout) :: axis
+        type(quantity_type), intent(out) :: quantity
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: name
+        logical :: is_length
+
+        call get_text(place, key, name, status)
+        if (.not. status%is_ok()) return
+        axis%target = findloc(scene%coordinate%name == name, .true., dim=1)
+        if (axis%target == 0) then
+            call refuse_value(place, key, place%node%get(key), "= "//quoted(name)// &
+                ": there is no such coordinate (expected one of "//join(scene%coordinate%name)//")"// &
+                suggestion(name, (scene%coordinate%name)), status)
+            return
+        end if
+        is_length = scene%coordinate(axis%target)%unit == "m"
+        select case (axis%kind)
+        case (axis_coordinate)
+            quantity = angle
+            if (is_length) quantity = length
+            axis%name = name
+        case (axis_rate)
+            quantity = angular_rate
+            if (is_length) quantity = speed
+            axis%name = "rate of "//name
+        case default
+            quantity = per_second(angular_rate)
+            if (is_length) quantity = acceleration
+            axis%name = "acceleration of "//name
+            quantity%unit = trim(scene%coordinate(axis%target)%unit)//"/s2"
+        end select
+        axis%unit = quantity%unit
+    end subroutine find_coordinate
+
+    !> A component of a load of the scene, or of one on a marker that has none yet.
+    subroutine find_load(place, scene, axis, quantity, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(inout) :: scene
+        type(axis_spec), intent(inout) :: axis
+        type(quantity_type), intent(out) :: quantity
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: name
+        type(load_spec) :: load
+        integer :: i
+
+        call get_text(place, "load", name, status)
+        call get_word(place, "component", component_name, axis%component, status)
+        if (.not. status%is_ok()) return
+        if (scene%planar .and. all(axis%component /= [1, 2, 6])) call refuse_value(place, "component", &
+            place%node%get("component"), "= "//quoted(component_name(axis%component))// &
+            " leaves the plane (expected one of 'Fx', 'Fy', 'Mz')", status)
+        do i = 1, size(scene%load)
+            if (scene%load(i)%name /= name) cycle
+            if (axis%target > 0) call refuse_value(place, "load", place%node%get("load"), "= "//quoted(name)// &
+                ": there are several loads on that marker (expected one)", status)
+            axis%target = i
+        end do
+        if (axis%target == 0) then
+            load%name = name
+            load%line = place%line
+            call find_marker(scene, place, "load", place%node%get("load"), load%link, load%marker, status)
+            if (status%is_ok() .and. load%link == frame_link) call refuse_value(place, "load", place%node%get("load"), &
+                "= "//quoted(name)//": a load on the frame moves nothing (expected a marker of a moving link)", status)
+            if (.not. status%is_ok()) return
+            scene%load = [scene%load, load]
+            axis%target = size(scene%load)
+        end if
+        quantity = force
+        if (axis%component > 3) quantity = moment
+        axis%unit = quantity%unit
+        axis%name = component_name(axis%component)//" on "//name
+    end subroutine find_load
+
+    !> One path, or a list of them with weights.
+    subroutine read_parameter(place, root, axis, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: root
+        type(axis_spec), intent(inout) :: axis
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node, item, weights
+        character(len=:), allocatable :: path
+        logical :: found, is_text
+        integer :: i
+
+        call get_word(place, "as", operation_name, axis%operation, status, found)
+        node = place%node%get("parameter")
+        weights = place%node%get("weights")
+        if (.not. status%is_ok()) return
+        if (node%kind() == toml_array) then
+            if (node%count() == 0) call refuse_value(place, "parameter", node, "names nothing (expected paths)", status)
+            allocate (axis%parameter(node%count()))
+            do i = 1, size(axis%parameter)
+                item = node%at(i)
+                call item%get_text(path, is_text)
+                if (.not. is_text .and. status%is_ok()) call refuse_value(place, "parameter", node, "holds "// &
+                    item%kind_text()//" (expected paths such as 'link.rocker.mass')", status)
+                if (is_text) axis%parameter(i)%path = path
+            end do
+        else
+            call get_text(place, "parameter", path, status)
+            allocate (axis%parameter(1))
+            axis%parameter(1)%path = path
+        end if
+        if (.not. status%is_ok()) return
+        if (weights%is_present()) then
+            if (weights%kind() /= toml_array .or. weights%count() /= size(axis%parameter)) then
+                call refuse_value(place, "weights", weights, "does not fit (expected a list of "// &
+                    to_text(size(axis%parameter))//" numbers, one a path)", status)
+                return
+            end if
+            do i = 1, size(axis%parameter)
+                call quantity_of(place, "weights", weights%at(i), plain_number, axis%parameter(i)%weight, status)
+            end do
+        end if
+        do i = 1, size(axis%parameter)
+            call check_parameter(place, root, axis%parameter(i)%path, axis%operation /= set_value, status)
+        end do
+        axis%name = trim(axis%parameter(1)%path)
+        if (size(axis%parameter) > 1) axis%name = trim(axis%name)//", ..."
+        if (axis%operation /= set_value) axis%name = trim(operation_name(axis%operation))//" of "//axis%name
+        axis%unit = merge("1 ", "SI", axis%operation == 2)
+    end subroutine read_parameter
+
+    !> Along the motion of the scene.
+    subroutine read_time_axis(place, scene, axis, quantity, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        type(axis_spec), intent(inout) :: axis
+        type(quantity_type), intent(out) :: quantity
+        type(status_type), intent(inout) :: status
+        logical :: is_wanted
+
+        is_wanted = .false.
+        call get_flag(place, "time", is_wanted, status)
+        if (status%is_ok() .and. .not. is_wanted) call refuse_value(place, "time", place%node%get("time"), &
+            "is false (expected true, or another key)", status)
+        quantity = time_span
+        axis%name = "time"
+        axis%unit = "s"
+    end subroutine read_time_axis
+
+    !> The values of an axis, in one of the forms of `sampling_name`.
+    subroutine read_values(place, quantity, axis, status)
+        type(scene_place), intent(in) :: place
+        type(quantity_type), intent(in) :: quantity
+        type(axis_spec), intent(inout) :: axis
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node
+        integer :: i, n
+
+        do i = 1, size(sampling_name)
+            node = place%node%get(sampling_name(i))
+            if (.not. node%is_present() .or. .not. status%is_ok()) cycle
+            if (axis%sampling > 0) call refuse(place, "has both "//quoted(sampling_name(axis%sampling))//" and "// &
+                quoted(sampling_name(i))//" (expected one of them)", status)
+            axis%sampling = i
+        end do
+        if (.not. status%is_ok()) return
+        if (axis%sampling == 0) then
+            call refuse(place, "has no values (expected one of "//join(sampling_name)//")", status)
+            return
+        end if
+        node = place%node%get(sampling_name(axis%sampling))
+        select case (axis%sampling)
+        case (sampling_linspace)
+            if (node%kind() /= toml_array .or. node%count() /= 3) then
+                call refuse_value(place, "linspace", node, "does not fit (expected [from, to, n])", status)
+                return
+            end if
+            call value_of(place, "linspace", node%at(1), quantity, axis, axis%from, status)
+            call value_of(place, "linspace", node%at(2), quantity, axis, axis%to, status)
+            call count_of(place, "linspace", node%at(3), axis%n, status)
+        case (sampling_values)
+            if (node%kind() /= toml_array) then
+                call refuse_value(place, "values", node, "is "//node%kind_text()//" (expected a list)", status)
+                return
+            end if
+            axis%n = node%count()
+            if (axis%n == 0) call refuse_value(place, "values", node, "is empty (expected at least one value)", status)
+            allocate (axis%value(axis%n), source=0.0_wp)
+            do i = 1, node%count()
+                call value_of(place, "values", node%at(i), quantity, axis, axis%value(i), status)
+            end do
+        case default
+            inner = place_at(place, node, trim(place%what)//", "//trim(sampling_name(axis%sampling)))
+            call require_table(inner, "a table, { from = .., to = .., n = .. }", status)
+            call allow_keys(inner, [character(len=4) :: "from", "to", "n", "seed"], status)
+            call need(inner, "from", axis%from)
+            call need(inner, "to", axis%to)
+            if (status%is_ok()) then
+                node = inner%node%get("n")
+                if (.not. node%is_present()) call refuse_missing(inner, "n", "the number of samples", status)
+                call count_of(inner, "n", node, axis%n, status)
+            end if
+            n = 0
+            call get_integer(inner, "seed", n, status, axis%is_shifted)
+            axis%seed = n
+        end select
+
+    contains
+
+        subroutine need(inner, key, value)
+            type(scene_place), intent(in) :: inner
+            character(len=*), intent(in) :: key
+            real(wp), intent(inout) :: value
+            type(toml_node) :: item
+
+            if (.not. status%is_ok()) return
+            item = inner%node%get(key)
+            if (.not. item%is_present()) call refuse_missing(inner, key, "one end of the range", status)
+            call value_of(inner, key, item, quantity, axis, value, status)
+        end subroutine need
+    end subroutine read_values
+
+    !> A value of an axis; that of a parameter may have any unit.
+    subroutine value_of(place, key, node, quantity, axis, value, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        type(toml_node), intent(in) :: node
+        type(quantity_type), intent(in) :: quantity
+        type(axis_spec), intent(in) :: axis
+        real(wp), intent(inout) :: value
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: text, problem
+        logical :: is_text
+
+        if (.not. status%is_ok()) return
+        if (axis%kind == axis_parameter .and. node%kind() == toml_string) then
+            call node%get_text(text, is_text)
+            call si_value(text, value, problem)
+            if (problem /= "") call refuse_value(place, key, node, "= "//problem//" (expected a number, or a text with its unit)", &
+                status)
+        else
+            call quantity_of(place, key, node, quantity, value, status)
+        end if
+    end subroutine value_of
+
+    !> How many values.
+    subroutine count_of(place, key, node, n, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        type(toml_node), intent(in) :: node
+        integer(int64), intent(out) :: n
+        type(status_type), intent(inout) :: status
+        integer :: number
+        logical :: is_one
+
+        n = 1
+        if (.not. status%is_ok()) return
+        call node%get_integer(number, is_one)
+        if (.not. is_one) then
+            call refuse_value(place, key, node, "is no number of values (expected an integer from 1 on)", status)
+        else if (number < 1) then
+            call refuse_value(place, key, node, "= "//to_text(number)//" makes an empty axis (expected 1 or more)", status)
+        else
+            n = number
+        end if
+    end subroutine count_of
+
+    !> Axes of one group advance together, so they have as many values each.
+    subroutine form_groups(place, group, is_zip, spec, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: group(:)
+        logical, intent(in) :: is_zip                  !! all axes without a group are one
+        type(sweep_spec), intent(inout) :: spec
+        type(status_type), intent(inout) :: status
+        integer :: i, j, n_sobol, n_sampled
+
+        spec%n_group = 0
+        n_sampled = 0
+        do i = 1, size(spec%axis)
+            associate (axis => spec%axis(i))
+                do j = 1, i - 1
+                    if (group(j) == group(i) .and. (group(i) /= "" .or. is_zip)) axis%group = spec%axis(j)%group
+                    if (axis%kind /= axis_parameter .and. axis%name == spec%axis(j)%name) call refuse(place, "axis "// &
+                        quoted(axis%name)//" is there twice (expected each once)", status, axis%line)
+                end do
+                if (axis%group == 0) then
+                    spec%n_group = spec%n_group + 1
+                    axis%group = spec%n_group
+                end if
+                j = findloc(spec%axis%group, axis%group, dim=1)
+                if (axis%n /= spec%axis(j)%n) call refuse(place, "axes "//quoted(spec%axis(j)%name)//" and "// &
+                    quoted(axis%name)//" of one group have "//to_text(int(spec%axis(j)%n))//" and "// &
+                    to_text(int(axis%n))//" values (expected as many)", status, axis%line)
+                if ((axis%kind == axis_parameter) .neqv. (spec%axis(j)%kind == axis_parameter)) call refuse(place, "axes "// &
+                    quoted(spec%axis(j)%name)//" and "//quoted(axis%name)//" are of one group, but only one is a parameter "// &
+                    "(expected groups of their own: designs run outside poses)", status, axis%line)
+                if (axis%sampling < sampling_random) cycle
+                ! Random numbers of any two axes are independent; a Sobol sequence is that of its group.
+                n_sampled = n_sampled + 1
+                axis%dimension = n_sampled
+                if (axis%sampling /= sampling_sobol) cycle
+                n_sobol = count(spec%axis(:i)%group == axis%group .and. spec%axis(:i)%sampling == sampling_sobol)
+                axis%dimension = n_sobol
+                if (n_sobol > most_sobol_dimensions) call refuse(place, "a Sobol sequence of more than "// &
+                    to_text(most_sobol_dimensions)//" axes (expected fewer, or latin-hypercube)", status, axis%line)
+            end associate
+        end do
+    end subroutine form_groups
+
+    ! ---------------------------------------------------------------- what is reduced and kept
+
+    subroutine read_wishes(place, scene, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node, item
+        character(len=:), allocatable :: key
+        integer :: i, id, line
+        logical :: found, flag, is_flag
+
+        associate (spec => scene%sweep)
+            call read_quantities(place, "reduce", spec%wants, status, found)
+            if (.not. found) spec%wants(usual_quantities) = .true.
+            call read_quantities(place, "keep", spec%keeps, status, found)
+            flag = .true.
+            call get_flag(place, "moments", flag, status)
+            spec%extremes_only = .not. flag
+            call get_quantity(place, "length", length, spec%length, status, found)
+            if (found .and. status%is_ok() .and. .not. spec%length > 0) call refuse_value(place, "length", &
+                place%node%get("length"), "= "//to_text(spec%length)//" m (expected a length above zero)", status)
+            call get_integer(place, "chunk", spec%chunk, status, found)
+            if (status%is_ok() .and. (spec%chunk < 1 .or. spec%chunk > 1048576)) call refuse_value(place, "chunk", &
+                place%node%get("chunk"), "= "//to_text(spec%chunk)//" (expected 1 to 1048576 samples)", status)
+            call get_text(place, "on", key, status, found)
+            if (found) then
+                spec%tool = key
+                call find_marker(scene, place, "on", place%node%get("on"), spec%tool_link, spec%tool_marker, status)
+                if (status%is_ok() .and. spec%tool_link == frame_link) call refuse_value(place, "on", place%node%get("on"), &
+                    "= "//quoted(key)//": a wrench on the frame moves nothing (expected a marker of a moving link)", status)
+            else if (size(scene%load) == 1) then
+                spec%tool = scene%load(1)%name
+                spec%tool_link = scene%load(1)%link
+                spec%tool_marker = scene%load(1)%marker
+            end if
+            node = place%node%get("histogram")
+            if (.not. node%is_present() .or. .not. status%is_ok()) return
+            inner = place_at(place, node, "sweep, histogram")
+            call require_table(inner, "a table such as { driving_force = true, bins = 64 }", status)
+            call allow_keys(inner, [character(len=20) :: "bins", quantity_name], status)
+            call get_integer(inner, "bins", spec%n_bin, status, found)
+            if (status%is_ok() .and. (spec%n_bin < 1 .or. spec%n_bin > 100000)) call refuse_value(inner, "bins", &
+                inner%node%get("bins"), "= "//to_text(spec%n_bin)//" (expected 1 to 100000)", status)
+            do i = 1, inner%node%count()
+                call inner%node%key(i, key, line)
+                id = findloc(quantity_name == key, .true., dim=1)
+                if (id == 0 .or. .not. status%is_ok()) cycle
+                item = inner%node%get(key)
+                if (item%kind() == toml_table) then
+                    call read_range(scene, place_at(inner, item, "sweep, histogram of "//key), id, status)
+                else
+                    call item%get_flag(flag, is_flag)
+                    if (.not. is_flag) call refuse_value(inner, key, item, "is "//item%kind_text()// &
+                        " (expected true, or a table { from = .., to = .. })", status)
+                    if (is_flag .and. .not. flag) cycle
+                end if
+                spec%has_histogram(id) = .true.
+                spec%wants(id) = .true.
+            end do
+        end associate
+    end subroutine read_wishes
+
+    subroutine read_range(scene, place, id, status)
+        type(scene_type), intent(inout) :: scene
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: id
+        type(status_type), intent(inout) :: status
+        type(described) :: quantity
+
+        call describe_quantity(scene, id, quantity)
+        call allow_keys(place, [character(len=4) :: "from", "to"], status)
+        call get_quantity(place, "from", quantity_in(quantity%unit(1)), scene%sweep%bin_from(id), status)
+        call get_quantity(place, "to", quantity_in(quantity%unit(1)), scene%sweep%bin_to(id), status)
+        if (status%is_ok() .and. .not. scene%sweep%bin_to(id) > scene%sweep%bin_from(id)) &
+            call refuse(place, "'to' is not above 'from' (expected a range)", status)
+    end subroutine read_range
+
+    !> The axes over which a map is kept: each alone in its group, with values in order.
+    subroutine read_map(place, spec, status)
+        type(scene_place), intent(in) :: place
+        type(sweep_spec), intent(inout) :: spec
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node, item
+        character(len=:), allocatable :: name
+        logical :: is_text
+        real(wp) :: n_cell
+        integer :: i, k
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("map")
+        if (.not. node%is_present()) return
+        if (node%kind() /= toml_array) then
+            call refuse_value(place, "map", node, "is "//node%kind_text()//" (expected a list of axes)", status)
+            return
+        end if
+        n_cell = 1
+        do i = 1, node%count()
+            item = node%at(i)
+            call item%get_text(name, is_text)
+            k = 0
+            if (is_text) k = findloc(spec%axis%name == name, .true., dim=1)
+            if (k == 0) then
+                call refuse_value(place, "map", node, "holds "//quoted(name)//" (expected some of the axes "// &
+                    join(spec%axis%name)//")"//suggestion(name, (spec%axis%name)), status)
+                return
+            end if
+            if (any(spec%map_axis == k)) call refuse_value(place, "map", node, "holds "//quoted(name)//" twice", status)
+            if (spec%axis(k)%kind == axis_parameter) call refuse_value(place, "map", node, "holds "//quoted(name)// &
+                ": every design has a map of its own (expected axes over poses or loads)", status)
+            if (spec%axis(k)%sampling >= sampling_random .or. count(spec%axis%group == spec%axis(k)%group) > 1) &
+                call refuse_value(place, "map", node, "holds "//quoted(name)// &
+                ": its values are no grid (expected an axis with linspace or values, in no group)", status)
+            spec%map_axis = [spec%map_axis, k]
+            n_cell = n_cell*real(spec%axis(k)%n, wp)
+        end do
+        if (n_cell > most_cells .or. any(spec%axis(spec%map_axis)%n > longest_table)) call refuse_value(place, "map", node, &
+            "has too many cells (expected at most 1e8, 65536 along an axis)", status)
+    end subroutine read_map
+
+    !> A list of names of quantities, or "all".
+    subroutine read_quantities(place, key, chosen, status, found)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        logical, intent(inout) :: chosen(n_quantity)
+        type(status_type), intent(inout) :: status
+        logical, intent(out) :: found
+        type(toml_node) :: node, item
+        character(len=:), allocatable :: name
+        logical :: is_text
+        integer :: i, id
+
+        found = .false.
+        if (.not. status%is_ok()) return
+        node = place%node%get(key)
+        found = node%is_present()
+        if (.not. found) return
+        if (node%kind() /= toml_array) then
+            call refuse_value(place, key, node, "is "//node%kind_text()//" (expected a list of "//join(quantity_name)//")", status)
+            return
+        end if
+        do i = 1, node%count()
+            item = node%at(i)
+            call item%get_text(name, is_text)
+            id = 0
+            if (is_text) id = findloc(quantity_name == name, .true., dim=1)
+            if (id == 0) then
+                call refuse_value(place, key, item, "holds "//quoted(name)//" (expected some of "//join(quantity_name)//")"// &
+                    suggestion(name, quantity_name), status)
+                return
+            end if
+            chosen(id) = .true.
+        end do
+    end subroutine read_quantities
+
+    !> What a wish needs must be there.
+    subroutine check_wishes(place, scene, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+
+        associate (spec => scene%sweep)
+            spec%wants = spec%wants .or. spec%keeps
+            if (.not. any(spec%wants) .and. status%is_ok()) &
+                call refuse(place, "'reduce' names nothing (expected some of "//join(quantity_name)//")", status)
+            if (spec%tool_link == 0 .and. any(spec%wants([quantity_force_amplification, quantity_moment_amplification]))) &
+                call refuse_missing(place, "on", "the marker on which unit forces and moments act, for amplification", status)
+            if (scene%planar .and. spec%wants(quantity_swing)) &
+                call refuse(place, "'swing' is for spatial scenes (expected 'joint_variable' in a plane)", status)
+            if (scene%planar .and. spec%wants(quantity_clearance)) &
+                call refuse(place, "'clearance' is for spatial scenes: links of a plane lie beside each other", status)
+        end associate
+    end subroutine check_wishes
+
+    ! ---------------------------------------------------------------- bounds
+
+    subroutine read_bounds(place, key, is_limit, scene, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        logical, intent(in) :: is_limit
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: list
+        type(bound_spec) :: bound
+        integer :: i, n
+
+        call table_list(place, key, list, n, status)
+        do i = 1, n
+            call read_bound(place_at(place, list%at(i), "sweep "//key//" "//to_text(i)), scene, bound, status)
+            if (.not. status%is_ok()) return
+            bound%is_limit = is_limit
+            scene%sweep%bound = [scene%sweep%bound, bound]
+            scene%sweep%wants(bound%quantity) = .true.
+        end do
+    end subroutine read_bounds
+
+    subroutine read_bound(place, scene, bound, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        type(bound_spec), intent(out) :: bound
+        type(status_type), intent(inout) :: status
+        type(described) :: quantity
+        type(quantity_type) :: dimension
+        character(len=:), allocatable :: name
+        logical :: has_name, has_min, has_max
+
+        bound%line = place%line
+        call allow_keys(place, [character(len=4) :: "of", "at", "min", "max", "name"], status)
+        call get_word(place, "of", quantity_name, bound%quantity, status)
+        if (.not. status%is_ok()) return
+        if (scene%planar .and. (bound%quantity == quantity_swing .or. bound%quantity == quantity_clearance)) then
+            call refuse_value(place, "of", place%node%get("of"), "= "//quoted(quantity_name(bound%quantity))// &
+                " is for spatial scenes (expected another quantity)", status)
+            return
+        end if
+        call describe_quantity(scene, bound%quantity, quantity)
+        call choose_entries(place, quantity, bound%entry, status)
+        if (.not. status%is_ok()) return
+        dimension = quantity_in(quantity%unit(bound%entry(1)))
+        if (any(quantity%unit(bound%entry) /= quantity%unit(bound%entry(1)))) then
+            call refuse(place, "bounds entries of different units, "//trim(quantity%unit(bound%entry(1)))//" and others "// &
+                "(expected 'at' to name those of one unit)", status)
+            return
+        end if
+        call get_quantity(place, "min", dimension, bound%low, status, has_min)
+        call get_quantity(place, "max", dimension, bound%high, status, has_max)
+        if (status%is_ok() .and. .not. (has_min .or. has_max)) &
+            call refuse(place, "missing key 'min' or 'max' (expected at least one)", status)
+        if (status%is_ok() .and. bound%low > bound%high) call refuse(place, "'min' = "//to_text(bound%low)//" is above 'max' = "// &
+            to_text(bound%high)//" (expected no pose to be excluded by both)", status)
+        call get_text(place, "name", name, status, has_name)
+        bound%name = quantity_name(bound%quantity)
+        if (has_name) bound%name = name
+    end subroutine read_bound
+
+    !> The entries that `at` names, by label; all if it is absent. A joint stands for all its components.
+    subroutine choose_entries(place, quantity, entry, status)
+        type(scene_place), intent(in) :: place
+        type(described), intent(in) :: quantity
+        integer, allocatable, intent(out) :: entry(:)
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node, item
+        character(len=:), allocatable :: name
+        logical :: is_text
+        integer :: i, k, n
+
+        node = place%node%get("at")
+        if (.not. node%is_present()) then
+            entry = [(k, k=1, quantity%n)]
+            if (quantity%n == 0) call refuse(place, "there is nothing it could bound in this scene", status)
+            return
+        end if
+        allocate (entry(0))
+        n = 1
+        if (node%kind() == toml_array) n = node%count()
+        do i = 1, n
+            item = node
+            if (node%kind() == toml_array) item = node%at(i)
+            call item%get_text(name, is_text)
+            k = 0
+            if (is_text) k = findloc(quantity%label == name, .true., dim=1)
+            if (k == 0) then
+                call refuse_value(place, "at", node, "holds "//quoted(name)//" (expected some of "//join(quantity%label)//")"// &
+                    suggestion(name, quantity%label), status)
+                return
+            end if
+            entry = [entry, k]
+        end do
+        if (n == 0) call refuse_value(place, "at", node, "is empty (expected some of "//join(quantity%label)//")", status)
+    end subroutine choose_entries
+
+    !> What a unit of results measures.
+    pure type(quantity_type) function quantity_in(unit) result(quantity)
+        character(len=*), intent(in) :: unit
+
+        select case (unit)
+        case ("N")
+            quantity = force
+        case ("N m")
+            quantity = moment
+        case ("m")
+            quantity = length
+        case ("rad")
+            quantity = angle
+        case ("m/s")
+            quantity = speed
+        case ("rad/s")
+            quantity = angular_rate
+        case ("W")
+            quantity = wattage
+        case ("1/m")
+            quantity = quantity_type("a force per moment", "2 1/m", "1/m", [0, -1, 0, 0, 0])
+        case default
+            quantity = plain_number
+        end select
+    end function quantity_in
+
+    ! ---------------------------------------------------------------- bodies and neutral directions
+
+    subroutine read_bodies(place, scene, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node, list
+        logical :: found
+        integer :: i
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("clearance")
+        if (.not. node%is_present()) return
+        inner = place_at(place, node, "sweep, clearance")
+        call require_table(inner, "a table, { diameter = .. }", status)
+        call allow_keys(inner, [character(len=8) :: "diameter", "segments"], status)
+        call get_quantity(inner, "diameter", length, scene%sweep%leg_diameter, status, found)
+        if (status%is_ok() .and. scene%sweep%leg_diameter < 0) call refuse_value(inner, "diameter", &
+            inner%node%get("diameter"), "is negative (expected a length)", status)
+        if (.not. status%is_ok()) return
+        list = inner%node%get("segments")
+        if (.not. list%is_present()) return
+        deallocate (scene%sweep%segment)
+        allocate (scene%sweep%segment(list%count()))
+        do i = 1, list%count()
+            call read_segment(list%at(i), scene%sweep%segment(i))
+        end do
+        if (list%count() < 2) call refuse_value(inner, "segments", list, "has fewer than two (expected pairs of markers)", status)
+
+    contains
+
+        subroutine read_segment(pair, segment)
+            type(toml_node), intent(in) :: pair
+            type(segment_spec), intent(out) :: segment
+            integer :: side
+
+            segment%diameter = scene%sweep%leg_diameter
+            if (.not. status%is_ok()) return
+            if (pair%kind() /= toml_array .or. pair%count() /= 2) then
+                call refuse_value(inner, "segments", pair, "holds something else (expected pairs of markers)", status)
+                return
+            end if
+            do side = 1, 2
+                call find_marker(scene, inner, "segments", pair%at(side), segment%link(side), segment%marker(side), status)
+            end do
+        end subroutine read_segment
+    end subroutine read_bodies
+
+    !> `swing = { "leg1.S" = [0, 0, 1] }`: neutral directions of joints in the axes of the link that is not the leg.
+    subroutine read_swings(place, scene, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node
+        character(len=:), allocatable :: key
+        type(swing_spec) :: swing
+        type(described) :: quantity
+        integer :: i, line
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("swing")
+        if (.not. node%is_present()) return
+        inner = place_at(place, node, "sweep, swing")
+        call require_table(inner, "a table of joints and their neutral directions", status)
+        call describe_quantity(scene, quantity_swing, quantity)
+        do i = 1, inner%node%count()
+            if (.not. status%is_ok()) return
+            call inner%node%key(i, key, line)
+            if (all(quantity%label /= key)) then
+                call refuse(inner, "there is no universal or spherical joint "//quoted(key)//" (expected one of "// &
+                    join(quantity%label)//")", status, line)
+                return
+            end if
+            swing%joint = findloc(scene%joint%name == key, .true., dim=1)
+            call direction_of(inner, key, inner%node%get(key), swing%neutral, status)
+            scene%sweep%swing = [scene%sweep%swing, swing]
+        end do
+    end subroutine read_swings
+end module linkdyn_scene_sweep

@@ -1,0 +1,209 @@
+"""`linkdyn sweep`: interrupted and resumed, changed, too large, full disk."""
+
+from __future__ import annotations
+
+import os
+import random
+import re
+import resource
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+import tomli_w
+import xarray as xr
+
+from linkdyn.cli import executable
+
+DONE, BAD_INPUT = 0, 2
+
+
+def run(*arguments, **options) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [executable(), "sweep", *map(str, arguments)], capture_output=True, text=True, timeout=120, **options
+    )
+
+
+def refused(result: subprocess.CompletedProcess, *fragments: str) -> None:
+    """One line on standard error, nothing on standard output, exit status 2."""
+    assert result.returncode == BAD_INPUT, result
+    assert result.stdout == ""
+    assert result.stderr.count("\n") == 1, result.stderr
+    for fragment in fragments:
+        assert fragment in result.stderr, result.stderr
+
+
+@pytest.fixture()
+def long_sweep(tsai) -> dict:
+    """Some seconds of work in many chunks; lapack takes its time over each."""
+    tsai["sweep"] = {
+        "reduce": ["driving_force", "determinant"],
+        "keep": ["driving_force"],
+        "map": ["platform.z", "platform.x"],
+        "chunk": 32,
+        "histogram": {"driving_force": True},
+        "axis": [
+            {"coordinate": "platform.x", "linspace": [-1.7, -1.3, 12]},
+            {"coordinate": "platform.y", "random": {"from": -0.2, "to": 0.2, "n": 10, "seed": 4}},
+            {"coordinate": "platform.z", "linspace": [0.8, 1.2, 8]},
+            {"coordinate": "platform.yaw", "linspace": [-0.4, 0.4, 5]},
+        ],
+        "constraint": [{"of": "driving_position", "min": 1.0}],
+    }
+    return tsai
+
+
+def write(scene: dict, folder: Path) -> Path:
+    file = folder / "scene.toml"
+    file.write_text(tomli_w.dumps(scene))
+    return file
+
+
+def same(one: Path, two: Path) -> bool:
+    with xr.open_dataset(one) as a, xr.open_dataset(two) as b:
+        return set(a.variables) == set(b.variables) and all(a[name].equals(b[name]) for name in a.variables)
+
+
+def test_killed_and_resumed_is_the_same(long_sweep, tmp_path):
+    """Killed twenty times at random moments, and resumed each time."""
+    scene = write(long_sweep, tmp_path)
+    whole, broken = tmp_path / "whole.nc", tmp_path / "broken.nc"
+    options = ("-q", "--solver", "lapack", "--checkpoint", "0")
+    start = time.monotonic()
+    assert run(scene, "-o", whole, *options).returncode == DONE
+    seconds = time.monotonic() - start
+    dice = random.Random(7)
+    n_killed = 0
+    for attempt in range(20):
+        threads = ("--threads", "2") if attempt % 2 else ()
+        process = subprocess.Popen([executable(), "sweep", scene, "-o", broken, "--resume", *threads, *options])
+        time.sleep(dice.uniform(0, 0.15 * seconds))
+        process.kill()
+        process.wait()
+        n_killed += process.returncode == -signal.SIGKILL
+        assert not broken.exists() or process.returncode == DONE
+    assert n_killed > 3
+    resumed = run(scene, "-o", broken, "--resume", *options)
+    assert resumed.returncode == DONE, resumed.stderr
+    assert same(whole, broken)
+    leftovers = [path.name for path in tmp_path.iterdir() if ".checkpoint" in path.name and "part" not in path.name]
+    assert leftovers == [] and not (tmp_path / "broken.nc.spool").exists()
+
+
+def interrupted(scene: Path, output: Path) -> None:
+    """A run that leaves a checkpoint."""
+    process = subprocess.Popen(
+        [executable(), "sweep", scene, "-o", output, "-q", "--solver", "lapack", "--checkpoint", "0"]
+    )
+    checkpoint = Path(f"{output}.checkpoint")
+    for _ in range(2000):
+        if checkpoint.exists() or process.poll() is not None:
+            break
+        time.sleep(0.005)
+    process.kill()
+    process.wait()
+    assert checkpoint.exists()
+
+
+def test_a_changed_scene_is_not_resumed(long_sweep, tmp_path):
+    scene, output = write(long_sweep, tmp_path), tmp_path / "results.nc"
+    interrupted(scene, output)
+    refused(run(scene, "-o", output, "--solver", "lapack"), "interrupted run is kept there", "--resume")
+    refused(run(scene, "-o", output, "--resume"), "another scene, with other options")
+    long_sweep["link"][0]["mass"] = 1.6
+    write(long_sweep, tmp_path)
+    refused(run(scene, "-o", output, "--resume", "--solver", "lapack"), "another scene, with other options", "remove this file")
+
+
+def test_a_damaged_checkpoint_is_refused(long_sweep, tmp_path):
+    scene, output = write(long_sweep, tmp_path), tmp_path / "results.nc"
+    interrupted(scene, output)
+    checkpoint = Path(f"{output}.checkpoint")
+    data = bytearray(checkpoint.read_bytes())
+    data[len(data) // 2] ^= 1
+    checkpoint.write_bytes(data)
+    refused(run(scene, "-o", output, "--resume", "--solver", "lapack"), "damaged")
+    checkpoint.write_bytes(data[:40])
+    refused(run(scene, "-o", output, "--resume", "--solver", "lapack"), "damaged")
+
+
+def limit_file_size() -> None:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+
+def test_a_full_disk_is_said_and_resumed(long_sweep, tmp_path):
+    """The spool of kept samples outgrows what may be written."""
+    scene, output, whole = write(long_sweep, tmp_path), tmp_path / "results.nc", tmp_path / "whole.nc"
+    options = ("-q", "--solver", "lapack", "--checkpoint", "0")
+    assert run(scene, "-o", whole, *options).returncode == DONE
+    refused(run(scene, "-o", output, *options, preexec_fn=limit_file_size), "cannot be written")
+    assert not output.exists()
+    assert run(scene, "-o", output, "--resume", *options).returncode == DONE
+    assert same(output, whole)
+
+
+def test_large_requests_want_consent(tsai, tmp_path):
+    tsai["sweep"] = {"reduce": ["driving_force"], "axis": [
+        {"coordinate": f"platform.{name}", "linspace": [-0.01, 0.01, 1000]} for name in ("roll", "pitch", "yaw", "x", "y")
+    ]}
+    result = run(write(tsai, tmp_path), cwd=tmp_path)
+    refused(result, "1000000000000000 samples take about", "years", "--yes")
+    tsai["sweep"]["axis"].append({"coordinate": "platform.z", "linspace": [-0.01, 0.01, 1000]})
+    refused(run(write(tsai, tmp_path), "--yes", cwd=tmp_path), "more than 4.5e15 samples")
+
+
+def test_table_and_default_name(tsai, tmp_path):
+    tsai["sweep"] = {"reduce": ["driving_force", "reaction_force", "determinant"], "axis": [
+        {"coordinate": "platform.x", "linspace": [-1.6, -1.4, 5]}
+    ]}
+    folder = tmp_path / "table"
+    folder.mkdir()
+    result = run(write(tsai, folder), cwd=folder)
+    assert result.returncode == DONE and result.stderr == ""
+    for text in ("5 samples", "leg1.P [N]", "largest at platform.x =", "largest joint force", "none crossed", "table_sweep.nc"):
+        assert text in result.stdout, result.stdout
+    assert sorted(path.name for path in folder.iterdir()) == ["scene.toml", "table_sweep.nc"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "fragments"),
+    [
+        (["--csv"], ["'--csv'", "unknown option"]),
+        (["--resumee"], ["did you mean '--resume'"]),
+        (["--keep", "driving_forces"], ["'driving_forces'", "did you mean 'driving_force'"]),
+        (["--checkpoint", "-1"], ["--checkpoint"]),
+        (["-o", "/nowhere/at/all.nc"], ["cannot be written"]),
+    ],
+)
+def test_refused_arguments(arguments, fragments, tsai, tmp_path):
+    tsai["sweep"] = {"axis": [{"coordinate": "platform.x", "linspace": [-1.6, -1.4, 5]}]}
+    refused(run(write(tsai, tmp_path), *arguments, cwd=tmp_path), *fragments)
+
+
+def test_a_scene_without_a_sweep(tsai, tmp_path):
+    refused(run(write(tsai, tmp_path), cwd=tmp_path), "has no sweep", "[sweep]")
+
+
+def test_help():
+    result = run("--help")
+    assert result.returncode == DONE
+    for option in ("--output", "--keep", "--threads", "--resume", "--yes", "--checkpoint", "--solver", "--quiet"):
+        assert option in result.stdout
+
+
+mpirun = pytest.mark.skipif(os.system("mpirun --version > /dev/null 2>&1") != 0, reason="no MPI here")
+
+
+@mpirun
+def test_processes_to_the_last_bit(long_sweep, tmp_path):
+    scene, one, four = write(long_sweep, tmp_path), tmp_path / "one.nc", tmp_path / "four.nc"
+    assert run(scene, "-o", one, "-q").returncode == DONE
+    command = ["mpirun", "--allow-run-as-root", "--oversubscribe", "-n", "4", executable(), "sweep", scene, "-o", four]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert result.returncode == DONE, result.stderr
+    if re.search("in each of 4 processes", result.stdout) is None:
+        pytest.skip("built without MPI")
+    assert same(one, four)

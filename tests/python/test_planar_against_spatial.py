@@ -1,0 +1,35 @@
+"""The same plane mechanism declared planar and declared spatial: the same forces, both by the elimination plan."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkdyn
+
+FILE = Path(__file__).resolve().parents[2] / "benchmarks" / "python" / "planar_against_spatial.py"
+SPEC = importlib.util.spec_from_file_location("planar_against_spatial", FILE)
+bench = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(bench)
+
+
+@pytest.mark.parametrize("case", [bench.slider_crank(), bench.arm(3), bench.arm(7)], ids=["slider-crank", "arm", "long arm"])
+def test_same_forces(case) -> None:
+    scene, kinds = case
+    planar, spatial = linkdyn.Scene(scene), linkdyn.Scene(bench.as_spatial(scene, kinds))
+    # Rounding of each link's equations adds up along the chain.
+    assert bench.largest_difference(planar, spatial, 201) <= 64 * len(planar.links) * np.finfo(float).eps
+
+
+def test_links_that_turn_all_the_way_round_have_a_plan() -> None:
+    """The spatial slider-crank: no entry of the cylindrical joint's columns stays away from zero over a turn."""
+    scene, kinds = bench.slider_crank()
+    spatial = linkdyn.Scene(bench.as_spatial(scene, kinds))
+    assert "fill" in spatial.explain() and "dense solver" not in spatial.explain()
+    q, qd, qdd = spatial.motion()
+    ours = spatial.inverse(q=q, qd=qd, qdd=qdd).reaction.values
+    theirs = spatial.inverse(q=q, qd=qd, qdd=qdd, solver="lapack").reaction.values
+    assert np.abs(ours - theirs).max() <= 1e3 * np.finfo(float).eps * np.abs(theirs).max()
