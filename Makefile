@@ -3,6 +3,7 @@
 #   make test    the same set-up, then every test
 #   make bench   time against error of the solvers
 #   make real128 linkdyn-real128, the same program in quadruple precision, beside the installed one
+#   make accuracy  tables and pictures of docs/accuracy.md
 #   make docs    reference of the Fortran sources in docs/html
 #   make clean   remove what was made; `make distclean` removes .venv too
 
@@ -31,7 +32,7 @@ SETUP := -Dtests=true -Dbenchmarks=true
 # the same sources in quadruple precision: the measure of accuracy, not part of the package
 REAL128 := build/real128
 
-.PHONY: run test bench real128 docs clean distclean system
+.PHONY: run test bench real128 accuracy docs clean distclean system
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -49,6 +50,9 @@ real128: $(PACKAGE)
 	@[ -f $(REAL128)/build.ninja ] || $(VENV)/bin/meson setup $(REAL128) -Dreal128=enabled
 	@$(VENV)/bin/meson compile -C $(REAL128) linkdyn-real128
 	@cp $(REAL128)/app/linkdyn-real128 "$$($(VENV)/bin/python -c 'from linkdyn import cli; print(cli.executable().parent)')"
+
+accuracy: real128
+	$(VENV)/bin/python benchmarks/python/accuracy.py
 
 docs: $(REQUIREMENTS)
 	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/python -m pip install --quiet ford

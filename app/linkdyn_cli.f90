@@ -10,7 +10,7 @@ module linkdyn_cli
     implicit none (type, external)
     private
     public :: command_line, argument_type, read_arguments, parse_arguments, print_help
-    public :: command_none, command_inverse, command_forward, command_sweep, command_explain, command_version
+    public :: command_none, command_inverse, command_forward, command_sweep, command_study, command_explain, command_version
 
     integer, parameter :: command_none = 0
     integer, parameter :: command_inverse = 1
@@ -18,7 +18,8 @@ module linkdyn_cli
     integer, parameter :: command_version = 3
     integer, parameter :: command_forward = 4
     integer, parameter :: command_sweep = 5
-    character(len=8), parameter :: command_name(4) = [character(len=8) :: "inverse", "forward", "sweep", "explain"]
+    integer, parameter :: command_study = 6
+    character(len=8), parameter :: command_name(5) = [character(len=8) :: "inverse", "forward", "sweep", "study", "explain"]
     character(len=11), parameter :: common_option(10) = [character(len=11) :: &
         "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
     character(len=11), parameter :: inverse_option(12) = [character(len=11) :: common_option, "--error", "--states"]
@@ -26,6 +27,8 @@ module linkdyn_cli
         "--method", "--step", "--rtol", "--atol", "--until", "--samples"]
     character(len=12), parameter :: sweep_option(11) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
         "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
+    character(len=11), parameter :: study_option(7) = [character(len=11) :: "--output", "--no-output", "--until", "--quiet", &
+        "--help", "-o", "-q"]
     character(len=10), parameter :: other_option(2) = [character(len=10) :: "--help", "--matrix"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
     character(len=12), parameter :: solver_name(4) = [character(len=12) :: &
@@ -100,6 +103,8 @@ contains
             config%command = command_forward
         case ("sweep")
             config%command = command_sweep
+        case ("study")
+            config%command = command_study
         case ("explain")
             config%command = command_explain
         case ("--version")
@@ -113,7 +118,7 @@ contains
                 call refuse(quoted(arguments(1)%text)//": unknown option"//suggestion(arguments(1)%text, global_option), &
                     status)
             else
-                call refuse(quoted(arguments(1)%text)//": unknown command (expected inverse, forward, sweep or explain)"// &
+                call refuse(quoted(arguments(1)%text)//": unknown command (expected inverse, forward, sweep, study or explain)"// &
                     suggestion(arguments(1)%text, command_name), status)
             end if
             return
@@ -185,6 +190,10 @@ contains
         end if
         if (config%command == command_sweep .and. .not. any(sweep_option == option)) then
             call refuse(quoted(option)//": unknown option"//suggestion(option, sweep_option))
+            return
+        end if
+        if (config%command == command_study .and. .not. any(study_option == option)) then
+            call refuse(quoted(option)//": unknown option"//suggestion(option, study_option))
             return
         end if
         if (config%command /= command_sweep .and. any(["--resume", "--yes   ", "--keep  "] == option)) then
@@ -318,6 +327,8 @@ contains
             call print_forward_help(unit)
         case (command_sweep)
             call print_sweep_help(unit)
+        case (command_study)
+            call print_study_help(unit)
         case (command_explain)
             write (unit, "(a)") &
                 "linkdyn explain SCENE [--matrix]", &
@@ -333,6 +344,7 @@ contains
                 "  linkdyn inverse SCENE [options]   driving forces and joint reactions along a motion", &
                 "  linkdyn forward SCENE [options]   motion and joint reactions from driving forces", &
                 "  linkdyn sweep SCENE [options]     peaks over a workspace, load cases and designs", &
+                "  linkdyn study SCENE [options]     time against error of every solver and integrator", &
                 "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
                 "", &
                 "  linkdyn COMMAND --help            options of a command", &
@@ -342,6 +354,24 @@ contains
                 "and why); 3 done, but some samples failed: they are flagged and NaN in the results."
         end select
     end subroutine print_help
+
+    subroutine print_study_help(unit)
+        integer, intent(in) :: unit
+
+        write (unit, "(a)") &
+            "linkdyn study SCENE [options]", &
+            "", &
+            "Runs every solver at up to 48 instants of the scene's motion and every integrator, down a ladder of", &
+            "tolerances or steps, from its start on; prints time and error of each and recommends. Errors are", &
+            "taken against the quadruple twin, linkdyn-real128, where it is built (make real128; beside this", &
+            "executable, or where LINKDYN_REAL128 says), else against the most careful result of its own.", &
+            "", &
+            "  -o, --output FILE   the table as CSV; default: the scene's name with _study.csv in this folder", &
+            "  --no-output         only print it", &
+            "  --until T           end of the forward runs in s; default: the end of the scene's [time]", &
+            "  -q, --quiet         only write it", &
+            "  -h, --help          this text"
+    end subroutine print_study_help
 
     subroutine print_sweep_help(unit)
         integer, intent(in) :: unit

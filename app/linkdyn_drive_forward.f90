@@ -6,7 +6,7 @@ module linkdyn_drive_forward
     use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward, &
         method_name
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, dyad_names
     use linkdyn_forward_block, only: advance_block
     use linkdyn_output_file, only: watch_interrupts, interrupt_noted
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block
@@ -45,7 +45,7 @@ contains
         if (status%is_ok()) call choose_times(config, model, t, status)
         if (status%is_ok()) call start_forward(model, options_of(config, t(1)), run, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, config%wanted, .true., layout, is_forward=.true.)
+            call describe_results(model%scene, config%wanted, .true., layout, is_forward=.true., dyad=dyad_names(model))
             call open_results(config, model, layout, size(t), output, status, may_end_early=.true.)
         else if (index(status%message, config%scene//":") /= 1) then
             status%message = config%scene//": "//trim(status%message)

@@ -8,12 +8,13 @@ module linkdyn_drive_inverse
     use linkdyn_cli, only: command_line
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, dyad_names
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
         find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
         result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
-        result_error, result_growth, result_power_imbalance, result_driving_force_error, result_reaction_error
+        result_error, result_growth, result_transmission_angle, result_power_imbalance, result_driving_force_error, &
+        result_reaction_error
     use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_scene, only: scene_type
@@ -63,7 +64,7 @@ contains
         end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, config%wanted, .true., layout)
+            call describe_results(model%scene, config%wanted, .true., layout, dyad=dyad_names(model))
             call open_results(config, model, layout, n_sample, output, status)
         end if
         if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
@@ -224,6 +225,7 @@ contains
         call view_values(layout, result_reaction_error, n, block, results%reaction_error)
         call view_values(layout, result_growth, n, block, results%growth)
         call view_values(layout, result_power_imbalance, n, block, results%power_imbalance)
+        call view_values(layout, result_transmission_angle, n, block, results%transmission_angle)
         if (allocated(scratch%driving_force)) results%driving_force => scratch%driving_force(:, :n)
         if (allocated(scratch%joint_rate)) results%joint_rate => scratch%joint_rate(:, :n)
         if (allocated(states%time)) then

@@ -5,11 +5,10 @@ module linkdyn_drive_sweep
     use linkdyn_cli, only: command_line
     use linkdyn_input, only: folder_of
     use linkdyn_kinds, only: wp
-    use linkdyn_netcdf_writer, only: attributes_type
     use linkdyn_output_file, only: output_file, open_output, discard_output, remove_file
     use linkdyn_parallel, only: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, &
         share_integers
-    use linkdyn_run_output, only: default_name, run_attributes, exit_done, exit_bad_input, exit_samples_failed
+    use linkdyn_run_output, only: default_name, run_attributes, exit_done, exit_bad_input
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_scene_variant, only: scene_variants
@@ -31,6 +30,8 @@ module linkdyn_drive_sweep
     integer, parameter :: most_per_worker = 64             !! chunks of a thread in a round
     real(wp), parameter :: round_bytes = 64.0e6_wp         !! kept samples of a round
     real(wp), parameter :: costly = 20                     !! times as long a checkpoint's writing, at least, to the next one
+    ! ---- up to these a sweep takes no hour, whatever the solver
+    real(wp), parameter :: few_samples = 1.0e6_wp, few_designs = 1.0e4_wp
     ! ---- beyond these a sweep wants --yes
     real(wp), parameter :: many_samples = 1.0e10_wp, long_time = 3600, much_room = 4.0e9_wp
 
@@ -49,10 +50,10 @@ contains
         real(wp) :: seconds
         logical :: is_first
 
-        call start_processes()
+        call start_processes(status)
         is_first = this_process() == 0
         exit_status = exit_bad_input
-        call prepare_run(config, run, status)
+        if (status%is_ok()) call prepare_run(config, run, status)
         output = default_name(config%scene)//"_sweep.nc"
         if (allocated(config%output)) output = config%output
         hash = 0
@@ -134,29 +135,35 @@ contains
         if (any(run%spec%keeps)) bytes = 16*real(run%plan%n_sample, wp)*(1 + size(run%plan%axis) + size(run%keep))
         bytes = bytes + 8*real(size(run%map%worst), wp) &
                 + real(run%plan%n_design, wp)*run%shape%n_entry*(64 + 16.0_wp*size(run%plan%axis))
-        seconds = n_left*seconds_a_sample(run)/(config%options%threads*n_process())
+        seconds = 0
+        if (n_left > few_samples .or. run%plan%n_design > few_designs) &
+            seconds = estimated_seconds(run, n_left)/(config%options%threads*n_process())
         if (n_left <= many_samples .and. seconds <= long_time .and. bytes <= much_room) return
         message = trim(config%scene)//": "//sample_text(run%plan%n_sample)//" samples take about "//duration_text(seconds)
         if (bytes > 1.0e6_wp) message = message//" and "//room_text(bytes)//" on the disk"
         call fail(status, status_bad_input, message//" (expected --yes to start all the same, or fewer samples)")
     end subroutine ask_consent
 
-    !> Measured on a short piece.
-    real(wp) function seconds_a_sample(run) result(seconds)
+    !> Measured on the first chunk: planning its design, and its samples.
+    real(wp) function estimated_seconds(run, n_left) result(seconds)
         type(sweep_run), intent(inout) :: run
+        real(wp), intent(in) :: n_left                     !! samples
         type(totals_type) :: part(1)
         type(kept_chunk) :: kept(1)
         integer(int64) :: start, design, first
+        real(wp) :: pass_seconds(2)
         integer :: n, pass
 
-        do pass = 1, 2                                    ! the first one plans and warms up
+        call finish_sweep(run)
+        do pass = 1, 2                                    ! the first one plans
             call system_clock(start)
             call compute_chunks(run, 0_int64, 1_int64, 1, part, kept)
-            seconds = seconds_since(start)
+            pass_seconds(pass) = seconds_since(start)
         end do
         call samples_of_chunk(run%plan, 0_int64, design, first, n)
-        seconds = seconds/n
-    end function seconds_a_sample
+        seconds = n_left*pass_seconds(2)/n &
+                  + real(run%plan%n_design, wp)*max(0.0_wp, pass_seconds(1) - pass_seconds(2))
+    end function estimated_seconds
 
     !> "12 MB"
     pure function room_text(bytes) result(text)

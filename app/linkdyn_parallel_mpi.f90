@@ -2,6 +2,7 @@
 module linkdyn_parallel
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
+    use linkdyn_status, only: status_type
     use mpi_f08, only: mpi_init, mpi_finalize, mpi_comm_rank, mpi_comm_size, mpi_send, mpi_recv, mpi_bcast, mpi_comm_world, &
         mpi_status_ignore, mpi_byte
     implicit none (type, external)
@@ -12,7 +13,9 @@ module linkdyn_parallel
 
 contains
 
-    subroutine start_processes()
+    subroutine start_processes(status)
+        type(status_type), intent(inout) :: status
+
         call mpi_init()
     end subroutine start_processes
 

@@ -2,13 +2,25 @@
 module linkdyn_parallel
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
+    use linkdyn_status, only: status_type, fail, status_unavailable
     implicit none (type, external)
     private
     public :: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, share_integers
 
 contains
 
-    subroutine start_processes()
+    !> Refuse to be one of several processes that know nothing of each other.
+    subroutine start_processes(status)
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: said_by(2) = [character(len=20) :: "OMPI_COMM_WORLD_SIZE", "PMI_SIZE"]
+        character(len=16) :: number
+        integer :: i, code
+
+        do i = 1, size(said_by)
+            call get_environment_variable(trim(said_by(i)), number, status=code)
+            if (code == 0 .and. number /= "1" .and. number /= "") call fail(status, status_unavailable, &
+                "linkdyn: started as "//trim(number)//" processes, but built without MPI (expected a build with -Dmpi=enabled)")
+        end do
     end subroutine start_processes
 
     subroutine stop_processes()

@@ -2,9 +2,10 @@
 program linkdyn
     use, intrinsic :: iso_fortran_env, only: error_unit
     use linkdyn_cli, only: command_line, argument_type, read_arguments, parse_arguments, print_help, &
-        command_inverse, command_forward, command_sweep, command_explain, command_version
+        command_inverse, command_forward, command_sweep, command_study, command_explain, command_version
     use linkdyn_drive_forward, only: drive_forward
     use linkdyn_drive_inverse, only: drive_inverse, load_model
+    use linkdyn_drive_study, only: drive_study
     use linkdyn_drive_sweep, only: drive_sweep
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
@@ -60,6 +61,8 @@ contains
             call drive_forward(config, unit, exit_status)
         case (command_sweep)
             call drive_sweep(config, unit, exit_status)
+        case (command_study)
+            call drive_study(config, unit, exit_status)
         end select
     end subroutine run_command
 end program linkdyn

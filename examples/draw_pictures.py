@@ -91,7 +91,8 @@ def main() -> None:
         linkdyn.plot.mechanism(scene)
         save(folder / "scene.png")
         linkdyn.plot.animate(run, folder / "motion.gif", scene=scene)
-        readme = (folder / "README.md").read_text()
+        file = folder / "README.md"
+        readme = file.read_text() if file.exists() else ""
         for other in sorted(folder.glob("scene_*.toml")):
             picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
             if picture.name in readme:

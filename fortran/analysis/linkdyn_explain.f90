@@ -3,6 +3,7 @@ module linkdyn_explain
     use linkdyn_equations, only: equations_type, build_equations, solver_elimination
     use linkdyn_elimination_plan, only: elimination_plan
     use linkdyn_formulation, only: n_transmitted
+    use linkdyn_constants, only: pi
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, &
         step_group, step_name, is_dyad, side_of
@@ -10,6 +11,7 @@ module linkdyn_explain
     use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
+    use linkdyn_transmission, only: smallest_transmission
     implicit none (type, external)
     private
     public :: explain_model
@@ -75,7 +77,7 @@ contains
                 carried = n_transmitted(model, joint%kind)
                 what = counted(carried(1), "force")
                 if (carried(2) > 0) what = what//", "//counted(carried(2), "moment")
-                write (unit, "(2x,a24,a12,a)") adjustl(joint%name), joint_kind_name(joint%kind), what
+                write (unit, "(2x,a24,a,1x,a)") adjustl(joint%name), joint_kind_name(joint%kind), what
             end associate
         end do
         do j = 1, model%n_actuator
@@ -100,13 +102,29 @@ contains
     subroutine explain_order(model, unit)
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit
+        real(wp) :: angle(model%n_dyad), time(model%n_dyad)
+        logical :: moves
         integer :: i
 
+        moves = model%n_dyad > 0 .and. model%scene%time%last > model%scene%time%first
+        if (moves) call smallest_transmission(model, angle, time)
         write (unit, "(/,a)") "Order of computation"
         do i = 1, size(model%step)
             if (is_dyad(model%step(i)%kind)) call explain_coupler_points(model, i, unit)
             write (unit, "(2x,i4,a)") i, ". "//step_in_words(model, model%step(i))
+            if (is_dyad(model%step(i)%kind) .and. moves) call explain_transmission(model%step(i)%first)
         end do
+
+    contains
+
+        subroutine explain_transmission(d)
+            integer, intent(in) :: d
+            character(len=64) :: line
+
+            if (angle(d) > pi) return                  ! it could not be assembled at all
+            write (line, "(a,f0.1,a,g0.4,a)") "transmission angle down to ", angle(d)*180/pi, " deg, at t = ", time(d), " s"
+            write (unit, "(8x,a)") trim(line)
+        end subroutine explain_transmission
     end subroutine explain_order
 
     !> Points of coupled links from which a dyad sets out.

@@ -5,7 +5,8 @@ module linkdyn_forward_block
     use linkdyn_results, only: layout_type, block_type, view_values, find_driving_power, result_time, result_q, result_qd, &
         result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
-        result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
+        result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
+        result_closure, result_step
     implicit none (type, external)
     private
     public :: advance_block
@@ -45,6 +46,7 @@ contains
             call view_values(layout, result_error, n, block, forces%error)
             call view_values(layout, result_growth, n, block, forces%growth)
             call view_values(layout, result_power_imbalance, n, block, forces%power_imbalance)
+            call view_values(layout, result_transmission_angle, n, block, forces%transmission_angle)
             call view_values(layout, result_kinetic_energy, n, block, forces%kinetic_energy)
             call view_values(layout, result_potential_energy, n, block, forces%potential_energy)
             call view_values(layout, result_closure, n, block, forces%closure)

@@ -7,6 +7,7 @@ module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
+    use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
@@ -47,6 +48,7 @@ module linkdyn_inverse
         real(wp), pointer, contiguous :: reaction_error(:, :, :) => null() !! (n_component, n_joint, n) [N, N m]
         real(wp), pointer, contiguous :: growth(:) => null()    !! (n) reciprocal pivot growth; NaN but for gauss-jordan
         real(wp), pointer, contiguous :: power_imbalance(:) => null() !! (n)
+        real(wp), pointer, contiguous :: transmission_angle(:, :) => null() !! (n_dyad, n) [rad]
         real(wp), pointer, contiguous :: acceleration(:, :) => null() !! (n_q, n) of the coordinates, found or given
         real(wp), pointer, contiguous :: kinetic_energy(:) => null() !! (n) [J]
         real(wp), pointer, contiguous :: potential_energy(:) => null() !! (n) of gravity and springs [J]
@@ -240,11 +242,16 @@ contains
             real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :)
             type(probe_space), intent(in) :: probe
             real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap
-            real(wp) :: nan
+            real(wp) :: nan, transmission(lanes, model%n_dyad)
             integer :: lane, sample, i
             logical :: failed
 
             nan = ieee_value(1.0_wp, ieee_quiet_nan)
+            if (associated(results%transmission_angle)) then
+                do i = 1, model%n_dyad
+                    transmission(:, i) = transmission_angle(workspace%state%plane%dyad(i))
+                end do
+            end if
             do lane = 1, min(lanes, n - (block - 1)*lanes)
                 sample = (block - 1)*lanes + lane
                 failed = workspace%status(lane) /= sample_ok
@@ -277,6 +284,10 @@ contains
                 if (associated(results%error)) results%error(sample) = workspace%error(lane)
                 if (associated(results%growth)) results%growth(sample) = workspace%growth(lane)
                 if (associated(results%power_imbalance)) results%power_imbalance(sample) = merge(nan, imbalance(lane), failed)
+                if (associated(results%transmission_angle)) then
+                    results%transmission_angle(:, sample) = transmission(lane, :)
+                    if (failed) results%transmission_angle(:, sample) = nan
+                end if
                 if (associated(results%acceleration)) then
                     results%acceleration(:, sample) = workspace%acceleration(lane, :)
                     if (failed) results%acceleration(:, sample) = nan

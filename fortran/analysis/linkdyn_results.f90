@@ -14,12 +14,13 @@ module linkdyn_results
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
     public :: describe_results, choose_wanted, all_wanted, prepare_block, view_values, find_driving_power
     public :: variable_index, samples_width, label_len, wanted_name
-    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, n_dimension
+    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
     public :: result_driving_force_error, result_reaction_error
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
+    public :: result_transmission_angle
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
     integer, parameter :: unit_len = 8
@@ -32,7 +33,8 @@ module linkdyn_results
     integer, parameter :: dim_component = 4
     integer, parameter :: dim_coordinate = 5
     integer, parameter :: dim_variable = 6
-    integer, parameter :: n_dimension = 6
+    integer, parameter :: dim_dyad = 7
+    integer, parameter :: n_dimension = 7
 
     ! ---- variables
     integer, parameter :: result_time = 1
@@ -57,6 +59,7 @@ module linkdyn_results
     integer, parameter :: result_step = 20
     integer, parameter :: result_driving_force_error = 21   ! of inverse dynamics, on demand
     integer, parameter :: result_reaction_error = 22
+    integer, parameter :: result_transmission_angle = 23    ! of planar dyads
 
     ! ---- what the user may ask for
     character(len=14), parameter :: wanted_name(6) = [character(len=14) :: &
@@ -66,7 +69,7 @@ module linkdyn_results
     type :: wanted_type
         logical :: driving_force = .true.
         logical :: reaction = .true.
-        logical :: joint_variable = .true.   !! with its rate
+        logical :: joint_variable = .true.   !! with its rate, and the transmission angles
         logical :: power = .true.            !! speed and power of every actuator
         logical :: checks = .true.           !! rcond, error, growth, power_imbalance
         logical :: errors = .false.          !! error estimates of what of the forces is wanted
@@ -163,20 +166,24 @@ contains
     end subroutine choose_wanted
 
     !> Dimensions, labels and variables of the results of inverse dynamics, or of forward dynamics.
-    subroutine describe_results(scene, wanted, has_time, layout, is_forward)
+    subroutine describe_results(scene, wanted, has_time, layout, is_forward, dyad)
         type(scene_type), intent(in) :: scene
         type(wanted_type), intent(in) :: wanted
         logical, intent(in) :: has_time              !! samples are instants of a motion
         type(layout_type), intent(out) :: layout
         logical, intent(in), optional :: is_forward  !! absent: false
+        character(len=*), intent(in), optional :: dyad(:)    !! names of the planar dyads; absent: none
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
-            "sample", "actuator", "joint", "component", "coordinate", "variable"]
+            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         call describe_components(scene, layout)
         call describe_coordinates(scene, layout)
+        allocate (layout%dimension(dim_dyad)%label(0))
+        if (present(dyad)) layout%dimension(dim_dyad)%label = dyad
+        layout%dimension(dim_dyad)%size = size(layout%dimension(dim_dyad)%label)
         call describe_variables(wanted, has_time, layout)
         if (present(is_forward)) then
             if (is_forward) call describe_run(wanted, layout)
@@ -292,6 +299,8 @@ contains
                     of=[dim_variable], units=of_variable)
                 call add(layout, result_joint_rate, "joint_rate", "rates of the joint variables", &
                     of=[dim_variable], units=per(of_variable, "/s"))
+                if (layout%dimension(dim_dyad)%size > 0) call add(layout, result_transmission_angle, "transmission_angle", &
+                    "transmission angle of the dyad, 0 at its dead points to pi/2", "rad", of=[dim_dyad])
             end if
         end associate
         call add(layout, result_status, "status", "outcome of the sample", "1", is_integer=.true.)

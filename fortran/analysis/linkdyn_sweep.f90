@@ -239,8 +239,10 @@ contains
         type(sweep_run), intent(inout) :: run
         integer, intent(in) :: n
 
-        if (size(run%design) >= n) return
-        call close_all(run)
+        if (associated(run%design)) then
+            if (size(run%design) >= n) return
+            call close_all(run)
+        end if
         allocate (run%design(n))
     end subroutine provide_designs
 
@@ -275,5 +277,6 @@ contains
             call close_design(run%design(i))
         end do
         deallocate (run%design)
+        nullify (run%design)
     end subroutine close_all
 end module linkdyn_sweep

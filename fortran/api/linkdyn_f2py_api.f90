@@ -13,11 +13,12 @@ module linkdyn_f2py_api
     use linkdyn_dataset, only: dataset_type, sample_variable
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
     use linkdyn_explain, only: explain_model
+    use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, choose_method
     use linkdyn_forward_block, only: advance_block
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, dyad_names
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_poses, only: find_poses
     use linkdyn_report, only: open_report, read_report
@@ -216,15 +217,16 @@ contains
         if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
         wanted%errors = has_errors == 1
         if (status%code == 0) then
-            call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2)
+            call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2, dyad=dyad_names(model))
             call to_bytes(layout_as_json(layout), text, length)
         end if
         call report(status, code, message)
     end subroutine api_describe_results
 
     !> The report of `linkdyn explain`; text as in `api_describe_scene`.
-    subroutine api_explain(handle, capacity, text, length, code, message)
+    subroutine api_explain(handle, with_matrix, capacity, text, length, code, message)
         integer(c_int), intent(in) :: handle
+        integer(c_int), intent(in) :: with_matrix          ! 1: and the equations at the first instant
         integer(c_int), intent(in) :: capacity
         integer(c_int), intent(inout) :: text(capacity)
         integer(c_int), intent(out) :: length
@@ -240,6 +242,7 @@ contains
         if (status%code == 0) call open_report(unit, status)
         if (status%code == 0) then
             call explain_model(model, unit)
+            if (with_matrix == 1) call explain_first_instant(model, unit)
             call read_report(unit, written, status)
             if (status%code == 0) call to_bytes(written, text, length)
         end if
@@ -277,18 +280,19 @@ contains
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
             n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
             n_variable, joint_variable, joint_rate, n_check, rcond, growth, power_imbalance, n_error, error, &
-            n_driving_error, driving_force_error, n_reaction_error, reaction_error, sample_status, code, message)
+            n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
+            sample_status, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(8)            ! 1: driving force, power, reaction, joint variables, checks,
-                                                           ! relative error, errors of driving forces, of reactions
+        integer(c_int), intent(in) :: wanted(9)            ! 1: driving force, power, reaction, joint variables, checks,
+                                                           ! relative error, errors of driving forces, of reactions, transmission angles
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
-        integer(c_int), intent(in) :: n_error, n_driving_error, n_reaction_error
+        integer(c_int), intent(in) :: n_error, n_driving_error, n_reaction_error, n_transmission
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
@@ -299,6 +303,7 @@ contains
         real(c_double), intent(inout), target :: power_imbalance(n_check), error(n_error)        ! (n)
         real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
+        real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
@@ -325,6 +330,7 @@ contains
             call check_size("error", n_error, n, status, wanted(6))
             call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(7))
             call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(8))
+            call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(9))
         end if
         if (status%code == 0) then
             call check_finite("q", model, first, n, q, status)
@@ -352,6 +358,7 @@ contains
             if (wanted(6) == 1) results%error => error
             if (wanted(7) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
             if (wanted(8) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
+            if (wanted(9) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
                 allocate (own_force(model%n_actuator, n))
                 results%driving_force => own_force
@@ -411,7 +418,8 @@ contains
             allocate (new)
             call start_forward(model, options, new%run, status)
             if (status%code == 0) then
-                call describe_results(model%scene, wanted, .true., new%layout, is_forward=.true.)
+                call describe_results(model%scene, wanted, .true., new%layout, is_forward=.true., &
+                                      dyad=dyad_names(model))
                 !$omp critical (linkdyn_registry)
                 if (.not. allocated(runs)) allocate (runs(0))
                 do run_handle = size(runs), 1, -1          ! a place left free

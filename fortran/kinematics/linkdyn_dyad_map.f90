@@ -10,7 +10,7 @@ module linkdyn_dyad_map
     use linkdyn_vec2, only: vec2, operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
-    public :: dyad_map, make_dyad_map, solve_dyad, transmission_sine
+    public :: dyad_map, make_dyad_map, solve_dyad, transmission_sine, transmission_angle
     public :: half_chord
 
     type :: dyad_map
@@ -47,6 +47,15 @@ contains
 
         sine = abs(map%determinant)/sqrt((map%first.dot.map%first)*(map%second.dot.map%second))
     end function transmission_sine
+
+    !> Transmission angle [rad], 0 (a dead point) to pi/2 (best): between the two ways in which the gap can be closed. Of
+    !> hinged links it is the angle between the links, folded into the first quadrant.
+    pure function transmission_angle(map) result(angle)
+        type(dyad_map), intent(in) :: map
+        real(wp) :: angle(lanes)
+
+        angle = atan2(abs(map%determinant), abs(map%first.dot.map%second))
+    end function transmission_angle
 
     !> Square root of (radius - distance)(radius + distance), the half chord of a circle: kept factored, it has all its
     !> digits near zero. What rounding alone pushed below zero is zero; beyond that the circle is out of reach.

@@ -6,7 +6,7 @@ module linkdyn_model
     private
     public :: model_type, link_type, joint_type, step_type, leg_type, group_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
-    public :: is_dyad, orientation_of, side_of
+    public :: is_dyad, dyad_names, orientation_of, side_of
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -110,6 +110,20 @@ module linkdyn_model
     end type model_type
 
 contains
+
+    !> The planar dyads by their inner joints, in the order of their states.
+    pure function dyad_names(model) result(name)
+        type(model_type), intent(in) :: model
+        character(len=name_len) :: name(model%n_dyad)
+        integer :: i
+
+        name = ""
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (is_dyad(step%kind)) name(step%first) = model%scene%joint(step%joint(2))%name
+            end associate
+        end do
+    end function dyad_names
 
     !> Is the step one of the planar dyads?
     pure logical function is_dyad(kind)

@@ -31,6 +31,7 @@ _GROUPS = (
     ("error",),
     ("driving_force_error",),
     ("reaction_error",),
+    ("transmission_angle",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
@@ -179,9 +180,9 @@ def describe_results(
     return json.loads(_read_text(_api.api_describe_results, handle, solver, want, kind, int(error)))
 
 
-def explain(handle: int) -> str:
-    """The report of ``linkdyn explain``."""
-    return _read_text(_api.api_explain, handle)
+def explain(handle: int, with_matrix: bool) -> str:
+    """The report of ``linkdyn explain``, with the equations if wanted."""
+    return _read_text(_api.api_explain, handle, int(with_matrix))
 
 
 def motion(handle: int, t: Floats, n_q: int, n_load: int) -> tuple[Floats, Floats, Floats, Floats]:

@@ -42,4 +42,6 @@ def main() -> None:
         path = executable()
     except FileNotFoundError as error:
         sys.exit(str(error))
+    if twin := quadruple_twin():
+        os.environ["LINKDYN_REAL128"] = os.fspath(twin)
     os.execv(path, ["linkdyn", *sys.argv[1:]])

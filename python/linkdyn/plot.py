@@ -28,6 +28,7 @@ __all__ = [
     "reactions",
     "scene3d",
     "steps",
+    "study",
 ]
 
 scene3d = mechanism
@@ -303,6 +304,37 @@ def steps(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     axes[0, 0].set(xlabel=x_label, ylabel=f"step of {run.attrs.get('method', 'the integrator')} [s]")
     _finish(figure, axes, run)
     return figure, axes[:, 0]
+
+
+def study(result: xr.Dataset) -> tuple[Figure, np.ndarray]:
+    """Time against error: solvers as points, integrators as lines down their tolerances; lower left is best.
+
+    Parameters
+    ----------
+    result
+        Of ``Scene.study``.
+
+    Returns
+    -------
+    figure, axes
+        ``axes`` of shape (1 or 2,): inverse and forward dynamics, as far as there.
+    """
+    _need(result, "seconds")
+    kinds = [kind for kind in ("inverse", "forward") if (result.analysis == kind).any()]
+    figure, axes = pyplot.subplots(1, len(kinds), squeeze=False, figsize=(1.0 + 4.5 * len(kinds), 4.2), layout="constrained")
+    for axis, kind in zip(axes[0], kinds):
+        rows = result.isel(row=np.flatnonzero(result.analysis == kind))
+        scale, unit = (1e6, "µs a sample") if kind == "inverse" else (1e3, "ms for the run")
+        for k, method in enumerate(dict.fromkeys(rows.method.values)):
+            chosen = rows.isel(row=np.flatnonzero(rows.method == method))
+            floor = np.finfo(float).eps / 4    # so that an error of zero has a place
+            axis.plot(scale * chosen.seconds, np.maximum(chosen.error, floor), "o-", label=str(method), color=_colour(k),
+                      markersize=5, linewidth=1.3)
+        axis.set(xscale="log", yscale="log", xlabel=f"time [{unit}]", ylabel="relative error", title=f"{kind} dynamics")
+        axis.grid(True, which="major", color="0.9", linewidth=0.6)
+        axis.spines[["top", "right"]].set_visible(False)
+        axis.legend(frameon=False, fontsize="small")
+    return figure, axes[0]
 
 
 def _need(run: Any, name: str) -> None:

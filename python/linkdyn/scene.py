@@ -21,6 +21,7 @@ from ._progress import Progress
 from .errors import InputError, Interrupted
 from ._run_error import add_errors, finer
 from .results import result_shapes, to_dataset
+from .study import run_study
 from .sweep import run_sweep
 
 __all__ = ["Scene", "Poses", "load"]
@@ -152,9 +153,15 @@ class Scene:
         """
         return Scene(changed(tomllib.loads(self.text), changes), folder=self._folder)
 
-    def explain(self) -> str:
-        """What is modelled, how it is computed, what is left out."""
-        return _bind.explain(self._handle)
+    def explain(self, matrix: bool = False) -> str:
+        """What is modelled, how it is computed, what is left out.
+
+        Parameters
+        ----------
+        matrix
+            Write the equations [A]{F} = b at the scene's first instant out as well, in symbols and in numbers.
+        """
+        return _bind.explain(self._handle, matrix)
 
     def times(self) -> NDArray[np.float64]:
         """Instants of the scene's own run [s], shape (N,)."""
@@ -383,6 +390,30 @@ class Scene:
         finally:
             sign.end()
         return result()
+
+    def study(self, t_end: float | None = None) -> xr.Dataset:
+        """Time against error of every solver and integrator on this scene.
+
+        Errors are taken against the quadruple twin if it is built (``make real128``), else against the most careful
+        result in double precision; ``attrs["reference"]`` says which. `linkdyn.plot.study` draws it.
+
+        Parameters
+        ----------
+        t_end
+            End of the forward runs [s]; default: the scene's.
+
+        Returns
+        -------
+        xarray.Dataset
+            A row for each method and setting: seconds, error, steps; ``attrs["report"]`` is the printed table, with
+            recommendations.
+
+        Raises
+        ------
+        LinkdynError
+            Neither inverse nor forward dynamics of the scene can be computed.
+        """
+        return run_study(self.text, self._folder, t_end)
 
     def sweep(
         self,

@@ -16,8 +16,9 @@ import tomli_w
 import xarray as xr
 
 import linkdyn
-from linkdyn.cli import executable
+from linkdyn.cli import executable, quadruple_twin
 
+ROOT = Path(__file__).resolve().parents[2]
 BAD_SCENES = sorted((Path(__file__).parent / "bad_scenes").glob("*.toml"))
 DONE, BAD_INPUT, SAMPLES_FAILED = 0, 2, 3
 WHAT = {"elimination": "driving_force,reaction", "reduced": "driving_force"}
@@ -53,6 +54,49 @@ def test_bad_scene_is_refused_in_one_line(file, tmp_path):
     refused(run("explain", file, cwd=tmp_path), str(file), fragment)
     with pytest.raises(linkdyn.SceneError, match=re.escape(fragment)):
         linkdyn.load(file)
+
+
+@pytest.mark.parametrize("twin", [False, True])
+def test_study(twin, tmp_path):
+    """Every method is measured; a tighter tolerance errs less; the advice is good enough; the reference is named."""
+    program = quadruple_twin()
+    if twin and program is None:
+        pytest.skip("linkdyn-real128 is not built (make real128)")
+    scene = ROOT / "examples" / "fourbar" / "scene.toml"
+    environment = os.environ | {"LINKDYN_REAL128": str(program) if twin else str(tmp_path / "none")}
+    result = run("study", scene, "--until", "1", cwd=tmp_path, env=environment)
+    assert result.returncode == DONE and result.stderr == ""
+    assert ("against the quadruple twin" if twin else "is not built") in result.stdout
+    rows = list(csv.DictReader((tmp_path / "fourbar_study.csv").open()))
+    inverse = {row["method"]: float(row["error [1]"]) for row in rows if row["analysis"] == "inverse"}
+    assert set(inverse) == {"gauss-jordan", "lapack", "elimination", "reduced"}
+    # a hundred eps: well-conditioned equations of nine unknowns
+    assert max(inverse.values()) < 100 * np.finfo(float).eps
+    rk4 = [float(row["error [1]"]) for row in rows if row["method"] == "rk4"]
+    # steps shrink by four: order 4 gains a factor 256 until rounding
+    assert len(rk4) == 5 and rk4[1] < rk4[0] / 100 and rk4[2] < rk4[1] / 100
+    advice = re.search(r"for 1e-6 use (\S+), (tol \S+|step .+ s): ", result.stdout)
+    assert advice
+    chosen = [row for row in rows if (row["method"], row["setting"]) == advice.groups()]
+    assert float(chosen[0]["error [1]"]) <= 1e-6
+    refused(run("study", scene, "--csv", cwd=tmp_path), "--csv")
+
+
+def test_states_are_the_motion(tmp_path):
+    """Results as CSV are states: computed from them, all forces come again to the last bit; wrong files are refused."""
+    scene = ROOT / "examples" / "fourbar" / "scene.toml"
+    assert run("inverse", scene, "--csv", "-o", "a.csv", "-q", cwd=tmp_path).returncode == DONE
+    assert run("inverse", scene, "--states", "a.csv", "--csv", "-o", "b.csv", "-q", cwd=tmp_path).returncode == DONE
+    assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "b.csv").read_bytes()
+    (tmp_path / "degrees.csv").write_text("q J1 [deg],note\n90,ok\n")
+    (tmp_path / "radians.csv").write_text(f"q J1\n{np.pi / 2!r}\n")
+    for name in ("degrees", "radians"):
+        assert run("inverse", scene, "--states", f"{name}.csv", "--csv", "-o", f"{name}_out.csv", "-q", cwd=tmp_path).returncode == DONE
+    assert (tmp_path / "degrees_out.csv").read_text() == (tmp_path / "radians_out.csv").read_text()
+    for text, fragment in (("qd J1\n1\n", "no column 'q J1'"), ("q J1 [mm]\n1\n", "unit"), ("q J1\n1\nabc\n", "bad.csv:3")):
+        (tmp_path / "bad.csv").write_text(text)
+        refused(run("inverse", scene, "--states", "bad.csv", cwd=tmp_path), "bad.csv", fragment)
+    refused(run("forward", scene, "--states", "a.csv", cwd=tmp_path), "--states", "linkdyn inverse")
 
 
 def test_version_and_help():

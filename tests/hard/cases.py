@@ -156,8 +156,8 @@ def slider_cranks() -> Iterator[Case]:
 
 def dead_centres() -> Iterator[Case]:
     """The piston drives the crank, near both dead centres."""
-    scene = slider_crank("Slider-driven crank towards its dead centres", 1.03, 2.97, "J4")
     for name, place in (("outer", lambda d: (1.03 + 2.97) - d), ("inner", lambda d: (2.97 - 1.03) + d)):
+        scene = slider_crank(f"Slider-driven crank towards its {name} dead centre", 1.03, 2.97, "J4")
         q, distance = towards(10.0 ** -np.arange(1.0, 13.0), place, 5)
         yield states(f"dead_centre_{name}", scene, q, distance, 0.01, distance_unit="m")
 

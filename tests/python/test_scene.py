@@ -343,7 +343,7 @@ def test_scenes_are_closed_with_their_objects(tsai_file):
     del scene
     gc.collect()
     with pytest.raises(linkdyn.ClosedSceneError):
-        _bind.explain(handle)
+        _bind.explain(handle, False)
 
 
 # ---------------------------------------------------------------- planar scenes
@@ -414,3 +414,10 @@ def test_poses_in_order_go_through_change_points():
         poses = scene.poses(q, in_order=in_order)
         parallel = np.abs(poses.rotation[:, 2] - poses.rotation[:, 0]).max(axis=(1, 2)) < 1e-9
         assert parallel[~past].all() and parallel[past].all() == (not crossed)
+
+
+def test_equations_written_out(fivebar):
+    report, full = fivebar.explain(), fivebar.explain(matrix=True)
+    assert full.startswith(report) and len(full) > len(report)
+    for text in ("In symbols", "In numbers", "J1 Fx", "crank2 Mz", "yG-yJ"):
+        assert text in full[len(report) :], text

@@ -179,7 +179,11 @@ def segment_distance(a: np.ndarray, b: np.ndarray) -> float:
 
 def test_swing_and_clearance(swept, grid, tmp_path):
     swept["sweep"]["clearance"] = {"diameter": 0.05}
+    given = np.array([0.2, 0.1, -1.0]) / np.linalg.norm([0.2, 0.1, -1.0])
+    swept["sweep"]["swing"] = {"leg2.S": [0.2, 0.1, -1.0]}
     results = sweep_file(swept, tmp_path)
+    swept["sweep"]["clearance"]["segments"] = [[f"frame.B{leg}", f"platform.P{leg}"] for leg in range(1, 7)]
+    assert sweep_file(swept, tmp_path)["clearance_mean"].equals(results["clearance_mean"])
     model = linkdyn.Scene({key: value for key, value in swept.items() if key != "sweep"})
     q = brute(swept, grid)["q"].values
     poses, start = model.poses(q), model.poses(model.motion(0.0)[0])
@@ -191,7 +195,8 @@ def test_swing_and_clearance(swept, grid, tmp_path):
         axis, neutral = poses.rotation[:, lower, :, 2], start.rotation[0, lower, :, 2]
         swing.append(np.arccos(axis @ neutral))
         local = np.einsum("nji,nj->ni", poses.rotation[:, platform], axis)
-        swing.append(np.arccos(np.clip(local @ (start.rotation[0, platform].T @ neutral), -1, 1)))
+        fixed = given if leg == 2 else start.rotation[0, platform].T @ neutral
+        swing.append(np.arccos(np.clip(local @ fixed, -1, 1)))
         ends.append(np.stack([poses.position[:, lower], poses.position[:, upper]], axis=1))
     # The arc cosine near its end knows the angle to the square root of rounding.
     check_reduction(results, "swing", np.stack(swing, axis=-1), grid, 2e-8)

@@ -1,0 +1,195 @@
+!> `linkdyn study`: every solver and every integrator on one scene, time against error, and what to use.
+module linkdyn_drive_study
+    use, intrinsic :: iso_fortran_env, only: error_unit
+    use linkdyn_cli, only: command_line
+    use linkdyn_drive_inverse, only: load_model
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_motion, only: evaluate_motion, sample_count
+    use linkdyn_output_file, only: output_file, open_output, open_text, write_text, close_text, commit_output, discard_output
+    use linkdyn_run_output, only: default_name, exit_done, exit_bad_input
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_study, only: study_row, study_states, study_inverse, study_forward, recommend
+    use linkdyn_text, only: to_text
+    use linkdyn_twin, only: find_twin, ask_inverse, ask_forward
+    implicit none (type, external)
+    private
+    public :: drive_study
+
+    integer, parameter :: most_samples = 48      !! of the inverse part: the twin takes a while for each
+    integer, parameter :: n_instant = 11         !! of a forward run at which it is compared
+
+contains
+
+    !> Measure, print, write, recommend.
+    subroutine drive_study(config, unit, exit_status)
+        type(command_line), intent(in) :: config
+        integer, intent(in) :: unit
+        integer, intent(out) :: exit_status
+        type(model_type), target :: model
+        type(study_row), allocatable :: inverse(:), forward(:)
+        type(status_type) :: status, inverse_status, forward_status
+        character(len=:), allocatable :: twin, against
+
+        exit_status = exit_bad_input
+        call load_model(config%scene, .false., model, status)
+        if (status%is_ok()) then
+            twin = find_twin()
+            against = "the quadruple twin"
+            if (twin == "") against = "the most careful result of its own (the quadruple twin is not built: make real128)"
+            call measure_inverse(config, model, twin, inverse, inverse_status)
+            call measure_forward(config, model, twin, forward, forward_status)
+            if (size(inverse) + size(forward) == 0) call fail(status, status_bad_input, config%scene &
+                //": neither inverse nor forward dynamics can be computed: "//trim(inverse_status%message)//"; " &
+                //trim(forward_status%message))
+        end if
+        if (status%is_ok() .and. .not. config%no_output) call write_rows(config, [inverse, forward], status)
+        if (.not. status%is_ok()) then
+            write (error_unit, "(a)") trim(status%message)
+            return
+        end if
+        exit_status = exit_done
+        if (config%quiet) return
+        if (len_trim(model%scene%title) > 0) write (unit, "(a)") trim(model%scene%title)
+        write (unit, "(a)") "  errors against "//against
+        if (size(inverse) > 0) call print_inverse(inverse, unit)
+        if (size(inverse) == 0) write (unit, "(/, a)") "  no inverse dynamics: "//trim(inverse_status%message)
+        if (size(forward) > 0) call print_forward(forward, unit)
+        if (size(forward) == 0) write (unit, "(/, a)") "  no forward dynamics: "//trim(forward_status%message)
+    end subroutine drive_study
+
+    !> Solvers at instants of the scene's motion.
+    subroutine measure_inverse(config, model, twin, row, status)
+        type(command_line), intent(in) :: config
+        type(model_type), intent(in) :: model
+        character(len=*), intent(in) :: twin
+        type(study_row), allocatable, intent(out) :: row(:)
+        type(status_type), intent(out) :: status
+        type(study_states) :: states
+        real(wp), allocatable :: exact(:, :)
+        logical :: is_known
+        integer :: i, n
+
+        n = min(most_samples, sample_count(model))
+        allocate (states%q(model%n_q, n), states%qd(model%n_q, n), states%qdd(model%n_q, n), states%load(6, model%n_load, n))
+        states%t = [(model%scene%time%first + (model%scene%time%last - model%scene%time%first) &
+                     *(real(i - 1, wp)/max(1, n - 1)), i=1, n)]
+        call evaluate_motion(model, states%t, states%q, states%qd, states%qdd, states%load)
+        is_known = .false.
+        if (twin /= "") then
+            allocate (exact(model%n_actuator + model%n_component*model%n_joint, n))
+            call ask_inverse(twin, config%scene, model, states, exact, is_known)
+        end if
+        if (is_known) then
+            call study_inverse(model, states, exact, row, status)
+        else
+            call study_inverse(model, states, row=row, status=status)
+        end if
+    end subroutine measure_inverse
+
+    !> Integrators from the scene's start on.
+    subroutine measure_forward(config, model, twin, row, status)
+        type(command_line), intent(in) :: config
+        type(model_type), intent(in), target :: model
+        character(len=*), intent(in) :: twin
+        type(study_row), allocatable, intent(out) :: row(:)
+        type(status_type), intent(out) :: status
+        real(wp) :: exact(model%n_q, n_instant), first, last, t(n_instant)
+        logical :: is_known
+        integer :: i
+
+        allocate (row(0))
+        first = model%scene%time%first
+        last = merge(config%until, model%scene%time%last, config%has_until)
+        if (.not. last > first) then
+            call fail(status, status_bad_input, "a run from "//to_text(first)//" s to "//to_text(last)//" s goes nowhere")
+            return
+        end if
+        t = [(first + (last - first)*(real(i - 1, wp)/(n_instant - 1)), i=1, n_instant)]
+        t(n_instant) = last
+        is_known = .false.
+        if (twin /= "") call ask_forward(twin, config%scene, last, n_instant, exact, is_known)
+        if (is_known) then
+            call study_forward(model, t, exact, row, status)
+        else
+            call study_forward(model, t, row=row, status=status)
+        end if
+    end subroutine measure_forward
+
+    subroutine print_inverse(row, unit)
+        type(study_row), intent(in) :: row(:)
+        integer, intent(in) :: unit
+        integer :: i
+
+        write (unit, "(/, 2x, a24, a16, a12)") [character(len=24) :: "inverse: solver"], "us a sample", "error"
+        do i = 1, size(row)
+            write (unit, "(2x, a24, f16.3, es12.1)") [character(len=24) :: row(i)%method], 1.0e6_wp*row(i)%seconds, row(i)%error
+        end do
+        call print_advice(row, "inverse", [1.0e-12_wp], unit)
+    end subroutine print_inverse
+
+    subroutine print_forward(row, unit)
+        type(study_row), intent(in) :: row(:)
+        integer, intent(in) :: unit
+        integer :: i
+
+        write (unit, "(/, 2x, a8, 2x, a18, a8, a12, a12)") [character(len=8) :: "forward:"], &
+            [character(len=18) :: "setting"], "steps", "ms", "error"
+        do i = 1, size(row)
+            if (row(i)%error > 1.0e30_wp) then
+                write (unit, "(2x, a8, 2x, a18, i8, f12.3, a12)") row(i)%method, row(i)%setting, row(i)%n_step, &
+                    1.0e3_wp*row(i)%seconds, "failed"
+            else
+                write (unit, "(2x, a8, 2x, a18, i8, f12.3, es12.1)") row(i)%method, row(i)%setting, row(i)%n_step, &
+                    1.0e3_wp*row(i)%seconds, row(i)%error
+            end if
+        end do
+        call print_advice(row, "forward", [1.0e-3_wp, 1.0e-6_wp, 1.0e-9_wp], unit)
+    end subroutine print_forward
+
+    subroutine print_advice(row, analysis, target, unit)
+        type(study_row), intent(in) :: row(:)
+        character(len=*), intent(in) :: analysis
+        real(wp), intent(in) :: target(:)
+        integer, intent(in) :: unit
+        character(len=:), allocatable :: text
+        integer :: i
+
+        write (unit, "(a)") ""
+        do i = 1, size(target)
+            text = recommend(row, analysis, target(i))
+            if (text /= "") write (unit, "(a)") "  "//text
+        end do
+    end subroutine print_advice
+
+    !> All rows as a table.
+    subroutine write_rows(config, row, status)
+        type(command_line), intent(in) :: config
+        type(study_row), intent(in) :: row(:)
+        type(status_type), intent(inout) :: status
+        type(output_file) :: file
+        character(len=:), allocatable :: name
+        character(len=64) :: numbers
+        integer :: i
+
+        if (allocated(config%output)) then
+            name = config%output
+        else
+            name = default_name(config%scene)//"_study.csv"
+        end if
+        call open_output(name, .true., file, status)
+        if (status%is_ok()) call open_text(file, status)
+        call write_text(file, "analysis,method,setting,seconds [s],error [1],steps [1]"//new_line("a"), status)
+        do i = 1, size(row)
+            write (numbers, "(es16.8e3, ',', es16.8e3, ',', i0)") row(i)%seconds, row(i)%error, row(i)%n_step
+            call write_text(file, trim(row(i)%analysis)//","//trim(row(i)%method)//","//trim(row(i)%setting)//"," &
+                            //trim(adjustl(numbers))//new_line("a"), status)
+        end do
+        call close_text(file, status)
+        if (status%is_ok()) then
+            call commit_output(file, status)
+        else
+            call discard_output(file)
+        end if
+    end subroutine write_rows
+end module linkdyn_drive_study

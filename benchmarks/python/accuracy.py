@@ -1,0 +1,183 @@
+"""Regenerate docs/accuracy.md: hard cases against the quadruple twin, error estimates, studies.
+
+Usage: accuracy.py [--no-studies]; needs linkdyn installed and linkdyn-real128 beside it (`make accuracy` sees to both).
+The tables stand between markers in the document, the pictures beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+import linkdyn
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "tests" / "hard"), str(ROOT / "benchmarks" / "python")]
+
+from bench_inverse import COLOURS, finish, put_between  # noqa: E402
+from cases import Case, examples, hard_cases  # noqa: E402
+from linkdyn.cli import quadruple_twin  # noqa: E402
+from twin import forces_of, quadruple_forces, true_errors  # noqa: E402
+
+DOCUMENT = ROOT / "docs" / "accuracy.md"
+SOLVERS = ("elimination", "lapack", "gauss-jordan")
+SAFETY = 20
+"""Of the estimates (linkdyn_error_probe.f90): a twentieth of an estimate is what changes of the last place do."""
+DRAWN = ("four_bar_change_point", "dead_centre_outer", "slider_crank_1e-06", "fichter")
+STUDIED = ("stewart_tsai", "fourbar", "stewart_forward", "rcsp_start")
+
+
+class Measured:
+    """True and estimated errors of one case by one solver."""
+
+    def __init__(self, case: Case, solver: str, exact: np.ndarray) -> None:
+        run = linkdyn.Scene(case.scene, case.folder).inverse(
+            q=case.q, qd=case.qd, qdd=case.qdd, want="driving_force,reaction", solver=solver, error=True
+        )
+        forces, estimate = forces_of(run), forces_of(run, "_error")
+        true = true_errors(forces, exact)
+        self.solved = int((run.status.values == 0).sum())
+        counts = np.isfinite(true) & ((true > 0) | (estimate > 0))
+        with np.errstate(divide="ignore"):
+            self.ratio = true[counts] / estimate[counts]
+        self.relative = true.max(axis=1) / np.abs(forces).max(axis=1)
+        self.estimated = run.error.values
+
+
+def measure(program: Path) -> dict[str, tuple[Case, dict[str, Measured]]]:
+    """All cases by all solvers."""
+    result = {}
+    for case in [*hard_cases(), *examples()]:
+        exact = quadruple_forces(program, case)
+        result[case.name] = (case, {solver: Measured(case, solver, exact) for solver in SOLVERS})
+    return result
+
+
+def worst_digits(values: np.ndarray) -> str:
+    """The largest, a relative error; above 1 nothing is left."""
+    largest = np.nanmax(values)
+    return "none left" if largest >= 1 else f"{largest:.0e}"
+
+
+def case_table(result: dict[str, tuple[Case, dict[str, Measured]]]) -> str:
+    lines = [
+        "| case | samples | data allow | " + " | ".join(SOLVERS) + " | above estimate | estimate/true |",
+        "|---|---:|---:|" + "---:|" * (len(SOLVERS) + 2),
+    ]
+    for name, (case, by_solver) in result.items():
+        if name.startswith("example_"):
+            continue
+        first = by_solver["elimination"]
+        cells = [f"{case.title}", str(len(case.q)), worst_digits(first.estimated / SAFETY)]
+        cells += [worst_digits(by_solver[solver].relative) for solver in SOLVERS]
+        cells += [f"{100 * np.mean(first.ratio > 1):.2g} %", f"{1 / np.median(first.ratio):.2g}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def estimate_table(result: dict[str, tuple[Case, dict[str, Measured]]]) -> str:
+    lines = ["| solver | cases | numbers | above estimate | 99.9 % below | largest | median estimate/true |",
+             "|---|---|---:|---:|---:|---:|---:|"]
+    for solver in SOLVERS:
+        for title, is_easy in (("hard", False), ("examples", True)):
+            ratio = np.concatenate([
+                by_solver[solver].ratio for name, (_, by_solver) in result.items() if name.startswith("example_") == is_easy
+            ])
+            lines.append(f"| {solver} | {title} | {len(ratio)} | {100 * np.mean(ratio > 1):.2g} % "
+                         f"| {np.percentile(ratio, 99.9):.2g} | {ratio.max():.2g} | {1 / np.median(ratio):.2g} |")
+    return "\n".join(lines)
+
+
+def draw_histogram(result: dict[str, tuple[Case, dict[str, Measured]]], file: Path) -> None:
+    figure, axis = plt.subplots(figsize=(7.5, 4.2), layout="constrained")
+    bins = np.linspace(-7, 1, 81)
+    for solver in SOLVERS:
+        ratio = np.concatenate([m[solver].ratio for name, (_, m) in result.items() if not name.startswith("example_")])
+        axis.hist(np.log10(np.clip(ratio, 10.0 ** bins[0], None)), bins=bins, histtype="step", color=COLOURS[solver], label=solver,
+                  weights=np.full(len(ratio), 100 / len(ratio)), linewidth=1.4)
+    axis.axvline(0, color="0.4", linewidth=0.9)
+    axis.annotate("estimate too small", (0.05, 0.95), xycoords=("data", "axes fraction"), color="0.3", fontsize="small", va="top")
+    axis.set(yscale="log", xlabel="log10 of true error / estimate (those below -7 in the first bin)", ylabel="share of all numbers [%]",
+             title="All hard cases")
+    finish(figure, axis, file)
+
+
+def draw_families(result: dict[str, tuple[Case, dict[str, Measured]]], file: Path) -> None:
+    figure, axes = plt.subplots(2, 2, figsize=(10, 7.5), layout="constrained")
+    for axis, name in zip(axes.flat, DRAWN):
+        case, by_solver = result[name]
+        for solver in SOLVERS:
+            axis.plot(case.distance, np.maximum(by_solver[solver].relative, 1e-17), ".", color=COLOURS[solver], markersize=3, label=solver)
+        axis.plot(case.distance, by_solver["elimination"].estimated, ".", color="0.7", markersize=3, label="estimate", zorder=0)
+        axis.set(xscale="log", yscale="log", xlabel=f"distance [{case.distance_unit}]", ylabel="relative error", title=case.title)
+        axis.set_ylim(top=1e2)
+        axis.grid(True, which="major", color="0.9", linewidth=0.6)
+        axis.invert_xaxis()
+    axes[0, 0].legend(frameon=False, markerscale=4, fontsize="small")
+    figure.savefig(file, dpi=110)
+    plt.close(figure)
+
+
+def cost_table() -> str:
+    """Time with estimates over time without, best of several."""
+    lines = ["| scene | results | us a sample | with estimates | ratio |", "|---|---|---:|---:|---:|"]
+    for name in ("stewart_tsai", "fourbar", "sixbar_slider", "andrews"):
+        scene = linkdyn.load(ROOT / "examples" / name / "scene.toml")
+        last = scene.description["time"]["last"]
+        q, qd, qdd = scene.motion(np.linspace(0.0, last, 16384))
+        for want in ("driving_force", "driving_force,reaction", "all"):
+            best = {}
+            for error in (False, True):
+                scene.solve(q, qd, qdd, want=want, error=error)
+                seconds = []
+                for _ in range(5):
+                    start = time.perf_counter()
+                    scene.solve(q, qd, qdd, want=want, error=error)
+                    seconds.append(time.perf_counter() - start)
+                best[error] = 1e6 * min(seconds) / len(q)
+            lines.append(f"| {name} | {want.replace(',', ', ').replace('_', ' ')} | {best[False]:.3g} | {best[True]:.3g} "
+                         f"| {best[True] / best[False]:.2g} |")
+    return "\n".join(lines)
+
+
+def studies(folder: Path) -> str:
+    parts = []
+    for name in STUDIED:
+        result = linkdyn.load(ROOT / "examples" / name / "scene.toml").study()
+        figure, _ = linkdyn.plot.study(result)
+        figure.savefig(folder / f"study_{name}.png", dpi=110)
+        plt.close(figure)
+        report = "\n".join("    " + line for line in result.attrs["report"].rstrip().splitlines())
+        parts.append(f"`linkdyn study examples/{name}/scene.toml`\n\n{report}\n\n![{name}](accuracy/study_{name}.png)\n")
+    return "\n".join(parts)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--no-studies", action="store_true", help="hard cases and estimates only")
+    given = parser.parse_args()
+    program = quadruple_twin()
+    if program is None:
+        sys.exit("linkdyn-real128 is not built (expected it beside the executable: make real128)")
+    folder = ROOT / "docs" / "accuracy"
+    folder.mkdir(exist_ok=True)
+    result = measure(program)
+    put_between(DOCUMENT, "cases", case_table(result))
+    put_between(DOCUMENT, "estimates", estimate_table(result))
+    put_between(DOCUMENT, "cost", cost_table())
+    draw_histogram(result, folder / "estimates.png")
+    draw_families(result, folder / "families.png")
+    if not given.no_studies:
+        put_between(DOCUMENT, "studies", studies(folder))
+    print(estimate_table(result))
+
+
+if __name__ == "__main__":
+    main()

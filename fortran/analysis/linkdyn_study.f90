@@ -1,0 +1,280 @@
+!> Time against error of every method on one scene: solvers of inverse dynamics, integrators of forward dynamics.
+!>
+!> Each method is run until its time can be told; its result is compared with a reference that the caller has, from the
+!> quadruple twin, or with the most careful result of our own.
+module linkdyn_study
+    use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_assembly_trail, only: assembly_trail
+    use linkdyn_forward, only: forward_options, forward_results, forward_run, start_forward, advance_forward, &
+        finish_forward, method_name, method_rk4, method_gbs
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
+        solver_lapack, solver_reduced, solver_name
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: study_row, study_states, study_inverse, study_forward, recommend
+
+    !> One method, one setting.
+    type :: study_row
+        character(len=8) :: analysis = ""        !! inverse or forward
+        character(len=12) :: method = ""
+        character(len=24) :: setting = ""        !! "tol 1e-8", "step 0.001"; blank: none
+        real(wp) :: seconds = 0                  !! a sample, or the whole run
+        real(wp) :: error = 0                    !! relative; huge: the run failed
+        integer :: n_step = 0                    !! of an integrator
+    end type study_row
+
+    !> Samples of the inverse part.
+    type :: study_states
+        real(wp), allocatable :: t(:), q(:, :), qd(:, :), qdd(:, :), load(:, :, :)
+    end type study_states
+
+    real(wp), parameter :: least_seconds = 0.02_wp    !! of a measurement
+    real(wp), parameter :: most_seconds = 4.0_wp      !! a method that took longer goes no further down its ladder
+
+contains
+
+    !> All solvers on some samples along the motion. Errors: largest difference of a force or moment from the reference,
+    !> relative to the sample's largest, over all samples.
+    subroutine study_inverse(model, states, exact, row, status)
+        type(model_type), intent(in) :: model
+        type(study_states), intent(in) :: states
+        real(wp), intent(in), optional :: exact(:, :)    !! driving forces, reactions (n_actuator + components, n)
+        type(study_row), allocatable, intent(out) :: row(:)
+        type(status_type), intent(inout) :: status
+        real(wp) :: value(model%n_actuator + model%n_component*model%n_joint, size(states%t))
+        real(wp) :: reference(size(value, 1), size(value, 2))
+        real(wp) :: seconds
+        integer :: s, i, n_value
+        logical :: good(size(states%t))
+
+        allocate (row(0))
+        call run_solver(model, states, solver_lapack, reference, good, seconds, status)
+        if (present(exact)) reference = exact
+        if (.not. status%is_ok()) return
+        do s = 1, size(solver_name)
+            call run_solver(model, states, s, value, good, seconds, status)
+            if (.not. status%is_ok()) return
+            row = [row, study_row("inverse", solver_name(s), "", seconds)]
+            n_value = merge(model%n_actuator, size(value, 1), s == solver_reduced)
+            do i = 1, size(states%t)
+                if (.not. good(i)) cycle
+                row(size(row))%error = max(row(size(row))%error, &
+                    maxval(abs(value(:n_value, i) - reference(:n_value, i))) &
+                    /max(maxval(abs(reference(:n_value, i))), tiny(1.0_wp)))
+            end do
+        end do
+    end subroutine study_inverse
+
+    !> One solver: its forces, and seconds a sample.
+    subroutine run_solver(model, states, solver, value, good, seconds, status)
+        type(model_type), intent(in) :: model
+        type(study_states), intent(in) :: states
+        integer, intent(in) :: solver
+        real(wp), intent(out) :: value(:, :)
+        logical, intent(out) :: good(:)
+        real(wp), intent(out) :: seconds
+        type(status_type), intent(inout) :: status
+        type(inverse_solver) :: planned
+        type(inverse_results) :: results
+        real(wp), target :: force(model%n_actuator, size(states%t))
+        real(wp), allocatable, target :: reaction(:, :, :)
+        integer, target :: outcome(size(states%t))
+        integer(int64) :: start, finish, rate
+        integer :: n_repeat, i
+
+        value = 0
+        seconds = 0
+        good = .false.
+        call prepare_inverse(model, inverse_options(solver=solver), solver /= solver_reduced, planned, status)
+        if (.not. status%is_ok()) return
+        allocate (reaction(model%n_component, model%n_joint, size(states%t)))
+        reaction = 0
+        results%driving_force => force
+        results%status => outcome
+        if (solver /= solver_reduced) results%reaction => reaction
+        n_repeat = 1
+        do
+            call system_clock(start, rate)
+            do i = 1, n_repeat
+                call run_once()
+            end do
+            call system_clock(finish)
+            seconds = real(finish - start, wp)/real(rate, wp)
+            if (seconds >= least_seconds) exit
+            n_repeat = 2*n_repeat
+        end do
+        seconds = seconds/n_repeat/size(states%t)
+        value(:model%n_actuator, :) = force
+        value(model%n_actuator + 1:, :) = reshape(reaction, [model%n_component*model%n_joint, size(states%t)])
+        good = outcome == sample_ok
+        call planned%free()
+
+    contains
+
+        subroutine run_once()
+            type(assembly_trail) :: trail
+
+            call run_prepared(model, planned, 1, states%q, states%qd, states%qdd, states%load, results, trail=trail)
+        end subroutine run_once
+    end subroutine run_solver
+
+    !> All integrators down a ladder of tolerances or steps. Error: largest difference of a coordinate at the output
+    !> instants, relative to the largest length, or to the largest angle or 1 rad.
+    subroutine study_forward(model, t, exact, row, status)
+        type(model_type), intent(in), target :: model
+        real(wp), intent(in) :: t(:)                     !! instants of output [s]
+        real(wp), intent(in), optional :: exact(:, :)    !! (n_q, n)
+        type(study_row), allocatable, intent(out) :: row(:)
+        type(status_type), intent(inout) :: status
+        real(wp), parameter :: tolerance(*) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-8_wp, 1.0e-10_wp, 1.0e-12_wp]
+        integer, parameter :: n_step(*) = [50, 200, 800, 3200, 12800]    !! of a fixed step, over the run
+        real(wp), parameter :: tightest = 1.0e-13_wp
+        type(forward_options) :: options
+        type(status_type) :: outcome
+        real(wp) :: q(model%n_q, size(t)), reference(model%n_q, size(t)), seconds, span
+        integer :: method, k, n_taken
+        logical :: is_done
+
+        allocate (row(0))
+        span = t(size(t)) - t(1)
+        options%wants_reactions = .false.
+        options%t_start = t(1)
+        options%integrator%step = min(1.0e-3_wp, span/10)
+        options%integrator%method = method_gbs
+        options%integrator%rtol = tightest
+        options%integrator%atol = tightest
+        call run_integrator(model, options, t, reference, seconds, n_taken, is_done, status)
+        if (.not. status%is_ok()) return
+        if (present(exact)) reference = exact
+        do method = 1, size(method_name)
+            options%integrator%method = method
+            do k = 1, size(tolerance)
+                options%integrator%rtol = tolerance(k)
+                options%integrator%atol = tolerance(k)
+                options%integrator%step = merge(span/n_step(k), min(1.0e-3_wp, span/10), method == method_rk4)
+                outcome = status_type()
+                call run_integrator(model, options, t, q, seconds, n_taken, is_done, outcome)
+                if (.not. outcome%is_ok()) exit           ! a build without this method
+                row = [row, study_row("forward", method_name(method), setting_of(options), seconds, &
+                                      worst_difference(model, q, reference, is_done), n_taken)]
+                if (seconds > most_seconds) exit
+            end do
+        end do
+    end subroutine study_forward
+
+    pure function setting_of(options) result(text)
+        type(forward_options), intent(in) :: options
+        character(len=24) :: text
+
+        if (options%integrator%method == method_rk4) then
+            text = "step "//to_text(options%integrator%step)//" s"
+        else
+            text = "tol 1e"//to_text(nint(log10(options%integrator%rtol)))
+        end if
+    end function setting_of
+
+    !> Errors of lengths relative to the largest length, of angles to the largest angle or 1 rad.
+    pure real(wp) function worst_difference(model, q, reference, is_done) result(worst)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :), reference(:, :)
+        logical, intent(in) :: is_done
+        logical :: of_kind(size(q, 1))
+        real(wp) :: largest
+        integer :: kind, k
+
+        worst = huge(1.0_wp)
+        if (.not. is_done) return
+        worst = 0
+        do kind = 1, 2
+            of_kind = model%scene%coordinate%unit == "m" .eqv. kind == 1
+            largest = maxval(abs(reference), mask=spread(of_kind, 2, size(q, 2)))
+            if (kind == 2) largest = max(largest, 1.0_wp)
+            do k = 1, size(q, 1)
+                if (of_kind(k)) worst = max(worst, maxval(abs(q(k, :) - reference(k, :)))/max(largest, tiny(1.0_wp)))
+            end do
+        end do
+    end function worst_difference
+
+    !> One run, repeated until its time can be told.
+    subroutine run_integrator(model, options, t, q, seconds, n_taken, is_done, status)
+        type(model_type), intent(in), target :: model
+        type(forward_options), intent(in) :: options
+        real(wp), intent(in) :: t(:)
+        real(wp), intent(out), target :: q(:, :)
+        real(wp), intent(out) :: seconds
+        integer, intent(out) :: n_taken
+        logical, intent(out) :: is_done
+        type(status_type), intent(inout) :: status
+        integer :: n_repeat
+
+        q = 0
+        seconds = 0
+        n_taken = 0
+        is_done = .false.
+        n_repeat = 0
+        do while (seconds < least_seconds)
+            call run_once()
+            if (.not. status%is_ok()) return
+            n_repeat = n_repeat + 1
+        end do
+        seconds = seconds/n_repeat
+
+    contains
+
+        !> The clock stands while the run is planned.
+        subroutine run_once()
+            type(forward_run) :: run
+            type(forward_results) :: results
+            integer(int64) :: start, finish, rate
+            integer :: n_good
+
+            call start_forward(model, options, run, status)
+            if (status%is_ok()) then
+                results%q => q
+                call system_clock(start, rate)
+                call advance_forward(run, t, results, n_good)
+                call system_clock(finish)
+                seconds = seconds + real(finish - start, wp)/real(rate, wp)
+                n_taken = run%integrator%n_step
+                is_done = .not. run%has_stopped
+            end if
+            call finish_forward(run)
+        end subroutine run_once
+    end subroutine run_integrator
+
+    !> "for 1e-6 use rk8pd, tol 1e-8: 4.00 ms": the quickest row of an analysis that is good
+    !> enough; blank if none is.
+    function recommend(row, analysis, target) result(text)
+        type(study_row), intent(in) :: row(:)
+        character(len=*), intent(in) :: analysis
+        real(wp), intent(in) :: target
+        character(len=:), allocatable :: text
+        character(len=16) :: figure
+        integer :: i, best
+
+        best = 0
+        do i = 1, size(row)
+            if (row(i)%analysis /= analysis .or. row(i)%error > target) cycle
+            if (row(i)%method == solver_name(solver_reduced)) cycle    ! it gives no reactions
+            if (best > 0) then
+                if (row(i)%seconds >= row(best)%seconds) cycle
+            end if
+            best = i
+        end do
+        text = ""
+        if (best == 0) return
+        text = "for 1e"//to_text(nint(log10(target)))//" use "//trim(row(best)%method)
+        if (row(best)%setting /= "") text = text//", "//trim(row(best)%setting)
+        if (analysis == "inverse") then
+            write (figure, "(g0.3)") 1.0e6_wp*row(best)%seconds
+            text = text//": "//trim(figure)//" us a sample"
+        else
+            write (figure, "(g0.3)") 1.0e3_wp*row(best)%seconds
+            text = text//": "//trim(figure)//" ms"
+        end if
+    end function recommend
+end module linkdyn_study
