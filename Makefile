@@ -1,7 +1,7 @@
 # The front door. Everything is made inside this folder: .venv, build, results.
 #   make run     build, install into .venv, compute and draw the main example
 #   make test    the same set-up, then every test
-#   make bench   time against error of the solvers
+#   make bench   time against error of the solvers; `make bench-forward`: of the integrators
 #   make real128 linkdyn-real128, the same program in quadruple precision, beside the installed one
 #   make accuracy  tables and pictures of docs/accuracy.md
 #   make docs    reference of the Fortran sources in docs/html
@@ -32,7 +32,7 @@ SETUP := -Dtests=true -Dbenchmarks=true
 # the same sources in quadruple precision: the measure of accuracy, not part of the package
 REAL128 := build/real128
 
-.PHONY: run test bench real128 accuracy docs clean distclean system
+.PHONY: run test bench bench-forward real128 accuracy docs clean distclean system
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -45,6 +45,10 @@ test: $(PACKAGE)
 bench: $(PACKAGE)
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_inverse_real64
 	$(VENV)/bin/python benchmarks/python/bench_inverse.py
+
+bench-forward: $(PACKAGE)
+	@$(VENV)/bin/meson compile -C $(BUILD) bench_forward_real64
+	$(VENV)/bin/python benchmarks/python/bench_forward.py
 
 real128: $(PACKAGE)
 	@[ -f $(REAL128)/build.ninja ] || $(VENV)/bin/meson setup $(REAL128) -Dreal128=enabled

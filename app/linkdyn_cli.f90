@@ -25,8 +25,8 @@ module linkdyn_cli
     character(len=11), parameter :: inverse_option(12) = [character(len=11) :: common_option, "--error", "--states"]
     character(len=11), parameter :: forward_option(16) = [character(len=11) :: common_option, &
         "--method", "--step", "--rtol", "--atol", "--until", "--samples"]
-    character(len=12), parameter :: sweep_option(11) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
-        "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
+    character(len=12), parameter :: sweep_option(12) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
+        "--sheet", "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
     character(len=11), parameter :: study_option(7) = [character(len=11) :: "--output", "--no-output", "--until", "--quiet", &
         "--help", "-o", "-q"]
     character(len=10), parameter :: other_option(2) = [character(len=10) :: "--help", "--matrix"]
@@ -198,6 +198,10 @@ contains
         end if
         if (config%command /= command_sweep .and. any(["--resume", "--yes   ", "--keep  "] == option)) then
             call refuse(quoted(option)//": unknown option (expected with linkdyn sweep)")
+            return
+        end if
+        if (config%command == command_sweep .and. option == "--sheet") then
+            call refuse("--sheet: the sizing sheet is drawn by the Python package (expected the command linkdyn that it installs)")
             return
         end if
         if (config%command /= command_inverse .and. any(["--error ", "--states"] == option)) then
@@ -385,6 +389,8 @@ contains
             "  -o, --output FILE   results; default: the scene's name with _sweep.nc in this folder", &
             "  --keep LIST         keep these quantities of every sample, too (names as in 'reduce', with", &
             "                      commas between)", &
+            "  --sheet FILE        sizing sheet, .html or .pdf; results go beside it as .nc if no --output is given;", &
+            "                      needs the Python package", &
             "  --threads N         threads to compute with; default 1; the results do not depend on it", &
             "  --resume            go on where an interrupted run of the same sweep stands", &
             "  --yes               start though it is large or long", &

@@ -2,7 +2,8 @@
 """Draw the pictures in the READMEs of the examples: forces.png, reactions.png, scene.png and motion.gif beside each scene;
 hodograph.png, polar.png and motion_NAME.gif (of scene_NAME.toml) where a README shows them.
 
-Scenes in which nothing is given a motion, and those named below, run forward; states.png and energies.png come with them. Reactions of many unlike joints would be a tower of panels: left out.
+Scenes in which nothing is given a motion, and those named below, run forward; states.png and energies.png come with them,
+and strobe.png for some. Reactions of many unlike joints would be a tower of panels: left out.
 
     python examples/draw_pictures.py [EXAMPLE ...]
 """

@@ -197,15 +197,19 @@ def finish(figure: plt.Figure, axis: plt.Axes, file: Path) -> None:
 
 
 # ---------------------------------------------------------------------------------------------------------- report
-def machine_line(machine: dict[str, str]) -> str:
+def processor_line() -> str:
+    """Date and processor."""
     model = "unknown processor"
     for line in Path("/proc/cpuinfo").read_text().splitlines():
         if line.startswith("model name"):
             model = line.split(":", 1)[1].strip()
             break
     wide = "AVX-512" if "avx512f" in Path("/proc/cpuinfo").read_text() else "no AVX-512"
-    return (f"{datetime.date.today()}, {model}, {wide}, {os.cpu_count()} cores; multiply-add peak of one core "
-            f"{machine['peak']:.1f} GFlop/s; {machine['lanes']} lanes.")
+    return f"{datetime.date.today()}, {model}, {wide}, {os.cpu_count()} cores"
+
+
+def machine_line(machine: dict[str, str]) -> str:
+    return f"{processor_line()}; multiply-add peak of one core {machine['peak']:.1f} GFlop/s; {machine['lanes']} lanes."
 
 
 def put_between(file: Path, marker: str, text: str) -> None:

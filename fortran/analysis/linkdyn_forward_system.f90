@@ -83,9 +83,12 @@ contains
     pure integer function fastest_solver(model, unknown) result(solver)
         type(model_type), intent(in) :: model
         type(unknown_choice), intent(in) :: unknown
+        integer, parameter :: many = 20                    !! links a coordinate
 
         solver = solver_elimination
-        if (all(unknown%acceleration) .and. any(model%leg%is_carried)) solver = solver_reduced
+        if (.not. all(unknown%acceleration)) return
+        ! Where a plan fails, near a change point, the dense solver of a long chain would take 100 times as long.
+        if (any(model%leg%is_carried) .or. model%n_link > many*model%n_q) solver = solver_reduced
     end function fastest_solver
 
     !> Does a drive need a joint variable that is neither a coordinate nor the length of a leg?

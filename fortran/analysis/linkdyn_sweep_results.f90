@@ -3,7 +3,7 @@ module linkdyn_sweep_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_dataset, only: dataset_type, sample_variable, find_dimension, add_dimension, &
-        add_reals, add_integers, add_texts, add_attribute
+        add_reals, add_integers, add_texts, add_attribute, text_len
     use linkdyn_force_map, only: evaluate_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -38,6 +38,7 @@ contains
         call add_axes(run, dataset)
         if (has_designs(run)) call add_designs(run, dataset)
         call add_counts(run, by_design, dataset)
+        if (size(run%spec%bound) > 0) call add_bounds(run, dataset)
         do i = 1, size(run%row%quantity)
             call add_quantity(run, run%row%quantity(i), by_design, dataset)
         end do
@@ -180,9 +181,9 @@ contains
 
         call add_dimension(dataset, "outcome", run%shape%n_code)
         call add_texts(dataset, "outcome", "outcome", code_names(run))
-        allocate (n_code(0))
+        allocate (n_code(run%shape%n_code*size(run%total)))
         do d = 1, size(run%total)
-            n_code = [n_code, run%total(d)%n_code]
+            n_code((d - 1)*run%shape%n_code + 1:d*run%shape%n_code) = run%total(d)%n_code
         end do
         call add_integers(dataset, "samples", by_design, run%total%n_sample, "samples")
         call add_integers(dataset, "samples_reduced", by_design, run%total%n_reduced, &
@@ -212,6 +213,38 @@ contains
         call add_integers(dataset, "sign_change_sample", by_design, run%total%first_crossing, &
             "sample behind the first change of sign, from 0; -1: none")
     end subroutine add_counts
+
+    !> Constraints and limits as the scene gives them: what results are measured against.
+    subroutine add_bounds(run, dataset)
+        type(sweep_run), intent(in) :: run
+        type(dataset_type), intent(inout) :: dataset
+        character(len=text_len) :: at(size(run%spec%bound))
+        character(len=code_len) :: unit(size(run%spec%bound))
+        real(wp) :: low(size(run%spec%bound)), high(size(run%spec%bound))
+        integer :: i, k
+
+        do i = 1, size(run%spec%bound)
+            at(i) = ""
+            associate (bound => run%spec%bound(i), quantity => run%row%quantity(run%row%place(run%spec%bound(i)%quantity)))
+                do k = 1, merge(0, size(bound%entry), size(bound%entry) == quantity%n)
+                    at(i) = trim(at(i))//", "//quantity%label(bound%entry(k))
+                end do
+                at(i) = at(i)(3:)
+                unit(i) = quantity%unit(bound%entry(1))
+                low(i) = merge(bound%low, nan(), bound%low > -huge(1.0_wp))
+                high(i) = merge(bound%high, nan(), bound%high < huge(1.0_wp))
+            end associate
+        end do
+        call add_dimension(dataset, "bound", size(run%spec%bound))
+        call add_texts(dataset, "bound", "bound", run%spec%bound%name)
+        call add_texts(dataset, "bound_of", "bound", quantity_name(run%spec%bound%quantity))
+        call add_texts(dataset, "bound_at", "bound", at)
+        call add_texts(dataset, "bound_unit", "bound", unit)
+        call add_integers(dataset, "bound_is_limit", "bound", merge(1_int64, 0_int64, run%spec%bound%is_limit), &
+            "1: a limit, poses beyond it are reduced; 0: a constraint, they are not")
+        call add_reals(dataset, "bound_min", "bound", low, "smallest value allowed, NaN: open", "", "bound_unit")
+        call add_reals(dataset, "bound_max", "bound", high, "largest value allowed, NaN: open", "", "bound_unit")
+    end subroutine add_bounds
 
     !> Extremes with their places, moments, histogram of one quantity.
     subroutine add_quantity(run, quantity, by_design, dataset)
@@ -429,16 +462,19 @@ contains
         type(dataset_type), intent(inout) :: dataset
         real(wp), allocatable :: share(:)
         real(wp) :: gain, total, back
-        integer :: d, i
+        integer :: d, i, k
 
-        allocate (share(0))
+        allocate (share(size(run%shape%power)*size(run%total)))
+        k = 0
         do d = 1, size(run%total)
             associate (totals => run%total(d))
                 do i = 1, size(run%shape%power)
                     gain = totals%gain(i) + totals%gain_rest(i)
                     total = totals%sum(run%shape%power(i)) + totals%sum_rest(run%shape%power(i))
                     back = gain - total
-                    share = [share, merge(back/(gain + back), 0.0_wp, gain + back > 0)]
+                    k = k + 1
+                    share(k) = 0
+                    if (gain + back > 0) share(k) = back/(gain + back)
                 end do
             end associate
         end do
@@ -461,12 +497,13 @@ contains
         real(wp), allocatable :: direction(:)
         real(wp) :: row(3)
         integer(int64) :: sample
-        integer :: d, k
+        integer :: d, k, place
 
         call add_dimension(dataset, "direction", 3)
         if (first_component == 0 .or. run%row%place(quantity_force_amplification) == 0) &
             call add_texts(dataset, "direction", "direction", ["x", "y", "z"])
-        allocate (direction(0))
+        allocate (direction(3*quantity%n*size(run%total)))
+        place = 0
         do d = 1, size(run%total)
             do k = 1, quantity%n
                 sample = run%total(d)%high_at(quantity%first + k)
@@ -478,7 +515,8 @@ contains
                     row = design%force(1, k, first_component + 1:first_component + 3)
                     row = row/norm2(row)
                 end if
-                direction = [direction, row]
+                direction(place + 1:place + 3) = row
+                place = place + 3
             end do
         end do
         call close_design(design)

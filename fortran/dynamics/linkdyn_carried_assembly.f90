@@ -114,6 +114,16 @@ contains
 
         do lane = 1, lanes
             if (.not. doubtful(lane)) cycle
+            if (lane > 1) then
+                ! A run on its own has the same state on every lane.
+                if (doubtful(lane - 1) .and. all(q(lane, :) == q(lane - 1, :)) &
+                    .and. all(assembly%q(lane, :) == assembly%q(lane - 1, :)) &
+                    .and. all(assembly%branch(lane, :) == assembly%branch(lane - 1, :))) then
+                    branch(lane, :) = branch(lane - 1, :)
+                    assembly%clear_tried(lane) = assembly%clear_tried(lane - 1)
+                    cycle
+                end if
+            end if
             if (size(model%group) > 0) then
                 associate (group => assembly%trail%state%plane%group)
                     group%start_q = spread(assembly%q(lane, :), 1, lanes)

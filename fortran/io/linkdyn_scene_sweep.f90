@@ -108,7 +108,8 @@ contains
         axis%line = place%line
         group = ""
         call require_table(place, "a table", status)
-        call allow_keys(place, [character(len=15) :: varied, "component", "as", "weights", "group", sampling_name], status)
+        call allow_keys(place, [character(len=15) :: varied, "component", "as", "weights", "group", "name", &
+            sampling_name], status)
         do i = 1, size(varied)
             node = place%node%get(varied(i))
             if (.not. node%is_present() .or. .not. status%is_ok()) cycle
@@ -141,6 +142,8 @@ contains
         call read_values(place, quantity, axis, status)
         call get_text(place, "group", text, status, found)
         if (found) group = text
+        call get_text(place, "name", text, status, found)
+        if (found) axis%name = text
     end subroutine read_axis
 
     subroutine refuse_key(place, key, owner, status)

@@ -27,6 +27,7 @@ __all__ = [
     "lecture",
     "load",
     "plot",
+    "sheet",
 ]
 __version__ = _version()
 
@@ -36,4 +37,8 @@ def __getattr__(name: str) -> Any:
         import importlib
 
         return importlib.import_module(f".{name}", __name__)
+    if name == "sheet":
+        from ._sheet import sheet
+
+        return sheet
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,15 +2,37 @@
 
 from __future__ import annotations
 
-__all__ = ["COLOURS", "FRAME_COLOUR", "LINES", "plain_units"]
+import math
+
+__all__ = ["BAD", "COLOURS", "DIVERGING", "FRAME_COLOUR", "LINES", "SEQUENTIAL", "plain_units", "readable"]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 """Palette of Okabe and Ito, safe for colour-blind readers; its yellow is left out as too pale for lines."""
 
 FRAME_COLOUR = "0.45"
+SEQUENTIAL = "viridis"
+DIVERGING = "PuOr"
+"""Both keep their order for colour-blind readers and in grey."""
+BAD = "#B2182B"
+"""What is beyond a limit."""
 LINES = ("-", "--", ":", "-.")
 
 
 def plain_units(unit: str) -> str:
     """Unit as people write it in a picture."""
     return unit.replace("N m", "N·m").replace("s2", "s²")
+
+
+def readable(unit: str, largest: float) -> tuple[float, str]:
+    """Factor and unit in which people read numbers up to ``largest``: mm, deg, kN from 10 kN on."""
+    if unit == "1":
+        return 1.0, ""
+    if unit == "rad":
+        return 180.0 / math.pi, "deg"
+    if unit == "m" and largest < 10.0:
+        return 1e3, "mm"
+    if unit == "m/s" and largest < 0.1:
+        return 1e3, "mm/s"
+    if unit in ("N", "N m", "W") and largest >= 1e4:
+        return 1e-3, f"k{plain_units(unit)}"
+    return 1.0, plain_units(unit)

@@ -1,13 +1,19 @@
-"""The command ``linkdyn``: hands over to the executable inside the package."""
+"""The command ``linkdyn``: hands over to the executable inside the package, and draws the sheet of a sweep after it."""
 
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 
 __all__ = ["executable", "main", "quadruple_twin"]
+
+BAD_INPUT = 2
+RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
+"""Where launchers of MPI leave the number of the process."""
 
 
 def executable() -> Path:
@@ -37,11 +43,91 @@ def quadruple_twin() -> Path | None:
 
 
 def main() -> None:
-    """Become the executable, with the same arguments."""
+    """Become the executable, with the same arguments; stay for a sizing sheet."""
     try:
         path = executable()
     except FileNotFoundError as error:
         sys.exit(str(error))
     if twin := quadruple_twin():
         os.environ["LINKDYN_REAL128"] = os.fspath(twin)
-    os.execv(path, ["linkdyn", *sys.argv[1:]])
+    arguments = sys.argv[1:]
+    if _asks_for_sheet(arguments):
+        sys.exit(_sweep_with_sheet(path, arguments))
+    os.execv(path, ["linkdyn", *arguments])
+
+
+def _asks_for_sheet(arguments: Sequence[str]) -> bool:
+    is_help = any(word in ("-h", "--help") for word in arguments)
+    return arguments[:1] == ["sweep"] and not is_help and any(word.split("=")[0] == "--sheet" for word in arguments)
+
+
+def _sweep_with_sheet(path: Path, arguments: list[str]) -> int:
+    """Run the sweep, then draw its sheet; the exit status."""
+    target, rest = _take_option(arguments, ("--sheet",))
+    if not target or Path(target).suffix.lower() not in (".html", ".pdf"):
+        return _refuse(f"--sheet: {target or ''!r} (expected a file that ends in .html or .pdf)")
+    sheet_file = Path(target)
+    if not sheet_file.absolute().parent.is_dir():
+        return _refuse(f"--sheet: {target!r}: the folder is not there")
+    results, _ = _take_option(rest, ("-o", "--output"))
+    if results is None:
+        results = str(sheet_file.with_suffix(".nc"))
+        rest = [*rest, "--output", results]
+    try:
+        code = subprocess.run([path, *rest], check=False).returncode
+    except KeyboardInterrupt:
+        return 130
+    if code != 0:
+        return code if code > 0 else 128 - code
+    if any(os.environ.get(name, "0") != "0" for name in RANKS):     # one process of several draws
+        return 0
+    return _draw(results, sheet_file, rest)
+
+
+def _draw(results: str, sheet_file: Path, arguments: list[str]) -> int:
+    import matplotlib
+
+    matplotlib.use("Agg")   # no window: pictures go into the file
+    import xarray as xr
+
+    from ._sheet import sheet
+    from .errors import LinkdynError
+    from .scene import Scene
+
+    try:
+        with xr.open_dataset(results) as run:
+            sheet(run.load(), sheet_file, scene=Scene(Path(_scene_file(arguments))))
+    except LinkdynError as error:
+        return _refuse(str(error))
+    if not {"-q", "--quiet"} & set(arguments):
+        print(f"  sheet            {sheet_file}")
+    return 0
+
+
+def _take_option(arguments: Sequence[str], names: tuple[str, ...]) -> tuple[str | None, list[str]]:
+    """Value of an option ("--name VALUE" or "--name=VALUE"), and the arguments without it."""
+    value, rest, words = None, [], iter(arguments)
+    for word in words:
+        name, equals, tail = word.partition("=")
+        if name in names:
+            value = tail if equals else next(words, None)
+        else:
+            rest.append(word)
+    return value, rest
+
+
+def _scene_file(arguments: Sequence[str]) -> str:
+    """The one word that is neither an option nor the value of one; the executable has accepted them all."""
+    bare = ("--resume", "--yes", "-q", "--quiet")
+    words = iter(arguments[1:])
+    for word in words:
+        if not word.startswith("-"):
+            return word
+        if "=" not in word and word not in bare:
+            next(words, None)
+    raise AssertionError("a sweep without a scene succeeded")
+
+
+def _refuse(message: str) -> int:
+    print(f"linkdyn: {message}", file=sys.stderr)
+    return BAD_INPUT

@@ -1,4 +1,4 @@
-"""Pictures of results and scenes. Every function but `animate` returns ``(figure, axes)``; none shows anything by itself."""
+"""Pictures of results and scenes. Every function but `animate` and `screw_limit` returns ``(figure, axes)``; none shows anything by itself."""
 
 from __future__ import annotations
 
@@ -15,20 +15,27 @@ from matplotlib.figure import Figure
 from ._animation import animate
 from ._drawing import mechanism
 from ._style import COLOURS, LINES, plain_units
+from ._sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
 from .errors import InputError
 
 __all__ = [
     "animate",
+    "designs",
     "driving_forces",
     "energies",
+    "force_map",
+    "histograms",
     "hodograph",
     "mechanism",
     "motion",
     "polar",
     "reactions",
     "scene3d",
+    "screw_limit",
+    "sizing",
     "steps",
     "study",
+    "workspace",
 ]
 
 scene3d = mechanism

@@ -506,3 +506,21 @@ def test_planar_scene(tmp_path):
     # Differences: what one newton adds to forces of hundreds.
     check_reduction(results, "force_amplification", np.hypot(gain[..., 0], gain[..., 1]), grid, 1e-10)
     check_reduction(results, "moment_amplification", np.abs(gain[..., 2]), grid, 1e-10)
+
+
+def test_bounds_and_names_stand_in_the_results(tsai, tmp_path):
+    tsai["sweep"] = {
+        "reduce": ["driving_force"],
+        "axis": [{"coordinate": "platform.x", "linspace": [-1.6, -1.4, 3], "name": "across"}],
+        "constraint": [{"of": "swing", "max": "30 deg", "name": "joints"}],
+        "limit": [{"of": "driving_position", "at": ["leg3.P", "leg1.P"], "min": "1.1 m", "max": "1.3 m"}],
+    }
+    results = sweep_file(tsai, tmp_path)
+    assert results["axis"].values.tolist() == ["across"]
+    assert results["bound"].values.tolist() == ["joints", "driving_position"]
+    assert results["bound_of"].values.tolist() == ["swing", "driving_position"]
+    assert results["bound_at"].values.tolist() == ["", "leg3.P, leg1.P"]
+    assert results["bound_unit"].values.tolist() == ["rad", "m"]
+    assert results["bound_is_limit"].values.tolist() == [0, 1]
+    assert np.isnan(results["bound_min"].values[0]) and results["bound_max"].values[0] == pytest.approx(np.radians(30), rel=EPS)
+    assert results["bound_min"].values[1] == 1.1 and results["bound_max"].values[1] == 1.3

@@ -9,8 +9,11 @@ four-bars, which moves like a pendulum. The program stops where two ways disagre
 """
 from __future__ import annotations
 
+import csv
 import json
+import subprocess
 import sys
+import tempfile
 import tomllib
 from pathlib import Path
 
@@ -243,6 +246,26 @@ def flyball_governor() -> list[dict]:
     return states
 
 
+def stewart_forward(path: str) -> list[dict]:
+    """No other way here: linkdyn's own equations in quadruple precision, found on the path (`make real128`)."""
+    states = []
+    for t in (0.5, 1.0, 2.0):
+        with tempfile.TemporaryDirectory() as folder:
+            out = Path(folder) / "out.csv"
+            subprocess.run(["linkdyn-real128", "forward", EXAMPLES / path, "--until", str(t), "--samples", "2", "--method", "gbs",
+                            "--rtol", "1e-20", "--atol", "1e-20", "--want", "driving_force,reaction", "--csv", "-o", out, "--quiet"],
+                           check=True)
+            header, *rows = csv.reader(out.open())
+        value = {name.rsplit(" [", 1)[0]: x for name, x in zip(header, rows[-1])}
+        part = lambda kind: [x for name, x in value.items() if name.split()[0] == kind]
+        reactions = {}
+        for name, x in value.items():
+            if name.startswith("reaction "):
+                reactions.setdefault(name.split()[1], []).append(x)
+        states.append({"t": t, **{kind: part(kind) for kind in ("q", "qd", "qdd", "driving_force")}, "reaction": reactions})
+    return states
+
+
 CASES = {
     "andrews": ("andrews/scene_forward.toml", lambda p: planar_run(p, guess_starts, [0.005, 0.01, 0.03, 0.05])),
     "fourbar_start": ("fourbar_start/scene.toml", lambda p: fourbar_start()),
@@ -253,6 +276,7 @@ CASES = {
     "rcsp_start": ("rcsp_start/scene.toml", lambda p: rcsp_start()),
     "rcsp_free": ("rcsp_start/scene.toml", lambda p: rcsp_free()),
     "flyball_governor": ("flyball_governor/scene.toml", lambda p: flyball_governor()),
+    "stewart_forward": ("stewart_forward/scene.toml", stewart_forward),
 }
 
 

@@ -1,0 +1,58 @@
+"""Pictures of forward runs: what they show are the run's own numbers, with names and units."""
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import numpy as np
+import pytest
+from matplotlib import pyplot
+
+import linkdyn
+from linkdyn import plot
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def run():
+    return linkdyn.load(EXAMPLES / "flyball_governor" / "scene.toml").forward(t=np.linspace(0.0, 0.01, 6))
+
+
+@pytest.fixture(autouse=True)
+def closed_figures():
+    yield
+    pyplot.close("all")
+
+
+def test_motion_has_a_row_for_each_unit(run):
+    figure, axes = plot.motion(run)
+    assert axes.shape == (2, 2)
+    assert [axis.get_ylabel() for axis in axes.flat] == ["position [rad]", "rate [rad/s]", "position [m]", "rate [m/s]"]
+    np.testing.assert_array_equal(axes[1, 1].get_lines()[0].get_ydata(), run.qd.sel(coordinate="guide"))
+    assert [text.get_text() for text in axes[0, 1].get_legend().get_texts()] == ["bearing", "pivot1", "pivot2"]
+    figure.canvas.draw()
+
+
+def test_energies_with_their_balance(run):
+    figure, axes = plot.energies(run)
+    balance = axes[1].get_lines()[0].get_ydata()
+    total = (run.kinetic_energy + run.potential_energy - run.work).values
+    np.testing.assert_array_equal(balance, total - total[0])
+    assert balance[0] == 0.0 and balance[-1] < 0.0      # the dampers take energy
+    figure.canvas.draw()
+
+
+def test_steps(run):
+    figure, axes = plot.steps(run)
+    np.testing.assert_array_equal(axes[0].get_lines()[0].get_ydata(), run.step.values[1:])
+    assert axes[0].get_ylabel() == "step of rk8pd [s]"
+    figure.canvas.draw()
+
+
+def test_missing_results_are_named(run):
+    with pytest.raises(linkdyn.LinkdynError, match="kinetic_energy"):
+        plot.energies(run.drop_vars("kinetic_energy"))
