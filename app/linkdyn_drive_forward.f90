@@ -3,22 +3,26 @@ module linkdyn_drive_forward
     use, intrinsic :: iso_fortran_env, only: error_unit, int64
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
-    use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, method_name
+    use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward, &
+        method_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_forward_block, only: advance_block
+    use linkdyn_output_file, only: watch_interrupts, interrupt_noted
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block
-    use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
-    use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
+    use linkdyn_terminal, only: progress_type, start_progress, show_share, end_progress, seconds_since
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
     public :: drive_forward
 
-    integer, parameter :: block_length = 256         !! samples integrated and written at a time
+    integer, parameter :: block_length = 256         !! samples integrated and written at a time, at most
+    real(wp), parameter :: breath = 0.25_wp          !! seconds between two looks at interrupts and progress
+    integer, parameter :: exit_of_signal = 128       !! plus its number, as shells have it
 
 contains
 
@@ -42,7 +46,7 @@ contains
         if (status%is_ok()) call start_forward(model, options_of(config, t(1)), run, status)
         if (status%is_ok()) then
             call describe_results(model%scene, config%wanted, .true., layout, is_forward=.true., dyad=dyad_names(model))
-            call open_results(config, model, layout, size(t), output, status)
+            call open_results(config, model, layout, size(t), output, status, may_end_early=.true.)
         else if (index(status%message, config%scene//":") /= 1) then
             status%message = config%scene//": "//trim(status%message)
         end if
@@ -63,7 +67,8 @@ contains
         else if (summary%n_failed > 0) then
             write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
         end if
-        if (summary%n_failed > 0) exit_status = exit_samples_failed
+        if (summary%n_failed > 0 .or. run%has_stopped) exit_status = exit_samples_failed
+        if (interrupt_noted() > 0) exit_status = exit_of_signal + interrupt_noted()
         call finish_forward(run)
     end subroutine drive_forward
 
@@ -93,7 +98,7 @@ contains
         last = merge(config%until, model%scene%time%last, config%has_until)
         n = merge(config%n_sample, model%scene%time%n_sample, config%n_sample > 0)
         if (n < 2 .and. config%n_sample == 0) n = usual_n_sample
-        if (.not. last > first) then
+        if (.not. (last > first .and. last <= huge(last))) then
             call fail(status, status_bad_input, trim(config%scene)//": a run from "//to_text(first)//" s to " &
                       //to_text(last)//" s goes nowhere (expected [time] end, or --until)")
             return
@@ -114,25 +119,47 @@ contains
         type(block_type) :: block
         type(progress_type) :: progress
         integer(int64) :: start
-        integer :: first, n, n_fallback
+        integer :: first, n, n_done, n_fallback
 
         call prepare_block(layout, min(block_length, size(t)), block)
         call start_summary(layout, summary)
         call start_progress(config%quiet, progress)
         seconds = 0
-        do first = 1, size(t), block_length
+        first = 1
+        call watch_interrupts()
+        do while (first <= size(t))
             n = min(block_length, size(t) - first + 1)
             call system_clock(start)
-            call advance_block(run, layout, t(first:first + n - 1), block, n_fallback)
+            call advance_block(run, layout, t(first:first + n - 1), block, n_fallback, n_done, breath)
             seconds = seconds + seconds_since(start)
-            call put_results(layout, block, first, n, output, status)
+            if (n_done > 0) call put_results(layout, block, first, n_done, output, status)
             if (.not. status%is_ok()) exit
-            call add_to_summary(layout, block, n, n_fallback, summary)
-            call show_progress(int(first + n - 1, int64), size(t, kind=int64), progress)
+            call add_to_summary(layout, block, n_done, n_fallback, summary)
+            first = first + n_done
+            call show_share((run%integrator%t - t(1))/(t(size(t)) - t(1)), progress)
+            if (interrupt_noted() == 0 .or. first > size(t)) cycle
+            call interrupt_forward(run)
+            exit
         end do
         call end_progress(progress)
+        call note_run(run, output, status)
         call close_results(output, status)
     end subroutine run_blocks
+
+    !> How the run went, for the file.
+    subroutine note_run(run, output, status)
+        type(forward_run), intent(in) :: run
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        associate (i => run%integrator)
+            call note_result("method", trim(method_name(i%options%method)), output, status)
+            call note_result("steps", to_text(i%n_step), output, status)
+            call note_result("rejected_steps", to_text(i%n_rejected), output, status)
+            call note_result("right_hand_sides", to_text(i%n_evaluation), output, status)
+            call note_result("stopped", trim(run%reason), output, status)
+        end associate
+    end subroutine note_run
 
     !> How the integrator fared.
     subroutine print_statistics(run, unit)

@@ -3,14 +3,14 @@ module linkdyn_run_output
     use linkdyn_cli, only: command_line
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
     use linkdyn_model, only: model_type
-    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf
+    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
     use linkdyn_results, only: layout_type, block_type
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
     use linkdyn_version, only: version
     implicit none (type, external)
     private
-    public :: output_type, open_results, put_results, close_results, default_name, run_attributes
+    public :: output_type, open_results, put_results, note_result, close_results, default_name, run_attributes
     public :: exit_done, exit_bad_input, exit_samples_failed
 
     integer, parameter :: exit_done = 0, exit_bad_input = 2, exit_samples_failed = 3
@@ -26,13 +26,14 @@ module linkdyn_run_output
 
 contains
 
-    subroutine open_results(config, model, layout, n_sample, output, status)
+    subroutine open_results(config, model, layout, n_sample, output, status, may_end_early)
         type(command_line), intent(in) :: config
         type(model_type), intent(in) :: model
         type(layout_type), intent(in) :: layout
         integer, intent(in) :: n_sample
         type(output_type), intent(out) :: output
         type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: may_end_early    !! fewer samples may come
 
         output%is_none = config%no_output
         output%is_csv = config%csv
@@ -50,7 +51,7 @@ contains
             return
         end if
         call create_netcdf(output%name, layout, n_sample, run_attributes(config, model%scene), config%deflate, output%netcdf, &
-            status)
+            status, may_end_early)
     end subroutine open_results
 
     !> What a file says of the run.
@@ -82,6 +83,15 @@ contains
             call put_netcdf(layout, block, first, n, output%netcdf, status)
         end if
     end subroutine put_results
+
+    !> What is known at the end of a run only; CSV has no room for it.
+    subroutine note_result(name, text, output, status)
+        character(len=*), intent(in) :: name, text
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (.not. (output%is_none .or. output%is_csv)) call note_netcdf(name, text, output%netcdf, status)
+    end subroutine note_result
 
     subroutine close_results(output, status)
         type(output_type), intent(inout) :: output

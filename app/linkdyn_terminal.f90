@@ -5,7 +5,8 @@ module linkdyn_terminal
     use linkdyn_output_file, only: is_terminal, leave_process
     implicit none (type, external)
     private
-    public :: progress_type, start_progress, show_progress, end_progress, seconds_since, duration_text, leave_program
+    public :: progress_type, start_progress, show_progress, show_share, end_progress, seconds_since, duration_text, &
+        leave_program
 
     real(wp), parameter :: patience = 2         !! seconds without a sign of life
     real(wp), parameter :: refresh = 0.5_wp !! seconds between two signs
@@ -29,17 +30,38 @@ contains
         call system_clock(progress%start)
     end subroutine start_progress
 
+    !> Share done and time left of a run whose samples come at no even pace.
+    subroutine show_share(share, progress)
+        real(wp), intent(in) :: share                !! 0 to 1
+        type(progress_type), intent(inout) :: progress
+        real(wp) :: elapsed
+
+        if (.not. is_due(progress, elapsed) .or. .not. share > 0) return
+        write (error_unit, "(a, i4, 4a)", advance="no") achar(13), int(100*share), " % done, ", &
+            duration_text(elapsed*(1 - share)/share), " left", repeat(" ", 12)
+        flush (error_unit)
+    end subroutine show_share
+
+    !> Is it time for a sign of life?
+    logical function is_due(progress, elapsed)
+        type(progress_type), intent(inout) :: progress
+        real(wp), intent(out) :: elapsed             !! since the start [s]
+
+        elapsed = seconds_since(progress%start)
+        is_due = progress%is_wanted .and. elapsed >= patience .and. elapsed >= progress%last_shown + refresh
+        if (.not. is_due) return
+        progress%last_shown = elapsed
+        progress%is_shown = .true.
+    end function is_due
+
     !> Share done, rate and time left; nothing in a short run.
     subroutine show_progress(done, total, progress)
         integer(int64), intent(in) :: done, total    !! samples
         type(progress_type), intent(inout) :: progress
         real(wp) :: elapsed
 
-        if (.not. progress%is_wanted) return
-        elapsed = seconds_since(progress%start)
-        if (elapsed < patience .or. elapsed < progress%last_shown + refresh .or. done == 0) return
-        progress%last_shown = elapsed
-        progress%is_shown = .true.
+        if (done == 0) return
+        if (.not. is_due(progress, elapsed)) return
         write (error_unit, "(a, i4, a, es9.2, 4a)", advance="no") achar(13), int(100*(real(done, wp)/total)), &
             " % done, ", done/elapsed, " samples/s, ", duration_text(elapsed*(real(total - done, wp)/done)), " left", &
             repeat(" ", 12)

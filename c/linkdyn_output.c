@@ -12,6 +12,7 @@
 enum { path_capacity = 4096, probe_size = 65536 };
 
 static char guarded[path_capacity];
+static volatile sig_atomic_t interrupt = 0;
 
 static int to_c_path(const char *path, int path_len, char *c_path)
 {
@@ -220,6 +221,24 @@ void linkdyn_guard_file(const char *path, int path_len)
     signal(SIGTERM, remove_guarded);
     signal(SIGHUP, remove_guarded);
     signal(SIGXFSZ, SIG_IGN);    /* beyond the allowed file size: a write error like any other */
+}
+
+/* The second time the program ends at once. */
+static void note_interrupt(int signal_number)
+{
+    interrupt = signal_number;
+    signal(signal_number, remove_guarded);
+}
+
+void linkdyn_watch_interrupts(void)
+{
+    signal(SIGINT, note_interrupt);
+    signal(SIGTERM, note_interrupt);
+}
+
+int linkdyn_interrupt(void)
+{
+    return interrupt;
 }
 
 int linkdyn_is_terminal(int descriptor)

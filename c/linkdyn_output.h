@@ -44,6 +44,12 @@ void linkdyn_remove_file(const char *path, int path_len);
 /* Remove this file if the process is interrupted; length 0 ends the watch. */
 void linkdyn_guard_file(const char *path, int path_len);
 
+/* From now on the first SIGINT or SIGTERM is only noted; a second one ends the program. */
+void linkdyn_watch_interrupts(void);
+
+/* Number of the signal noted; 0: none. */
+int linkdyn_interrupt(void);
+
 int linkdyn_is_terminal(int descriptor);
 int linkdyn_process_id(void);
 

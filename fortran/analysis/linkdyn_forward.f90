@@ -5,9 +5,11 @@
 !> by the equations of inverse dynamics with the accelerations for unknowns. A run that cannot go on stops at its last
 !> good instant and says so.
 module linkdyn_forward
+    use, intrinsic :: iso_fortran_env, only: int64
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_carried_assembly, only: keep_accepted
+    use linkdyn_failure, only: failure_at
     use linkdyn_equations, only: build_equations, unknown_choice, solver_elimination
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system, choose_unknowns
@@ -20,11 +22,11 @@ module linkdyn_forward
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_scene, only: law_spec
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_status_name
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: forward_options, forward_results, forward_run, start_forward, advance_forward, finish_forward
+    public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
     public :: run_forward, run_ensemble, integrator_options, choose_method, method_name
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
 
@@ -57,7 +59,7 @@ module linkdyn_forward
         real(wp), allocatable :: kink(:)               !! instants at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
         real(wp) :: good_until = 0                     !! [s]
-        character(len=128) :: reason = ""              !! why it stopped
+        character(len=256) :: reason = ""              !! why it stopped
     end type forward_run
 
 contains
@@ -92,7 +94,7 @@ contains
         call run%system%evaluate(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed at its start: " &
-                      //trim(sample_status_name(run%system%workspace%status(1))))
+                      //failure_at(model, run%system%workspace%state, run%system%workspace%status(1), 1))
             return
         end if
         call collect_kinks(model, run%kink)
@@ -100,12 +102,16 @@ contains
         call run%integrator%start(options%integrator, run%system, options%t_start, status)
     end subroutine start_forward
 
-    !> Go on through the output instants t, increasing, and fill their results; those not reached are NaN.
-    subroutine advance_forward(run, t, results, n_good)
+    !> Go on through the output instants t, increasing, and fill their results; those beyond where the run stops are NaN.
+    !>
+    !> With a time limit the run comes back when it has passed, after `n_done` instants, which may be none: call again
+    !> with the rest. That changes nothing in the results.
+    subroutine advance_forward(run, t, results, n_done, seconds)
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: t(:)                   !! [s] (n)
         type(forward_results), intent(inout) :: results
-        integer, intent(out) :: n_good                 !! instants reached
+        integer, intent(out) :: n_done                 !! instants dealt with
+        real(wp), intent(in), optional :: seconds      !! of computing time, about
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         type(sample_assembly) :: assembly
         real(wp) :: work
@@ -121,23 +127,37 @@ contains
             force = ieee_value(1.0_wp, ieee_quiet_nan)
         end associate
         call evaluate_loads(run%model, t, load)
-        n_good = 0
+        run%integrator%pause_at = pause_after(seconds)
+        n_done = 0
         do i = 1, size(t)
             if (.not. run%has_stopped) call go_to(run, t(i))
+            if (run%integrator%is_paused) exit
             work = ieee_value(1.0_wp, ieee_quiet_nan)
             if (.not. run%has_stopped) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
                 call keep_accepted(run%model, run%system%assembly, i, assembly)
                 work = run%y(1, run%system%layout%work)
-                n_good = i
             end if
             if (associated(results%work)) results%work(i) = work
             if (associated(results%step)) results%step(i) = run%integrator%last_step
+            n_done = i
         end do
-        call run_prepared(run%model, run%output, run%threads, q, qd, qdd, load, results%forces, force, known=assembly)
+        call run_prepared(run%model, run%output, run%threads, q(:, :n_done), qd(:, :n_done), qdd(:, :n_done), &
+                          load(:, :, :n_done), results%forces, force(:, :n_done), known=assembly)
         if (associated(results%q)) results%q = q
         if (associated(results%qd)) results%qd = qd
     end subroutine advance_forward
+
+    !> Count of the system clock after some seconds from now.
+    integer(int64) function pause_after(seconds) result(count)
+        real(wp), intent(in), optional :: seconds
+        integer(int64) :: rate
+
+        count = huge(count)
+        if (.not. present(seconds)) return
+        call system_clock(count, rate)
+        count = count + int(seconds*real(rate, wp), int64)
+    end function pause_after
 
     !> Integrate to t, stopping at every kink on the way.
     subroutine go_to(run, t)
@@ -148,6 +168,7 @@ contains
         do i = 1, size(run%kink)
             if (run%kink(i) <= run%integrator%t .or. run%kink(i) >= t) cycle
             call run%integrator%advance(run%system, run%kink(i), run%y)
+            if (run%integrator%is_paused) return
             call run%integrator%reset()
         end do
         call run%integrator%advance(run%system, t, run%y)
@@ -162,7 +183,9 @@ contains
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
         if (run%system%workspace%status(1) /= sample_ok) then
-            reason = reason//"the mechanism is "//trim(sample_status_name(run%system%workspace%status(1)))//" beyond"
+            reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
+        else if (run%integrator%has_shrunk) then
+            reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
         else
             reason = reason//"the motion grows without bound"
         end if
@@ -186,6 +209,15 @@ contains
         qdd = lane_qdd(1, :)
     end subroutine take_output
 
+    !> End the run where it is, between two steps.
+    subroutine interrupt_forward(run)
+        type(forward_run), intent(inout) :: run
+
+        run%has_stopped = .true.
+        run%good_until = run%integrator%good_until(1)
+        run%reason = "interrupted at t = "//to_text(run%good_until)//" s"
+    end subroutine interrupt_forward
+
     !> Release what the run holds.
     subroutine finish_forward(run)
         type(forward_run), intent(inout) :: run
@@ -204,10 +236,10 @@ contains
         type(forward_results), intent(inout) :: results
         type(forward_run), intent(inout) :: run        !! statistics; why and where it stopped
         type(status_type), intent(inout) :: status
-        integer :: n_good
+        integer :: n_done
 
         call start_forward(model, options, run, status)
-        if (status%is_ok()) call advance_forward(run, t, results, n_good)
+        if (status%is_ok()) call advance_forward(run, t, results, n_done)
         call finish_forward(run)
     end subroutine run_forward
 

@@ -14,16 +14,18 @@ module linkdyn_forward_block
 contains
 
     !> Go on through some instants.
-    subroutine advance_block(run, layout, t, block, n_fallback)
+    subroutine advance_block(run, layout, t, block, n_fallback, n_done, seconds)
         type(forward_run), intent(inout) :: run
         type(layout_type), intent(in) :: layout
         real(wp), intent(in) :: t(:)                  !! [s]
         type(block_type), intent(inout), target :: block
         integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
+        integer, intent(out) :: n_done                !! instants dealt with; the others of the block are not filled
+        real(wp), intent(in), optional :: seconds     !! come back after about that time
         type(forward_results) :: results
         real(wp), pointer :: time(:), speed(:, :), power(:, :)
         real(wp), target :: driving_force(run%model%n_actuator, size(t)), joint_rate(run%model%n_variable, size(t))
-        integer :: n, n_good
+        integer :: n
 
         n = size(t)
         call view_values(layout, result_time, n, block, time)
@@ -52,9 +54,10 @@ contains
             if (.not. associated(forces%joint_rate)) forces%joint_rate => joint_rate
         end associate
         time = t
-        call advance_forward(run, t, results, n_good)
+        call advance_forward(run, t, results, n_done, seconds)
         n_fallback = results%forces%n_fallback
         if (associated(power)) &
-            call find_driving_power(layout, results%forces%driving_force, results%forces%joint_rate, speed, power)
+            call find_driving_power(layout, results%forces%driving_force(:, :n_done), results%forces%joint_rate(:, :n_done), &
+                                    speed(:, :n_done), power(:, :n_done))
     end subroutine advance_block
 end module linkdyn_forward_block

@@ -36,7 +36,7 @@ module linkdyn_f2py_api
     implicit none
     private
     public :: api_version, api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_describe_results
-    public :: api_explain, api_motion, api_inverse, api_forward, api_poses
+    public :: api_explain, api_motion, api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
 
     integer, parameter :: status_stale_handle = 7   !! beside the engine's codes: the scene was closed
@@ -58,6 +58,17 @@ module linkdyn_f2py_api
         type(open_scene), pointer :: scene => null()
     end type scene_box
 
+    !> A forward run under way.
+    type :: open_run
+        type(forward_run) :: run
+        type(layout_type) :: layout
+    end type open_run
+
+    type :: run_box
+        type(open_run), pointer :: run => null()
+    end type run_box
+
+    type(run_box), allocatable, save :: runs(:)       !! place = handle
     type(scene_box), allocatable, save :: opened(:)   !! place = handle; a closed one stays empty
 
 contains
@@ -370,34 +381,26 @@ contains
         call report(status, code, message)
     end subroutine api_inverse
 
-    !> A forward run. The real results come one after the other in the order of `api_describe_results` (has_time = 2).
-    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, want, n, t, n_values, values, sample_status, &
-            statistics, stopped, code, message)
+    !> Start a forward run. It goes on by api_advance and must be ended by api_finish.
+    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, want, t_start, run_handle, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: method, solver
         integer(c_int), intent(in) :: threads
         real(c_double), intent(in) :: step, rtol, atol
         character(len=*), intent(in) :: want               ! "all" or names with commas
-        integer(c_int), intent(in) :: n, n_values
-        real(c_double), intent(in) :: t(n)                 ! instants of output, increasing; the run starts at the first [s]
-        real(c_double), intent(inout) :: values(n_values)
-        integer(c_int), intent(inout) :: sample_status(n)
-        integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
-        character(len=128), intent(out) :: stopped         ! why the run stopped early; blank if it did not
+        real(c_double), intent(in) :: t_start              ! [s]
+        integer(c_int), intent(out) :: run_handle
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(model_type), pointer :: model
         type(status_type) :: status
         type(forward_options) :: options
-        type(forward_run) :: run
-        type(layout_type) :: layout
         type(wanted_type) :: wanted
-        type(block_type) :: block
-        integer :: i, place, n_fallback
+        type(open_run), pointer :: new
+        type(run_box), allocatable :: longer(:)
 
-        statistics = 0
-        stopped = ""
+        run_handle = 0
         call find_model(handle, model, status)
         if (status%code == 0) then                         ! the first failure stays
             call choose_method(trim(method), options%integrator%method, status)
@@ -407,14 +410,65 @@ contains
             options%integrator%step = step
             options%integrator%rtol = rtol
             options%integrator%atol = atol
-            options%t_start = t(1)
+            options%t_start = t_start
             options%threads = threads
             options%wants_reactions = wanted%reaction
         end if
-        if (status%code == 0) call start_forward(model, options, run, status)
         if (status%code == 0) then
-            call describe_results(model%scene, wanted, .true., layout, is_forward=.true., dyad=dyad_names(model))
-            call prepare_block(layout, n, block)
+            allocate (new)
+            call start_forward(model, options, new%run, status)
+            if (status%code == 0) then
+                call describe_results(model%scene, wanted, .true., new%layout, is_forward=.true., &
+                                      dyad=dyad_names(model))
+                !$omp critical (linkdyn_registry)
+                if (.not. allocated(runs)) allocate (runs(0))
+                do run_handle = size(runs), 1, -1          ! a place left free
+                    if (.not. associated(runs(run_handle)%run)) exit
+                end do
+                if (run_handle == 0) then
+                    allocate (longer(size(runs) + 1))
+                    longer(:size(runs)) = runs
+                    call move_alloc(longer, runs)
+                    run_handle = size(runs)
+                end if
+                runs(run_handle)%run => new
+                !$omp end critical (linkdyn_registry)
+            else
+                call finish_forward(new%run)
+                deallocate (new)
+            end if
+        end if
+        call report(status, code, message)
+    end subroutine api_forward
+
+    !> Go on through some instants, for a time; the rest of the arrays is left alone.
+    subroutine api_advance(run_handle, n, t, seconds, n_values, values, sample_status, n_done, reached, statistics, stopped, &
+            code, message)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: run_handle
+        integer(c_int), intent(in) :: n, n_values
+        real(c_double), intent(in) :: t(n)                 ! instants of output, increasing [s]
+        real(c_double), intent(in) :: seconds              ! of computing time, about
+        real(c_double), intent(inout) :: values(n_values)  ! variable after variable, n samples each
+        integer(c_int), intent(inout) :: sample_status(n)
+        integer(c_int), intent(out) :: n_done
+        real(c_double), intent(out) :: reached             ! [s]
+        integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
+        character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_run), pointer :: here
+        type(status_type) :: status
+        type(block_type) :: block
+        integer :: i, place, n_fallback
+
+        n_done = 0
+        reached = 0
+        statistics = 0
+        stopped = ""
+        call find_run(run_handle, here, status)
+        if (status%code == 0) then
+            call prepare_block(here%layout, n, block)
             place = 0
             do i = 1, size(block%of)
                 if (allocated(block%of(i)%real)) place = place + size(block%of(i)%real)
@@ -422,20 +476,52 @@ contains
             call check_size("values", n_values, place, status)
         end if
         if (status%code == 0) then
-            call advance_block(run, layout, t, block, n_fallback)
+            call advance_block(here%run, here%layout, t, block, n_fallback, i, seconds)
+            n_done = i
             place = 0
             do i = 1, size(block%of)
-                if (allocated(block%of(i)%integer)) sample_status = block%of(i)%integer
+                if (allocated(block%of(i)%integer)) sample_status(:n_done) = block%of(i)%integer(:n_done)
                 if (.not. allocated(block%of(i)%real)) cycle
                 values(place + 1:place + size(block%of(i)%real)) = block%of(i)%real
                 place = place + size(block%of(i)%real)
             end do
-            statistics = [run%integrator%n_step, run%integrator%n_rejected, run%integrator%n_evaluation]
-            if (run%has_stopped) stopped = run%reason
+            associate (integrator => here%run%integrator)
+                statistics = [integrator%n_step, integrator%n_rejected, integrator%n_evaluation]
+                reached = integrator%t
+            end associate
+            if (here%run%has_stopped) stopped = here%run%reason
         end if
-        call finish_forward(run)
         call report(status, code, message)
-    end subroutine api_forward
+    end subroutine api_advance
+
+    !> End a run; nothing happens to one that was ended before.
+    subroutine api_finish(run_handle)
+        integer(c_int), intent(in) :: run_handle
+        type(open_run), pointer :: here
+        type(status_type) :: status
+
+        call find_run(run_handle, here, status)
+        if (status%code /= 0) return
+        !$omp critical (linkdyn_registry)
+        nullify (runs(run_handle)%run)
+        !$omp end critical (linkdyn_registry)
+        call finish_forward(here%run)
+        deallocate (here)
+    end subroutine api_finish
+
+    subroutine find_run(run_handle, here, status)
+        integer(c_int), intent(in) :: run_handle
+        type(open_run), pointer, intent(out) :: here
+        type(status_type), intent(out) :: status
+
+        nullify (here)
+        !$omp critical (linkdyn_registry)
+        if (allocated(runs)) then
+            if (run_handle >= 1 .and. run_handle <= size(runs)) here => runs(run_handle)%run
+        end if
+        !$omp end critical (linkdyn_registry)
+        if (.not. associated(here)) call fail(status, status_stale_handle, "this run was ended")
+    end subroutine find_run
 
     !> Position of the origin and rotation matrix of every moving link.
     subroutine api_poses(handle, in_order, n, n_q_values, q, n_position, position, n_rotation, rotation, sample_status, &

@@ -27,6 +27,7 @@ module linkdyn_assembly_trail
     real(wp), parameter :: near_dead = 50*untrusted
     real(wp), parameter :: look_ahead = 1.5_wp      !! steps: a dead point at the very end of a step must not be missed
     integer, parameter :: deepest = 12              !! cuts of a step into `lanes` parts
+    integer, parameter :: most_blocks = 40          !! looked at in one step; a step that needs more has no meaning
 
     !> On which assembly each of some samples is to be computed.
     type :: sample_assembly
@@ -43,6 +44,7 @@ module linkdyn_assembly_trail
         real(wp), allocatable :: branch(:)          !! (n_dyad)
         real(wp) :: rest = 0                        !! no dead point is looked for this far ahead, one having just been passed
         real(wp) :: clear = 0                       !! the same, as part of the step under way
+        integer :: n_block = 0                      !! looked at in the step under way
         logical, allocatable :: has_branches(:)     !! (n_dyad)
         type(kinematic_state) :: state
     end type assembly_trail
@@ -245,6 +247,7 @@ contains
         if (length == 0) return
         trail%branch = branch
         trail%clear = clear/length
+        trail%n_block = 0
         call pass_part(model, from, to - from, 0.0_wp, 1.0_wp, 0, trail)
         branch = trail%branch
         clear = max(0.0_wp, (trail%clear - 1)*length)
@@ -270,10 +273,11 @@ contains
                 trail%state%qd(lane, :) = (at(lane + 1) - at(lane))*way
             end do
             call find_doubts(model, trail, doubtful)
+            trail%n_block = trail%n_block + 1
             do lane = done + 1, lanes
                 if (any(doubtful(lane, :))) exit
             end do
-            if (lane > lanes .or. depth == deepest) return
+            if (lane > lanes .or. depth == deepest .or. trail%n_block > most_blocks) return
             do d = 1, model%n_dyad
                 sine(:, d) = transmission_sine(trail%state%plane%dyad(d))
             end do

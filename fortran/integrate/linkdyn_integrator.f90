@@ -1,5 +1,6 @@
 !> One door to all integrators: advance a lane system from instant to instant, each hit exactly.
 module linkdyn_integrator
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_gbs, only: gbs_method
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -37,7 +38,13 @@ module linkdyn_integrator
         integer :: n_step = 0                  !! accepted
         integer :: n_rejected = 0
         integer :: n_evaluation = 0            !! right-hand sides (blocks)
+        integer :: n_short = 0                 !! steps in a row that were very short
+        logical :: has_shrunk = .false.        !! stopped since its steps shrank to nothing
+        logical :: is_paused = .false.         !! `advance` came back before its end: call it again
+        integer(int64) :: pause_at = huge(1_int64)    !! count of the system clock
         real(wp) :: last_step = 0, shortest_step = huge(1.0_wp), longest_step = 0
+        integer(int64), private :: i_step = 0, n_span = 0    !! rk4: steps done, and in all, of the span under way
+        real(wp), private :: span_start = 0
         type(rk4_workspace), private :: work
         type(ode_gsl), private :: gsl
         type(gbs_method), private :: gbs
@@ -97,13 +104,15 @@ contains
         end if
     end subroutine start
 
-    !> Go on to t_end exactly. A lane that cannot keeps its last good y.
+    !> Go on to t_end exactly. A lane that cannot keeps its last good y. Where the clock says so, the way there is
+    !> interrupted between two steps; that changes nothing in the result.
     subroutine advance(self, system, t_end, y)
         class(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)                      !! (lane, n)
 
+        self%is_paused = .false.
         if (all(self%failed) .or. t_end <= self%t) return
         if (self%options%method == method_rk4) then
             call advance_rk4(self, system, t_end, y)
@@ -119,14 +128,22 @@ contains
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
         real(wp), parameter :: slack = 1.0e-6_wp    !! of a step: a span that is a whole number of steps but for rounding
-        real(wp) :: t_start, h, kept(lanes, system%n)
+        real(wp) :: h, kept(lanes, system%n)
         logical :: failed(lanes)
-        integer :: i, n, k
+        integer :: k
 
-        t_start = self%t
-        n = max(1, ceiling((t_end - t_start)/self%options%step - slack))
-        h = (t_end - t_start)/n
-        do i = 1, n
+        if (self%i_step == self%n_span) then
+            self%span_start = self%t
+            if ((t_end - self%t)/self%options%step > 1/epsilon(h)) then
+                self%failed = .true.            ! the clock would stand still
+                return
+            end if
+            self%n_span = max(1_int64, ceiling((t_end - self%t)/self%options%step - slack, int64))
+            self%i_step = 0
+        end if
+        h = (t_end - self%span_start)/self%n_span
+        do while (self%i_step < self%n_span)
+            if (must_pause(self)) return
             kept = y
             call rk4_step(system, self%t, h, y, self%work, failed)
             self%n_evaluation = self%n_evaluation + 4
@@ -134,8 +151,9 @@ contains
                 where (self%failed) y(:, k) = kept(:, k)
             end do
             self%failed = self%failed .or. failed
-            self%t = t_start + i*h
-            if (i == n) self%t = t_end
+            self%i_step = self%i_step + 1
+            self%t = self%span_start + self%i_step*h
+            if (self%i_step == self%n_span) self%t = t_end
             where (.not. self%failed) self%good_until = self%t
             if (all(self%failed)) return
             call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
@@ -148,13 +166,15 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
-        real(wp), parameter :: shortest = 1.0e-12_wp    !! step, of the time on the clock or to go
+        real(wp), parameter :: short = 1.0e-5_wp        !! step, of the longest so far
+        integer, parameter :: most_short = 200          !! in a row
         real(wp) :: h, t_before, solution(size(y, 2))
         logical :: ok
         integer :: k
 
         solution = y(1, :)
         do while (self%t < t_end)
+            if (must_pause(self)) exit
             h = self%next_step
             t_before = self%t
             if (self%options%method == method_gbs) then
@@ -163,7 +183,11 @@ contains
                 call self%gsl%take_step(self%t, t_end, h, solution, ok)
             end if
             ! Steps that shrink without end lead nowhere: at a singular position, say.
-            if (self%t < t_end .and. self%t - t_before < shortest*max(abs(self%t), t_end - t_before)) ok = .false.
+            self%n_short = merge(self%n_short + 1, 0, self%t < t_end .and. self%t - t_before < short*self%longest_step)
+            if (ok .and. self%n_short > most_short) then
+                self%has_shrunk = .true.
+                ok = .false.
+            end if
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then
                 self%failed = .true.
                 exit
@@ -186,6 +210,18 @@ contains
             self%n_evaluation = self%gsl%n_evaluation()
         end if
     end subroutine advance_adaptive
+
+    !> Has the caller's time run out?
+    logical function must_pause(self)
+        type(integrator_type), intent(inout) :: self
+        integer(int64) :: now
+
+        if (self%pause_at < huge(now)) then
+            call system_clock(now)
+            self%is_paused = now >= self%pause_at
+        end if
+        must_pause = self%is_paused
+    end function must_pause
 
     subroutine note_step(self, h)
         type(integrator_type), intent(inout) :: self

@@ -15,7 +15,7 @@ module linkdyn_netcdf_writer
         nf90_int, nf90_global, nf90_noerr, nf90_unlimited
     implicit none (type, external)
     private
-    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, close_netcdf
+    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
     public :: open_netcdf, abandon_netcdf, put_attributes, put_strings, check, chunk_length
 
     integer, parameter :: chunk_values = 131072   !! values in a compressed chunk at most: 1 MiB
@@ -37,12 +37,13 @@ module linkdyn_netcdf_writer
         integer :: id = 0                          !! of the netCDF library
         integer, allocatable, private :: variable_id(:)     !! in the order of the layout
         logical, private :: is_open = .false.
+        logical, private :: grows = .false.        !! the number of samples is not known beforehand
     end type netcdf_writer
 
 contains
 
     !> Start a file: dimensions, labels, attributes; no values yet.
-    subroutine create_netcdf(target, layout, n_sample, attributes, deflate, writer, status)
+    subroutine create_netcdf(target, layout, n_sample, attributes, deflate, writer, status, may_end_early)
         character(len=*), intent(in) :: target
         type(layout_type), intent(in) :: layout
         integer, intent(in) :: n_sample              !! 0: unknown, the file grows
@@ -50,12 +51,15 @@ contains
         integer, intent(in) :: deflate               !! compression 0 (none) to 9
         type(netcdf_writer), intent(out) :: writer
         type(status_type), intent(inout) :: status   !! input or output error: file and reason
+        logical, intent(in), optional :: may_end_early    !! the file may get fewer samples
         integer :: dimension_id(n_dimension), i
 
         call open_netcdf(target, writer, status)
         if (.not. status%is_ok()) return
+        writer%grows = n_sample == 0
+        if (present(may_end_early)) writer%grows = writer%grows .or. may_end_early
         call check(nf90_def_dim(writer%id, trim(layout%dimension(dim_sample)%name), &
-            merge(nf90_unlimited, n_sample, n_sample == 0), dimension_id(dim_sample)), writer, status)
+            merge(nf90_unlimited, n_sample, writer%grows), dimension_id(dim_sample)), writer, status)
         do i = dim_sample + 1, n_dimension
             if (.not. any_uses(layout, i)) cycle
             call check(nf90_def_dim(writer%id, trim(layout%dimension(i)%name), layout%dimension(i)%size, &
@@ -118,6 +122,16 @@ contains
         end do
     end subroutine put_netcdf
 
+    !> A further attribute of the file, known at its end only.
+    subroutine note_netcdf(name, text, writer, status)
+        character(len=*), intent(in) :: name, text
+        type(netcdf_writer), intent(inout) :: writer
+        type(status_type), intent(inout) :: status
+
+        if (.not. status%is_ok()) return
+        call check(nf90_put_att(writer%id, nf90_global, name, text), writer, status)
+    end subroutine note_netcdf
+
     !> Finish the file and put it in its place. After a failure nothing is left behind.
     subroutine close_netcdf(writer, status)
         type(netcdf_writer), intent(inout) :: writer
@@ -154,7 +168,7 @@ contains
         if (.not. status%is_ok()) return
         dims = dimension_id(variable%dim(variable%n_dim:1:-1))
         kind = merge(nf90_int, nf90_double, variable%is_integer)
-        if (deflate == 0 .and. n_sample > 0) then
+        if (deflate == 0 .and. .not. writer%grows) then
             call check(nf90_def_var(writer%id, trim(variable%name), kind, dims, id, contiguous=.true.), writer, status)
         else
             chunk = layout%dimension(variable%dim(variable%n_dim:1:-1))%size

@@ -8,7 +8,7 @@ module linkdyn_output_file
     private
     public :: output_file, open_output, commit_output, discard_output, writing_failed
     public :: open_text, write_text, close_text, print_text
-    public :: is_terminal, leave_process, path_exists, remove_file
+    public :: is_terminal, leave_process, watch_interrupts, interrupt_noted, path_exists, remove_file
 
     integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2   !! of linkdyn_output.h
 
@@ -86,6 +86,14 @@ module linkdyn_output_file
             character(kind=c_char), intent(in) :: path(*)
             integer(c_int), value :: path_len
         end subroutine linkdyn_guard_file
+
+        subroutine linkdyn_watch_interrupts() bind(c)
+        end subroutine linkdyn_watch_interrupts
+
+        function linkdyn_interrupt() result(signal) bind(c)
+            import :: c_int
+            integer(c_int) :: signal
+        end function linkdyn_interrupt
 
         function linkdyn_process_id() result(id) bind(c)
             import :: c_int
@@ -230,6 +238,16 @@ contains
 
         is_terminal = linkdyn_is_terminal(int(descriptor, c_int)) /= 0
     end function is_terminal
+
+    !> Note the first interrupt (Ctrl-C, SIGTERM) instead of ending there.
+    subroutine watch_interrupts()
+        call linkdyn_watch_interrupts()
+    end subroutine watch_interrupts
+
+    !> Number of the signal noted; 0: none.
+    integer function interrupt_noted()
+        interrupt_noted = int(linkdyn_interrupt())
+    end function interrupt_noted
 
     !> End the process without the exit handlers of libraries, which may try to write once more.
     subroutine leave_process(status)

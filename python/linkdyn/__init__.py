@@ -11,13 +11,14 @@ from __future__ import annotations
 from typing import Any
 
 from ._bind import version as _version
-from .errors import ClosedSceneError, FileError, InputError, LinkdynError, SceneError, UnavailableError
+from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, SceneError, UnavailableError
 from .scene import Poses, Scene, load
 
 __all__ = [
     "ClosedSceneError",
     "FileError",
     "InputError",
+    "Interrupted",
     "LinkdynError",
     "Poses",
     "Scene",

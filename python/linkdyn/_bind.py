@@ -229,49 +229,69 @@ def inverse(
     check(*_api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"]))
 
 
-def forward(
-    handle: int,
-    method: str,
-    solver: str,
-    threads: int,
-    settings: tuple[float, float, float],
-    want: str,
-    t: Floats,
-    shapes: dict[str, tuple[int, ...]],
-) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], str]:
-    """A forward run.
+class Run:
+    """A forward run under way.
 
     Parameters
     ----------
+    handle
+        Of the scene, which must stay open.
     settings
         step [s], rtol, atol.
-    t
-        (n,) instants of output [s].
-    shapes
-        Shapes of the real results by name, in the order of the engine's description.
-
-    Returns
-    -------
-    arrays
-        Results by name.
-    statistics
-        Steps, rejected steps, right-hand sides.
-    stopped
-        Why the run stopped early; empty if it did not.
+    t_start
+        [s].
     """
-    sizes = [int(np.prod(shape)) for shape in shapes.values()]
-    values = np.empty(sum(sizes))
-    status = np.zeros(len(t), dtype=np.intc)
-    statistics, stopped, code, message = _api.api_forward(
-        handle, method, solver, threads, *settings, want, t, values, status
-    )
-    check(code, message)
-    parts = np.split(values, np.cumsum(sizes)[:-1])
-    arrays: dict[str, NDArray[Any]] = {
-        name: part.reshape(shape) for (name, shape), part in zip(shapes.items(), parts)
-    }
-    arrays["status"] = status
-    return arrays, statistics, stopped.decode("utf-8", errors="replace").strip()
+
+    def __init__(
+        self,
+        handle: int,
+        method: str,
+        solver: str,
+        threads: int,
+        settings: tuple[float, float, float],
+        want: str,
+        t_start: float,
+    ) -> None:
+        self._handle, code, message = _api.api_forward(handle, method, solver, threads, *settings, want, t_start)
+        check(code, message)
+        self.statistics = np.zeros(3, dtype=np.intc)
+        """Steps, rejected steps, right-hand sides."""
+        self.stopped = ""
+        """Why the run stopped early; empty if it did not."""
+        self.reached = t_start
+
+    def advance(
+        self, t: Floats, shapes: dict[str, tuple[int, ...]], seconds: float
+    ) -> tuple[int, dict[str, NDArray[Any]]]:
+        """Go on through some instants of output [s], for about so many seconds of computing.
+
+        Parameters
+        ----------
+        shapes
+            Shapes of one sample of the real results by name, in the order of the engine's description.
+
+        Returns
+        -------
+        n_done
+            Instants dealt with.
+        arrays
+            Their results by name.
+        """
+        sizes = [len(t) * int(np.prod(shape)) for shape in shapes.values()]
+        values = np.empty(sum(sizes))
+        status = np.zeros(len(t), dtype=np.intc)
+        n_done, self.reached, self.statistics, stopped, code, message = _api.api_advance(
+            self._handle, t, seconds, values, status
+        )
+        check(code, message)
+        self.stopped = stopped.decode("utf-8", errors="replace").strip()
+        parts = np.split(values, np.cumsum(sizes)[:-1])
+        arrays = {name: part.reshape(len(t), *shape)[:n_done] for (name, shape), part in zip(shapes.items(), parts)}
+        return n_done, arrays | {"status": status[:n_done]}
+
+    def finish(self) -> None:
+        """Give back what the run holds."""
+        _api.api_finish(self._handle)
 
 
 def poses(handle: int, q: Floats, n_link: int, in_order: bool) -> tuple[Floats, Floats, NDArray[np.intc]]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-__all__ = ["LinkdynError", "SceneError", "InputError", "FileError", "UnavailableError", "ClosedSceneError"]
+from typing import Any
+
+__all__ = ["LinkdynError", "SceneError", "InputError", "FileError", "UnavailableError", "ClosedSceneError", "Interrupted"]
 
 
 class LinkdynError(Exception):
@@ -27,3 +29,17 @@ class UnavailableError(LinkdynError):
 
 class ClosedSceneError(LinkdynError):
     """The scene was closed."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """A forward run was interrupted (Ctrl-C); a `KeyboardInterrupt`, so that a program that does not catch it ends.
+
+    Attributes
+    ----------
+    result : xarray.Dataset or None
+        What was computed until then; None: nothing.
+    """
+
+    def __init__(self, message: str, result: Any) -> None:
+        super().__init__(message)
+        self.result = result

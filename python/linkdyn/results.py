@@ -22,8 +22,8 @@ INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
 
 
-def result_shapes(schema: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], type]]:
-    """Shape of one sample and dtype of everything that is computed, by name."""
+def result_shapes(schema: dict[str, Any], with_inputs: bool = False) -> dict[str, tuple[tuple[int, ...], type]]:
+    """Shape of one sample and dtype of everything that is computed, by name; or of all, what may be given included."""
     sizes = {dimension["name"]: len(dimension.get("labels", ())) for dimension in schema["dimensions"]}
     return {
         variable["name"]: (
@@ -31,7 +31,7 @@ def result_shapes(schema: dict[str, Any]) -> dict[str, tuple[tuple[int, ...], ty
             np.intc if variable["is_integer"] else np.float64,
         )
         for variable in schema["variables"]
-        if variable["name"] not in INPUTS
+        if with_inputs or variable["name"] not in INPUTS
     }
 
 

@@ -17,7 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
 from ._changes import changed
-from .errors import InputError
+from ._progress import Progress
+from .errors import InputError, Interrupted
+from ._run_error import add_errors, finer
 from .results import result_shapes, to_dataset
 from .study import run_study
 from .sweep import run_sweep
@@ -26,6 +28,8 @@ __all__ = ["Scene", "Poses", "load"]
 
 BLOCK = 65536
 """Samples in one call of the engine: an interrupt (Ctrl-C) is heard between two calls."""
+RUN_BLOCK, BREATH = 4096, 0.25
+"""Instants of a forward run, and seconds, in one call of the engine at most."""
 
 
 @dataclass(frozen=True)
@@ -289,6 +293,8 @@ class Scene:
         want: str | Iterable[str] | None = None,
         solver: str = "elimination",
         threads: int = 1,
+        progress: bool | None = None,
+        error: bool = False,
     ) -> xr.Dataset:
         """Motion and joint reactions from the laws of the scene's actuators, from the scene's start on.
 
@@ -308,6 +314,12 @@ class Scene:
             Error allowed in a step, relative and absolute.
         want, solver, threads
             As for `inverse`; "power" brings the energies and the work too.
+        progress
+            Say how far the run is and how long it will take, if it takes over two seconds; default: on a terminal.
+        error
+            Run once more, with half the step or a hundredth of the tolerances, and give the difference: variables
+            "q_error", "qd_error", "driving_force_error", "reaction_error", ..., the error since the start that the
+            first run has gathered, by size.
 
         Returns
         -------
@@ -321,6 +333,8 @@ class Scene:
             cannot be assembled, too many or too few actuators.
         UnavailableError
             An adaptive method in a build without GSL.
+        Interrupted
+            Ctrl-C, a `KeyboardInterrupt` that keeps the results so far as ``result``.
         """
         instants = self._output_instants(t_end) if t is None else self._instants(t)
         if t is not None and t_end is not None:
@@ -329,21 +343,53 @@ class Scene:
             raise InputError("t: expected increasing instants")
         wanted = want if isinstance(want, str) else ",".join(want or ())
         schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True)
-        sizes = {dimension["name"]: len(dimension.get("labels", ())) for dimension in schema["dimensions"]}
-        sizes["sample"] = len(instants)
-        shapes = {
-            variable["name"]: tuple(sizes[name] for name in variable["dims"])
-            for variable in schema["variables"]
-            if not variable["is_integer"]
-        }
         settings = (float(step), float(rtol), float(atol))
-        arrays, statistics, stopped = _bind.forward(
-            self._handle, str(method), str(solver), _count("threads", threads), settings, wanted, instants, shapes
-        )
-        run = to_dataset(schema, arrays, self.description, self.text, solver)
-        names = ("steps", "rejected_steps", "right_hand_sides")
-        run.attrs |= {"method": method, **dict(zip(names, map(int, statistics))), "stopped": stopped}
-        return run
+        threads = _count("threads", threads)
+
+        def follow(settings: tuple[float, float, float]) -> xr.Dataset:
+            run = _bind.Run(self._handle, str(method), str(solver), threads, settings, wanted, float(instants[0]))
+            try:
+                return self._follow(run, instants, schema, str(method), str(solver), progress)
+            finally:
+                run.finish()
+
+        run = follow(settings)
+        return add_errors(run, follow(finer(method, settings)), method) if error else run
+
+    def _follow(
+        self,
+        run: _bind.Run,
+        t: NDArray[np.float64],
+        schema: dict[str, Any],
+        method: str,
+        solver: str,
+        progress: bool | None,
+    ) -> xr.Dataset:
+        """Through all instants of output, with an ear for interrupts."""
+        shapes = {name: shape for name, (shape, kind) in result_shapes(schema, True).items() if kind is np.float64}
+        parts: list[dict[str, NDArray[Any]]] = []
+        n_done = 0
+
+        def result() -> xr.Dataset:
+            arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+            data = to_dataset(schema, arrays, self.description, self.text, solver)
+            names = ("steps", "rejected_steps", "right_hand_sides")
+            data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics))), "stopped": run.stopped}
+            return data
+
+        sign = Progress(progress)
+        try:
+            while n_done < len(t):
+                n, arrays = run.advance(t[n_done : n_done + RUN_BLOCK], shapes, BREATH)
+                parts.append(arrays)
+                n_done += n
+                sign.show((run.reached - t[0]) / (t[-1] - t[0]) if len(t) > 1 else 1.0)
+        except KeyboardInterrupt:
+            run.stopped = f"interrupted at t = {run.reached:.6g} s"
+            raise Interrupted(run.stopped, result() if parts else None) from None
+        finally:
+            sign.end()
+        return result()
 
     def study(self, t_end: float | None = None) -> xr.Dataset:
         """Time against error of every solver and integrator on this scene.

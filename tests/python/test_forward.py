@@ -1,6 +1,10 @@
 """Forward runs from Python: energy where nothing is lost, and what is refused."""
 
 import math
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 import tomllib
 
@@ -178,3 +182,107 @@ def test_start_chooses_how_a_spatial_group_closes():
     assert farther > nearer
     for wanted in (farther, nearer):
         assert slide({"joint.S.branch": None, "joint.P.start": wanted + 0.01}) == wanted
+
+
+LONG_RUN = """
+import linkdyn, sys
+scene = linkdyn.load({scene!r})
+print("begin", flush=True)
+try:
+    scene.forward(1e6, method="rk4", step=1e-4)
+except linkdyn.Interrupted as interrupted:
+    run = interrupted.result
+    print(len(run.time), float(run.time[-1]), run.attrs["stopped"])
+"""
+
+
+def test_interrupt_keeps_what_is_done():
+    text = LONG_RUN.format(scene=str(EXAMPLES / "stewart_tsai" / "scene.toml"))
+    process = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "begin\n"
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    before = time.monotonic()
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 0, err
+    assert time.monotonic() - before < 3.0  # a quarter of a second, and the end of the interpreter on a busy machine
+    n, last, *stopped = out.split()
+    assert int(n) == 1 and float(last) == 0.0  # the next output comes after hours
+    assert " ".join(stopped).startswith("interrupted at t = ")
+
+
+def test_pauses_change_nothing(monkeypatch):
+    scene = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml")
+    for method in ("rk4", "rk8pd"):
+        whole = scene.forward(0.5, method=method)
+        with monkeypatch.context() as patch:
+            patch.setattr("linkdyn.scene.BREATH", 1e-6)
+            patch.setattr("linkdyn.scene.RUN_BLOCK", 17)
+            in_pieces = scene.forward(0.5, method=method)
+        np.testing.assert_array_equal(in_pieces.q, whole.q)
+        np.testing.assert_allclose(in_pieces.reaction, whole.reaction, rtol=1e-13, atol=1e-8)
+
+
+def test_progress_with_time_left(capsys, monkeypatch):
+    monkeypatch.setattr("linkdyn._progress.PATIENCE", 0.0)
+    monkeypatch.setattr("linkdyn._progress.REFRESH", 0.0)
+    linkdyn.Scene(ARM).forward(progress=True)
+    assert "% done, " in capsys.readouterr().err
+    linkdyn.Scene(ARM).forward()
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"step": 0.0}, "step = 0"),
+        ({"step": float("nan")}, "step = NaN"),
+        ({"rtol": -1e-9}, "rtol"),
+        ({"atol": float("inf")}, "atol"),
+        ({"method": "euler"}, "method 'euler' is not known"),
+        ({"solver": "magic"}, "solver 'magic' is not known"),
+        ({"t_end": float("nan")}, "t"),
+        ({"t": [0.0, 1.0, 1.0]}, "increasing"),
+    ],
+)
+def test_refusals(options, message):
+    with pytest.raises(linkdyn.InputError, match=message):
+        linkdyn.Scene(ARM).forward(**options)
+
+
+def test_a_run_that_cannot_go_on_says_where():
+    # With its pivots so far apart the loop closes only while the crank points towards the follower.
+    scene = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml").with_(
+        {
+            "frame.markers.J1": [14.5, 0.0],
+            "actuator.J1.law": {"type": "constant", "value": 0.0},
+            "coordinate.J1.motion": None,
+            "coordinate.J1.start": 2.6,
+        }
+    )
+    run = scene.forward(10.0, method="rk4", step=1e-3)
+    assert run.attrs["stopped"].startswith("stopped at t = ")
+    assert "links 'follower', 'coupler' cannot be closed" in run.attrs["stopped"]
+    good = np.isfinite(run.q[:, 0].values)
+    assert good[0] and not good[-1] and not np.any(good[1:] & ~good[:-1])
+    assert abs(run.closure[good]).max() < 1e-13
+    with pytest.raises(linkdyn.InputError, match="at its start: links 'follower', 'coupler' cannot be closed"):
+        scene.with_({"coordinate.J1.start": 0.5}).forward(1.0)
+
+
+def test_error_estimates():
+    scene = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml")
+    t = np.linspace(0, 3, 7)
+    q, qd, _ = scene.motion(t)
+    exact = scene.inverse(t=t)
+    # A start-up is known exactly. rk4: the estimate is the error up to its next order in the step.
+    run = scene.forward(t=t, method="rk4", step=0.02, error=True)
+    for name, want in (("q", q), ("qd", qd), ("reaction", exact.reaction)):
+        error = np.abs(run[name] - want).max()
+        assert 0.8 < float(run[f"{name}_error"].max() / error) < 1.25, name
+    run = scene.forward(t=t, rtol=1e-7, atol=1e-7, error=True)
+    error = float(np.abs(run.q - q).max())
+    assert error < 1e-5
+    # The finer run's own error counts too.
+    assert abs(float(run.q_error.max()) - error) <= 0.2 * error + 1e-12
+    assert "q_error" not in scene.forward(t=t)

@@ -1,0 +1,81 @@
+!> Where a mechanism cannot be computed, in words: the links and joints concerned.
+module linkdyn_failure
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, step_type, step_ups, step_csp, step_group
+    use linkdyn_planar_pass, only: run_planar_step
+    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged
+    use linkdyn_text, only: join
+    implicit none (type, external)
+    private
+    public :: failure_at
+
+contains
+
+    !> "links 'coupler', 'follower' cannot be closed at joint 'J3'" for a lane of a state evaluated before.
+    function failure_at(model, state, status, lane) result(text)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state    !! its positions are computed anew
+        integer, intent(in) :: status                    !! of the sample
+        integer, intent(in) :: lane
+        character(len=:), allocatable :: text
+        integer :: i
+
+        i = failing_step(model, state, lane)
+        if (i > 0) then
+            text = links_of(model, model%step(i))
+            select case (status)
+            case (sample_singular)
+                text = text//" at a dead point: their rates are not determined"
+            case (sample_not_converged)
+                text = text//" cannot be closed: Newton's method does not converge"
+            case default
+                text = text//" cannot be closed"
+            end select
+        else if (status == sample_singular) then
+            text = "the equations of motion are singular"
+        else if (status == sample_unreachable) then
+            text = "the motion is not finite"
+        else
+            text = "the mechanism cannot be computed"
+        end if
+    end function failure_at
+
+    !> The first step that fails; 0 if none does.
+    integer function failing_step(model, state, lane) result(i)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        integer, intent(in) :: lane
+
+        if (model%is_planar) then
+            state%unreachable = .false.
+            state%singular = .false.
+            state%not_converged = .false.
+        end if
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (model%is_planar) then
+                    call run_planar_step(model, step, state)
+                    if (state%unreachable(lane) .or. state%singular(lane) .or. state%not_converged(lane)) return
+                else if (step%kind == step_ups) then
+                    if (.not. abs(state%leg(step%first)%tilt(lane)) <= huge(1.0_wp)) return
+                else if (step%kind == step_csp) then
+                    if (.not. abs(state%slide(lane, step%joint(3))) <= huge(1.0_wp)) return
+                end if
+            end associate
+        end do
+        i = 0
+    end function failing_step
+
+    function links_of(model, step) result(text)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        character(len=:), allocatable :: text
+
+        if (step%kind == step_group) then
+            text = "links "//join(model%link(model%group(step%first)%link)%name)
+        else
+            text = "links "//join(model%link(pack(step%link, step%link > 0))%name)
+        end if
+    end function links_of
+end module linkdyn_failure

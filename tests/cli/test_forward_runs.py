@@ -1,0 +1,111 @@
+"""`linkdyn forward`: runs that stop or are interrupted keep their file; what cannot run is refused in one line."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import linkdyn
+from linkdyn.cli import executable
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+DONE, BAD_INPUT, STOPPED = 0, 2, 3
+
+
+def forward(folder: Path, *arguments: object) -> subprocess.CompletedProcess:
+    command = [executable(), "forward", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=folder)
+
+
+def changed(folder: Path, name: str, changes: dict) -> Path:
+    """An example with some values changed, as a file."""
+    path = folder / "changed.toml"
+    path.write_text(linkdyn.load(EXAMPLES / name / "scene.toml").with_(changes).text)
+    return path
+
+
+def test_as_from_python(tmp_path):
+    result = forward(tmp_path, EXAMPLES / "fourbar" / "scene.toml", "--until", 1, "--samples", 11, "-o", "run.nc")
+    assert result.returncode == DONE, result.stderr
+    scene = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml")
+    want = scene.forward(t=np.linspace(0, 1, 11))
+    with xr.open_dataset(tmp_path / "run.nc") as run:
+        for name in ("q", "qd", "qdd", "driving_force", "reaction", "joint_variable", "kinetic_energy", "work"):
+            # The instants are not the same to the last bit.
+            scale = float(abs(want[name]).max()) or 1.0
+            np.testing.assert_allclose(run[name], want[name], rtol=0, atol=1e-11 * scale, err_msg=name)
+        assert run.attrs["stopped"] == "" and int(run.attrs["steps"]) == want.attrs["steps"]
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupt_leaves_a_file_up_to_there(tmp_path, number, status):
+    arguments = ("forward", EXAMPLES / "fourbar" / "scene.toml", "--until", "1e5", "--samples", "1000001", "-o", "run.nc")
+    process = subprocess.Popen([executable(), *map(str, arguments)], cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    time.sleep(1.5)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == status
+    assert "interrupted at t = " in err and err.count("\n") == 1
+    with xr.open_dataset(tmp_path / "run.nc") as run:
+        assert len(run.time) > 10
+        assert np.all(np.isfinite(run.q)) and np.all(np.diff(run.time) > 0)
+        assert run.attrs["stopped"].startswith("interrupted at t = ")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.nc"]
+
+
+def test_a_stopped_run_keeps_its_file(tmp_path):
+    changes = {"frame.markers.J1": [14.5, 0.0], "coordinate.J1.start": 2.6, "coordinate.J1.motion": None}
+    scene = changed(tmp_path, "fourbar", changes | {"actuator.J1.law": {"type": "constant", "value": 0.0}})
+    result = forward(tmp_path, scene, "--until", 10, "-o", "run.nc", "-q", "--method", "rk4")
+    assert result.returncode == STOPPED
+    assert result.stderr.startswith(f"{scene}: stopped at t = ") and result.stderr.count("\n") == 1
+    with xr.open_dataset(tmp_path / "run.nc") as run:
+        good = np.isfinite(run.q[:, 0])
+        assert good[0] and not good[-1]
+        assert np.all(run.status[~good] != 0)
+        assert run.attrs["stopped"] in result.stderr
+
+
+def test_a_run_that_blows_up(tmp_path):
+    # A spring that pushes instead of pulling: the angle grows like exp(1e5 t).
+    spring = {"name": "S", "joint": "J1", "stiffness": -1e15}
+    scene = changed(tmp_path, "fourbar", {"actuator.J1.law": {"type": "constant", "value": 0.0}, "spring.S": spring})
+    result = forward(tmp_path, scene, "--until", 2, "--samples", 5, "--method", "rk4", "--step", "1e-3", "-o", "run.nc", "-q")
+    assert result.returncode == STOPPED, result
+    assert "stopped at t = " in result.stderr
+    with xr.open_dataset(tmp_path / "run.nc") as run:
+        assert np.isfinite(run.q[0, 0]) and np.isnan(run.q[-1, 0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--step", "0"], "step = 0"),
+        (["--step", "nan"], "--step"),
+        (["--rtol", "-1"], "rtol"),
+        (["--atol", "0"], "atol"),
+        (["--method", "euler"], "'euler'"),
+        (["--until", "nan"], "--until"),
+        (["--until", "inf"], "--until"),
+        (["--until", "-1"], "goes nowhere"),
+        (["--samples", "0"], "--samples"),
+    ],
+)
+def test_refusals(tmp_path, arguments, message):
+    result = forward(tmp_path, EXAMPLES / "fourbar" / "scene.toml", *arguments)
+    assert result.returncode == BAD_INPUT
+    assert message in result.stderr and result.stderr.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_start_that_cannot_be_assembled(tmp_path):
+    scene = changed(tmp_path, "fourbar", {"frame.markers.J1": [30.0, 0.0]})
+    result = forward(tmp_path, scene)
+    assert result.returncode == BAD_INPUT
+    assert "at its start: links 'follower', 'coupler' cannot be closed" in result.stderr
