@@ -6,7 +6,7 @@ module linkdyn_drive_study
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, sample_count
-    use linkdyn_output_file, only: output_file, open_output, open_text, write_text, close_text, commit_output, discard_output
+    use linkdyn_output_file, only: output_file, open_output, open_text, write_text, finish_text
     use linkdyn_run_output, only: default_name, exit_done, exit_bad_input
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_study, only: study_row, study_states, study_inverse, study_forward, recommend
@@ -185,11 +185,6 @@ contains
             call write_text(file, trim(row(i)%analysis)//","//trim(row(i)%method)//","//trim(row(i)%setting)//"," &
                             //trim(adjustl(numbers))//new_line("a"), status)
         end do
-        call close_text(file, status)
-        if (status%is_ok()) then
-            call commit_output(file, status)
-        else
-            call discard_output(file)
-        end if
+        call finish_text(file, status)
     end subroutine write_rows
 end module linkdyn_drive_study

@@ -151,7 +151,7 @@ contains
         write (unit, "(a)") ""
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
         if (summary%n_fallback > 0) write (unit, "(a)") "  dense solver     took over "// &
-            to_text(summary%n_fallback)//" samples whose residual was too large"
+            to_text(summary%n_fallback)//" samples whose pivots were not to be trusted"
         write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*seconds/summary%n_sample)// &
             " us per sample, "//significant(seconds)//" s in all"
         write (unit, "(a)") "  results          "//output

@@ -8,7 +8,7 @@ program bench_inverse
     use, intrinsic :: iso_fortran_env, only: int64, output_unit, error_unit
     use linkdyn_builder, only: build_model
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
-        solver_name, solver_reduced, solver_elimination
+        solver_name, solver_reduced
     use linkdyn_kinds, only: wp, wp_name
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type

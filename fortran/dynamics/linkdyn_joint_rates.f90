@@ -9,7 +9,7 @@ module linkdyn_joint_rates
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
-        planar_actuator_columns, planar_power_imbalance, planar_work_columns
+        planar_actuator_columns, planar_link_power, planar_work_columns
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_scene, only: coordinate_joint
@@ -213,36 +213,54 @@ contains
         real(wp), intent(in) :: load(:, :, :)             !! (lane, 6, n_load)
         real(wp), intent(in) :: driving_force(lanes, *)   !! (lane, n_actuator)
         real(wp), intent(out) :: imbalance(lanes)
-        real(wp), parameter :: origin(3) = 0
-        real(wp) :: rate(lanes, max(1, model%n_actuator)), term(lanes), total(lanes), magnitude(lanes)
-        type(vec3) :: force, moment, velocity
-        integer :: i, o
+        real(wp), dimension(lanes) :: total, magnitude, of_force, of_moment
+        real(wp) :: rate(lanes, max(1, model%n_actuator))
+        integer :: i
 
-        if (model%is_planar) then
-            call planar_power_imbalance(model, state, load, driving_force, imbalance)
-            return
-        end if
-        call actuator_rates(model, state, rate)
         total = 0
         magnitude = 0
+        call actuator_rates(model, state, rate)
         do i = 1, model%n_actuator
-            term = driving_force(:, i)*rate(:, i)
-            total = total + term
-            magnitude = magnitude + abs(term)
+            call add(driving_force(:, i)*rate(:, i))
         end do
         do i = 1, model%n_link
-            o = model%link(i)%orientation
-            call link_wrench(model, i, origin, state, load, force, moment)
-            velocity = state%rotation(o).unrotate.state%velocity(i)
-            term = force.dot.velocity
-            total = total - term
-            magnitude = magnitude + abs(term)
-            term = moment.dot.state%omega_body(o)
-            total = total - term
-            magnitude = magnitude + abs(term)
+            if (model%is_planar) then
+                call planar_link_power(model, i, state, load, of_force, of_moment)
+            else
+                call link_power(model, i, state, load, of_force, of_moment)
+            end if
+            call add(-of_force)
+            call add(-of_moment)
         end do
         imbalance = merge(total/magnitude, 0.0_wp, magnitude > 0)
+
+    contains
+
+        subroutine add(term)
+            real(wp), intent(in) :: term(lanes)
+
+            total = total + term
+            magnitude = magnitude + abs(term)
+        end subroutine add
     end subroutine power_imbalance
+
+    !> Power of what the joints must supply to a link.
+    subroutine link_power(model, i, state, load, of_force, of_moment)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)             !! (lane, 6, n_load)
+        real(wp), intent(out) :: of_force(lanes), of_moment(lanes)    !! [W]
+        real(wp), parameter :: origin(3) = 0
+        type(vec3) :: force, moment, velocity
+        integer :: o
+
+        o = model%link(i)%orientation
+        call link_wrench(model, i, origin, state, load, force, moment)
+        velocity = state%rotation(o).unrotate.state%velocity(i)
+        of_force = force.dot.velocity
+        of_moment = moment.dot.state%omega_body(o)
+    end subroutine link_power
 
     !> What the drives must supply by virtual work: for a unit rate of each coordinate, the power of the links' inertia
     !> less gravity and loads. No reaction enters. Needs the acceleration columns.

@@ -25,12 +25,29 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: mass(lanes, model%n_q, model%n_q)
-        real(wp) :: inertia(lanes, 6, 6)
-        integer :: i, k, l
+        integer :: i, k
 
         mass = 0
-        if (model%is_planar) call add_planar_links(model, state, mass)
-        do l = 1, merge(0, model%n_link, model%is_planar)
+        if (model%is_planar) then
+            call add_planar_links(model, state, mass)
+        else
+            call add_spatial_links(model, state, mass)
+        end if
+        do k = 2, model%n_q
+            do i = 1, k - 1
+                mass(:, k, i) = mass(:, i, k)
+            end do
+        end do
+    end subroutine mass_matrix
+
+    subroutine add_spatial_links(model, state, mass)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(inout) :: mass(lanes, model%n_q, model%n_q)
+        real(wp) :: inertia(lanes, 6, 6)
+        integer :: l
+
+        do l = 1, model%n_link
             if (state%carries_legs .and. model%link(l)%is_carried_leg) cycle
             call own_inertia(model%link(l), state%rotation(model%link(l)%orientation), inertia)
             if (state%carries_legs) call add_leg_inertia(model, state, l, inertia)
@@ -40,12 +57,7 @@ contains
                 call add_by_columns(model, state, l, inertia, mass)
             end if
         end do
-        do k = 2, model%n_q
-            do i = 1, k - 1
-                mass(:, k, i) = mass(:, i, k)
-            end do
-        end do
-    end subroutine mass_matrix
+    end subroutine add_spatial_links
 
     subroutine add_planar_links(model, state, mass)
         type(model_type), intent(in) :: model

@@ -12,7 +12,7 @@ module linkdyn_planar_rates
     implicit none (type, external)
     private
     public :: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
-        planar_actuator_columns, planar_power_imbalance, planar_work_columns
+        planar_actuator_columns, planar_link_power, planar_work_columns
 
     real(wp), parameter :: origin(2) = 0
 
@@ -103,36 +103,20 @@ contains
         end do
     end subroutine planar_actuator_columns
 
-    !> Power of the drives less that of the links' inertia, gravity and loads, relative to the sum of the magnitudes.
-    subroutine planar_power_imbalance(model, state, load, driving_force, imbalance)
+    !> Power of what the joints must supply to a link: see `power_imbalance`.
+    subroutine planar_link_power(model, i, state, load, of_force, of_moment)
         type(model_type), intent(in) :: model
+        integer, intent(in) :: i
         type(kinematic_state), intent(in) :: state
         real(wp), intent(in) :: load(:, :, :)             !! (lane, 6, n_load)
-        real(wp), intent(in) :: driving_force(lanes, *)   !! (lane, n_actuator)
-        real(wp), intent(out) :: imbalance(lanes)
-        real(wp) :: rate(lanes, max(1, model%n_actuator)), term(lanes), moment(lanes), total(lanes), magnitude(lanes)
+        real(wp), intent(out) :: of_force(lanes), of_moment(lanes)    !! [W]
         type(vec2) :: force
-        integer :: i
+        real(wp) :: moment(lanes)
 
-        call planar_actuator_rates(model, state, rate)
-        total = 0
-        magnitude = 0
-        do i = 1, model%n_actuator
-            term = driving_force(:, i)*rate(:, i)
-            total = total + term
-            magnitude = magnitude + abs(term)
-        end do
-        do i = 1, model%n_link
-            call planar_link_wrench(model, i, origin, state, load, force, moment)
-            term = force.dot.state%plane%linear(level_velocity, i)
-            total = total - term
-            magnitude = magnitude + abs(term)
-            term = moment*state%plane%angular(:, level_velocity, model%link(i)%orientation)
-            total = total - term
-            magnitude = magnitude + abs(term)
-        end do
-        imbalance = merge(total/magnitude, 0.0_wp, magnitude > 0)
-    end subroutine planar_power_imbalance
+        call planar_link_wrench(model, i, origin, state, load, force, moment)
+        of_force = force.dot.state%plane%linear(level_velocity, i)
+        of_moment = moment*state%plane%angular(:, level_velocity, model%link(i)%orientation)
+    end subroutine planar_link_power
 
     !> What the drives must supply by virtual work, per coordinate. Needs the acceleration columns.
     subroutine planar_work_columns(model, state, load, work)

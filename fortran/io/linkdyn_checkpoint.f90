@@ -9,8 +9,7 @@ module linkdyn_checkpoint
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_mix, only: hash_text
-    use linkdyn_output_file, only: output_file, open_output, open_text, write_text, close_text, commit_output, discard_output, &
-        path_exists
+    use linkdyn_output_file, only: output_file, open_output, open_text, write_text, finish_text, path_exists
     use linkdyn_scene, only: scene_type, law_spec
     use linkdyn_status, only: status_type, fail, status_bad_input, status_io_error
     use linkdyn_sweep, only: sweep_run
@@ -119,12 +118,7 @@ contains
             call put(bytes_of_integers(run%map%n_feasible(d:min(d + map_block - 1, size(run%map%worst, 2)))))
         end do
         call write_text(file, bytes_of_integers([check]), status)
-        call close_text(file, status)
-        if (status%is_ok()) then
-            call commit_output(file, status)
-        else
-            call discard_output(file)
-        end if
+        call finish_text(file, status)
 
     contains
 

@@ -3,8 +3,7 @@
 !> Numbers have as many digits as reading them back to the same value takes: 17, in quadruple precision 36.
 module linkdyn_csv_writer
     use linkdyn_kinds, only: wp
-    use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, open_text, write_text, &
-        close_text
+    use linkdyn_output_file, only: output_file, open_output, discard_output, open_text, write_text, close_text, finish_text
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width
     use linkdyn_status, only: status_type, sample_status_name
     implicit none (type, external)
@@ -107,12 +106,7 @@ contains
         type(csv_writer), intent(inout) :: writer
         type(status_type), intent(inout) :: status
 
-        call close_text(writer%file, status)
-        if (status%is_ok()) then
-            call commit_output(writer%file, status)
-        else
-            call discard_output(writer%file)
-        end if
+        call finish_text(writer%file, status)
     end subroutine close_csv
 
     !> Give up: nothing is left behind.

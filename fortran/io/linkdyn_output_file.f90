@@ -7,8 +7,9 @@ module linkdyn_output_file
     implicit none (type, external)
     private
     public :: output_file, open_output, commit_output, discard_output, writing_failed
-    public :: open_text, write_text, close_text, print_text
+    public :: open_text, write_text, close_text, finish_text, print_text
     public :: is_terminal, leave_process, watch_interrupts, interrupt_noted, path_exists, remove_file
+    public :: linkdyn_close_write    ! of c/, for other files that are open by descriptor
 
     integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2   !! of linkdyn_output.h
 
@@ -185,6 +186,19 @@ contains
         if (linkdyn_close_write(file%descriptor, reason, len(reason)) /= 0) call writing_failed(file, reason, status)
         file%descriptor = -1
     end subroutine close_text
+
+    !> Close the file and put it in its place. After a failure nothing is left behind.
+    subroutine finish_text(file, status)
+        type(output_file), intent(inout) :: file
+        type(status_type), intent(inout) :: status
+
+        call close_text(file, status)
+        if (status%is_ok()) then
+            call commit_output(file, status)
+        else
+            call discard_output(file)
+        end if
+    end subroutine finish_text
 
     !> Put the finished file in its place.
     subroutine commit_output(file, status)

@@ -2,6 +2,7 @@
 module linkdyn_spool
     use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_ptr, c_loc
     use linkdyn_kinds, only: wp
+    use linkdyn_output_file, only: linkdyn_close_write, remove_file
     use linkdyn_status, only: status_type, fail, status_io_error
     implicit none (type, external)
     private
@@ -50,20 +51,6 @@ module linkdyn_spool
             integer(c_int), value :: reason_len
             integer(c_int) :: outcome
         end function linkdyn_sync
-
-        function linkdyn_close_write(descriptor, reason, reason_len) result(outcome) bind(c)
-            import :: c_char, c_int
-            integer(c_int), value :: descriptor
-            character(kind=c_char), intent(inout) :: reason(*)
-            integer(c_int), value :: reason_len
-            integer(c_int) :: outcome
-        end function linkdyn_close_write
-
-        subroutine linkdyn_remove_file(path, path_len) bind(c)
-            import :: c_char, c_int
-            character(kind=c_char), intent(in) :: path(*)
-            integer(c_int), value :: path_len
-        end subroutine linkdyn_remove_file
     end interface
 
 contains
@@ -131,7 +118,7 @@ contains
         if (spool%descriptor < 0) return
         outcome = linkdyn_close_write(spool%descriptor, reason, len(reason))
         spool%descriptor = -1
-        if (is_done) call linkdyn_remove_file(spool%name, len(spool%name))
+        if (is_done) call remove_file(spool%name)
     end subroutine close_spool
 
     subroutine spool_failed(spool, what, reason, status)
