@@ -9,7 +9,7 @@ module linkdyn_joint_rates
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
-        planar_actuator_columns, planar_link_power, planar_work_columns
+        planar_actuator_columns, planar_joint_rate, planar_link_power, planar_work_columns
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_scene, only: coordinate_joint
@@ -18,7 +18,7 @@ module linkdyn_joint_rates
     implicit none (type, external)
     private
     public :: joint_view, view_joint, measure_variable, coordinate_of
-    public :: measure_joints, actuator_rates, actuator_columns, power_imbalance, work_columns
+    public :: measure_joints, actuator_rates, actuator_columns, slide_column, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.
     type :: joint_view
@@ -177,6 +177,22 @@ contains
             end if
         end associate
     end subroutine actuator_rate
+
+    !> Rate of the slide of a joint for a unit rate of a coordinate. Needs the acceleration columns.
+    function slide_column(model, state, j, k) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, k        !! joint, coordinate
+        real(wp) :: rate(lanes)
+        type(joint_view) :: view
+
+        if (model%is_planar) then
+            rate = planar_joint_rate(model, state, j, k)
+        else
+            call view_joint(model, state, j, state%acceleration(k, :), state%alpha(k, :), view)
+            rate = view%slide_rate.dot.view%frame(1)%z
+        end if
+    end function slide_column
 
     subroutine view_joint(model, state, j, link_velocity, link_omega, view)
         type(model_type), intent(in) :: model

@@ -12,7 +12,7 @@ module linkdyn_planar_rates
     implicit none (type, external)
     private
     public :: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
-        planar_actuator_columns, planar_link_power, planar_work_columns
+        planar_actuator_columns, planar_joint_rate, planar_link_power, planar_work_columns
 
     real(wp), parameter :: origin(2) = 0
 

@@ -135,7 +135,9 @@ contains
 
         text = "{"//pair("name", string(variable%name))//","//pair("long_name", string(variable%long_name))//","// &
             pair("units", string(variable%units))//","//pair("is_integer", logical_value(variable%is_integer))//","// &
-            pair("dims", strings(layout%dimension(variable%dim(:variable%n_dim))%name))//"}"
+            pair("dims", strings(layout%dimension(variable%dim(:variable%n_dim))%name))
+        if (variable%length > 0) text = text//","//pair("length", number(variable%length))
+        text = text//"}"
     end function variable_object
 
     function named(name, unit) result(text)

@@ -64,6 +64,8 @@ def to_dataset(
     variables = {}
     for variable in schema["variables"]:
         attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
+        if "length" in variable:
+            attributes["length"] = variable["length"]
         if variable["is_integer"]:
             attributes["flag_values"] = np.arange(len(schema["status"]), dtype=np.intc)
             attributes["flag_meanings"] = " ".join(schema["status"])
