@@ -20,8 +20,8 @@ module linkdyn_coordinate_watch
 
     real(wp), parameter :: largest_ratio = 10       !! that a coordinate in use may have
     real(wp), parameter :: least_sine = 0.3_wp      !! of a transmission angle: no dead point is near
-    real(wp), parameter :: good_ratio = 2           !! no dead point is looked for ahead
-    integer, parameter :: least_steps = 20          !! before a dead point, where steps are not cut by their error
+    real(wp), parameter :: good_ratio = 3           !! no dead point is looked for ahead
+    integer, parameter :: least_steps = 50          !! before a dead point, where steps are not cut by their error
 
     type :: coordinate_watch
         logical :: is_on = .false.
