@@ -13,6 +13,7 @@ module linkdyn_forward
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_builder, only: build_model
     use linkdyn_carried_assembly, only: keep_accepted
+    use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at
     use linkdyn_forward_phase, only: forward_options, forward_phase, phase_box, plan_phase, enter_phase, release_phase
@@ -21,13 +22,14 @@ module linkdyn_forward
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
+    use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_loads
-    use linkdyn_scene, only: law_spec, scene_type
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok
+    use linkdyn_scene, only: law_spec, scene_type, frame_link
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
@@ -57,6 +59,7 @@ module linkdyn_forward
         integer, allocatable :: later_phase(:)         !! phases entered since the start
         real(wp), allocatable :: entered_at(:)         !! [s]
         integer :: step_entered = -1                   !! steps done when the phase was entered
+        integer :: dead_coordinate = 0                 !! that the run has stopped at; 0: none
         real(wp), allocatable :: y(:, :)               !! (lane, n)
         real(wp), allocatable :: kink(:)               !! instants at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
@@ -99,13 +102,30 @@ contains
         call run%system%evaluate(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed at its start: " &
-                      //failure_at(model, run%system%workspace%state, run%system%workspace%status(1), 1))
+                      //failure_at(model, run%system%workspace%state, run%system%workspace%status(1), 1) &
+                      //advice_at_start(model, run%system%workspace%status(1)))
             return
         end if
         call collect_kinks(model, run%kink)
         run%good_until = options%t_start
         call run%integrator%start(options%integrator, run%system, options%t_start, status)
     end subroutine start_forward
+
+    !> What to do where coordinates do not say how the mechanism moves.
+    function advice_at_start(model, status) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: status                  !! of the sample
+        character(len=:), allocatable :: text
+        integer :: j
+
+        text = ""
+        if (.not. model%is_planar .or. status /= sample_singular) return
+        do j = 1, model%n_joint
+            if (all(model%joint(j)%link /= frame_link) .or. coordinate_of(model, j, 1) > 0) cycle
+            text = " (expected another coordinate, one that moves there, such as joint "//quoted(model%joint(j)%name)//")"
+            return
+        end do
+    end function advice_at_start
 
     !> Go on through the output instants t, increasing, and fill their results; those beyond where the run stops are NaN.
     !>
@@ -241,44 +261,56 @@ contains
         end do
     end subroutine advance_to
 
-    !> Exchange a coordinate that is near its dead point, if another can be had; else the run goes on as it is.
+    !> Exchange a coordinate that is near its dead point. If none can be had for it the run goes on as it is, until it
+    !> is at that point.
     subroutine change_phase(run)
         type(forward_run), intent(inout) :: run
+        logical :: is_new
+
+        run%system%wants_rest = .false.
+        if (.not. run%system%watch%is_on) return
+        call run%system%look_at(spread(run%integrator%good_until(1), 1, lanes), run%y)
+        is_new = .false.
+        ! A phase that has failed at its first step is no improvement.
+        if (run%options%switches .and. .not. (all(run%integrator%failed) .and. run%integrator%n_step == run%step_entered)) &
+            call find_better_phase(run, is_new)
+        if (is_new) return
+        run%system%watch%may_exchange = .false.
+        run%dead_coordinate = dead_coordinate(run%system%watch)
+        if (run%dead_coordinate > 0) run%integrator%failed = .true.
+    end subroutine change_phase
+
+    subroutine find_better_phase(run, is_found)
+        type(forward_run), intent(inout) :: run
+        logical, intent(out) :: is_found
         real(wp), parameter :: least_ratio = 1.5_wp    !! every exchange is an improvement, so that they come to an end
         type(model_type), allocatable :: model(:)
         type(scene_type) :: scene
         type(status_type) :: status
         integer, allocatable :: choices(:, :), phase(:), n_iterated(:)
-        logical :: is_new
         integer :: i
 
-        run%system%wants_rest = .false.
-        run%system%watch%has_given_up = .true.
-        if (.not. run%system%watch%is_on) return
-        ! Nothing was gained by the last exchange.
-        if (run%integrator%failed(1) .and. run%integrator%n_step == run%step_entered) return
-        call run%system%look_at(spread(run%integrator%good_until(1), 1, lanes), run%y)
         associate (from => run%known(run%phase)%phase)
             call list_choices(run%own, run%system%watch, from%choice, least_ratio, choices)
-            allocate (model(size(choices, 2)), phase(size(choices, 2)), n_iterated(size(choices, 2)))
-            n_iterated = huge(1)
-            do i = 1, size(choices, 2)
-                phase(i) = find_phase(run, choices(:, i))
-                if (run%known(phase(i))%phase%is_refused) cycle
-                call exchange_scene(run%own, choices(:, i), run%model, run%system%watch%state, scene)
-                call build_model(scene, model(i), status)
-                if (.not. status%is_ok()) cycle
-                n_iterated(i) = number_iterated(model(i))
-                if (n_iterated(i) == 0) exit           ! all in closed form
-            end do
         end associate
-        is_new = .false.
-        do while (.not. is_new .and. any(n_iterated < huge(1)))
+        allocate (model(size(choices, 2)), phase(size(choices, 2)), n_iterated(size(choices, 2)))
+        n_iterated = huge(1)
+        do i = 1, size(choices, 2)
+            phase(i) = find_phase(run, choices(:, i))
+            if (run%known(phase(i))%phase%is_refused) cycle
+            call exchange_scene(run%own, choices(:, i), run%model, run%system%watch%state, scene)
+            call build_model(scene, model(i), status)
+            if (.not. status%is_ok()) cycle
+            n_iterated(i) = number_iterated(model(i))
+            if (n_iterated(i) == 0) exit               ! all in closed form
+        end do
+        is_found = .false.
+        do while (.not. is_found .and. any(n_iterated < huge(1)))
             i = minloc(n_iterated, 1)
             n_iterated(i) = huge(1)
-            call try_phase(run, phase(i), model(i), is_new)
+            call try_phase(run, phase(i), model(i), is_found)
         end do
-    end subroutine change_phase
+    end subroutine find_better_phase
 
     !> The number of a choice's phase, which is new if it was never looked for.
     integer function find_phase(run, choice) result(number)
@@ -350,7 +382,10 @@ contains
         character(len=:), allocatable :: reason
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
-        if (run%system%workspace%status(1) /= sample_ok) then
+        if (run%dead_coordinate > 0) then
+            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name)//" is at its dead point"
+            if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+        else if (run%system%workspace%status(1) /= sample_ok) then
             reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
         else if (run%integrator%has_shrunk) then
             reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"

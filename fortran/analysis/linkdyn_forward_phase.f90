@@ -53,8 +53,9 @@ contains
         call choose_unknowns(phase%model, unknown, status)
         if (status%is_ok()) call build_equations(phase%model, options%solver, options%wants_reactions, &
                                                  phase%output%equations, status, unknown)
-        if (.not. status%is_ok() .or. .not. options%switches) return
+        if (.not. status%is_ok()) return
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
+        phase%system%watch%may_exchange = options%switches
         phase%system%watch%has_equal_steps = options%integrator%method == method_rk4
     end subroutine plan_phase
 

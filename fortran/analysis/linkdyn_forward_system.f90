@@ -1,7 +1,8 @@
 !> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
 module linkdyn_forward_system
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
-    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, is_near_dead_point, may_be_near
+    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, is_near_dead_point, dead_coordinate, &
+        may_be_near
     use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, solver_elimination, solver_reduced
@@ -137,7 +138,7 @@ contains
         self%inverse_time = -huge(1.0_wp)
         self%wants_rest = .false.
         self%watch%ratio = 0
-        self%watch%has_given_up = .false.
+        self%watch%may_exchange = .true.
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
     end subroutine take_over
 
@@ -167,7 +168,7 @@ contains
             call unpack_motion(self%motion_model, t, self%inverse_assembly%state)
             call accept_assembly(self%motion_model, t, is_accepted, self%inverse_assembly)
         end if
-        if (.not. self%watch%is_on .or. self%watch%has_given_up) return
+        if (.not. self%watch%is_on) return
         if (self%assembly%is_needed) then
             if (.not. may_be_near(self%model, self%assembly%state%plane)) then
                 self%watch%ratio = 0
@@ -175,7 +176,11 @@ contains
             end if
         end if
         call self%look_at(t, y)
-        self%wants_rest = is_near_dead_point(self%watch)
+        if (self%watch%may_exchange) then
+            self%wants_rest = is_near_dead_point(self%watch)
+        else
+            self%wants_rest = dead_coordinate(self%watch) > 0
+        end if
     end subroutine accept_forward
 
     !> Coordinates of the scene's own motion at the instants of the lanes.

@@ -16,16 +16,17 @@ module linkdyn_coordinate_watch
     use linkdyn_scene, only: coordinate_joint, joint_prismatic, frame_link
     implicit none (type, external)
     private
-    public :: coordinate_watch, prepare_watch, compare_rates, is_near_dead_point, may_be_near
+    public :: coordinate_watch, prepare_watch, compare_rates, is_near_dead_point, dead_coordinate, may_be_near
 
     real(wp), parameter :: largest_ratio = 10       !! that a coordinate in use may have
+    real(wp), parameter :: dead_ratio = 1000        !! beyond it the coordinate says too little of the motion
     real(wp), parameter :: least_sine = 0.3_wp      !! of a transmission angle: no dead point is near
     real(wp), parameter :: good_ratio = 3           !! no dead point is looked for ahead
     integer, parameter :: least_steps = 50          !! before a dead point, where steps are not cut by their error
 
     type :: coordinate_watch
         logical :: is_on = .false.
-        logical :: has_given_up = .false.           !! nothing could be exchanged: looks no more until it is called to
+        logical :: may_exchange = .true.            !! false: it is only seen whether a coordinate is at its dead point
         logical :: has_equal_steps = .false.        !! a dead point is looked for some steps ahead
         integer, allocatable :: joint(:)            !! of a coordinate that may be exchanged; 0 (n_q)
         logical, allocatable :: is_candidate(:)     !! its variable may become a coordinate (n_joint)
@@ -134,6 +135,15 @@ contains
             lane_1 = values(1)
         end function lane_1
     end subroutine compare_rates
+
+    !> The coordinate that is at its dead point, for all that it can be used; 0: none.
+    pure integer function dead_coordinate(watch) result(k)
+        type(coordinate_watch), intent(in) :: watch
+
+        do k = size(watch%joint), 1, -1
+            if (any(abs(watch%ratio(:, k)) > dead_ratio)) return
+        end do
+    end function dead_coordinate
 
     !> Does any joint move much faster than a coordinate, or will it, before some more steps are done?
     pure logical function is_near_dead_point(watch) result(is_near)
