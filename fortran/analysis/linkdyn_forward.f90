@@ -276,7 +276,7 @@ contains
             call find_better_phase(run, is_new)
         if (is_new) return
         run%system%watch%may_exchange = .false.
-        run%dead_coordinate = dead_coordinate(run%system%watch)
+        run%dead_coordinate = dead_coordinate(run%system%watch, all(run%integrator%failed))
         if (run%dead_coordinate > 0) run%integrator%failed = .true.
     end subroutine change_phase
 
@@ -383,7 +383,8 @@ contains
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
         if (run%dead_coordinate > 0) then
-            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name)//" is at its dead point"
+            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
+                     //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
         else if (run%system%workspace%status(1) /= sample_ok) then
             reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"

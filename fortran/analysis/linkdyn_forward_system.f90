@@ -179,7 +179,7 @@ contains
         if (self%watch%may_exchange) then
             self%wants_rest = is_near_dead_point(self%watch)
         else
-            self%wants_rest = dead_coordinate(self%watch) > 0
+            self%wants_rest = dead_coordinate(self%watch, .false.) > 0
         end if
     end subroutine accept_forward
 

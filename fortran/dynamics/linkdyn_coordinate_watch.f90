@@ -137,11 +137,12 @@ contains
     end subroutine compare_rates
 
     !> The coordinate that is at its dead point, for all that it can be used; 0: none.
-    pure integer function dead_coordinate(watch) result(k)
+    pure integer function dead_coordinate(watch, has_failed) result(k)
         type(coordinate_watch), intent(in) :: watch
+        logical, intent(in) :: has_failed           !! the run cannot go on: near is enough
 
         do k = size(watch%joint), 1, -1
-            if (any(abs(watch%ratio(:, k)) > dead_ratio)) return
+            if (any(abs(watch%ratio(:, k)) > merge(good_ratio, dead_ratio, has_failed))) return
         end do
     end function dead_coordinate
 

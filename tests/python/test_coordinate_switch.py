@@ -344,7 +344,7 @@ def test_change_points_are_no_dead_points() -> None:
 def test_switching_can_be_forbidden() -> None:
     scene = linkdyn.Scene(with_coordinates(slider_crank(), ("D",)))
     run = scene.forward(t=np.linspace(0.0, 0.1, 11), switch=False)
-    assert run.attrs["stopped"].endswith("s: coordinate 'D' is at its dead point")
+    assert run.attrs["stopped"].endswith("s: coordinate 'D' comes to its dead point")
     assert np.all(run.stand_in == 0)
     assert np.isnan(run.q.values[-1, 0])
 
