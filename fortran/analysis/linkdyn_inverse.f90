@@ -15,7 +15,7 @@ module linkdyn_inverse
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose
+    use linkdyn_model, only: model_type, step_pose, has_assemblies
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_pose, only: rates_of_rpy
     use linkdyn_reactions, only: collect_reactions
@@ -164,7 +164,7 @@ contains
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world
         n_fallback = 0
-        if (model%is_planar) then
+        if (has_assemblies(model)) then
             if (present(known)) then
                 assembly = known
             else if (present(trail) .and. n > 0) then
@@ -230,7 +230,7 @@ contains
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
-                if (model%is_planar) &
+                if (has_assemblies(model)) &
                     call place_sample(model, assembly, min(sample, size(assembly%branch, 2)), lane, workspace%state)
             end do
         end subroutine gather

@@ -52,7 +52,7 @@ contains
         call plan_steps(model, status)
         if (status%is_ok()) call plan_carried_legs(model)
         call assemble_start(model, status)
-        if (status%is_ok() .and. .not. model%is_planar) call assemble_in_space(model)
+        call assemble_in_space(model, status)
     end subroutine build_model
 
     subroutine take_link(spec, link)

@@ -17,7 +17,7 @@ module linkdyn_planar_start
     use linkdyn_vec2, only: vec2, vec2_of, operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
-    public :: assemble_start, start_of_coordinate
+    public :: assemble_start, start_of_coordinate, keep_group
 
     real(wp), parameter :: fit = 1.0e-6_wp    !! markers this near, relative to the scene's size, were meant to coincide
 
@@ -224,6 +224,7 @@ contains
         type(group_type), intent(inout) :: group
         integer :: i
 
+        group%start = 0
         do i = 1, size(group%link)
             associate (spec => model%scene%link(group%link(i)))
                 if (spec%has_start) group%start(:, i) = spec%start([1, 2, 6])
@@ -231,10 +232,13 @@ contains
         end do
     end subroutine guess_group
 
+    !> Where the groups' links have been placed at the start.
+    !>
+    !> **Errors**: `status_bad_input` for a group that is not closed there.
     subroutine keep_group(model, group, state, status)
         type(model_type), intent(in) :: model
         type(group_type), intent(inout) :: group
-        type(kinematic_state), intent(inout) :: state
+        type(kinematic_state), intent(in) :: state
         type(status_type), intent(inout) :: status
         integer :: i
 
@@ -244,8 +248,7 @@ contains
             return
         end if
         do i = 1, size(group%link)
-            group%start(:2, i) = lane_of(state%plane%group%position(group%link(i)), 1)
-            group%start(3, i) = state%plane%group%angle(1, group%link(i))
+            group%start(:, i) = state%group%place(1, :, group%link(i))
         end do
     end subroutine keep_group
 end module linkdyn_planar_start

@@ -2,14 +2,14 @@
 !>
 !> Links whose pose is given are known. Counting constraints takes the rest apart into the smallest groups that can be
 !> placed one after the other (`linkdyn_assur_groups`): a single link is a step of an open chain, a pair with three
-!> joints a dyad or a leg with a closed form, any other planar group is left to Newton's method. A scene that cannot be
+!> joints a dyad or a leg with a closed form, any other group is left to Newton's method. A scene that cannot be
 !> planned is refused with the names of the links and joints concerned.
 module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_model, only: model_type, step_type, group_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, &
-        step_rpr, step_prp, step_ppr, step_group, is_dyad, side_of
+        step_rpr, step_prp, step_ppr, step_group, is_dyad, side_of, link_freedom, place_size
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_revolute, joint_prismatic, &
         joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -47,17 +47,11 @@ contains
         type(model_type), intent(in) :: model
         integer :: i
 
-        mobility_of = freedom_of(model)*model%n_link
+        mobility_of = link_freedom(model)*model%n_link
         do i = 1, model%n_joint
             mobility_of = mobility_of - joint_constraints(model, model%joint(i)%kind)
         end do
     end function mobility_of
-
-    pure integer function freedom_of(model)
-        type(model_type), intent(in) :: model
-
-        freedom_of = merge(3, 6, model%is_planar)
-    end function freedom_of
 
     !> Fill `model%step`.
     subroutine plan_steps(model, status)
@@ -76,7 +70,7 @@ contains
         call take_poses(model, plan, status)
         if (.not. status%is_ok()) return
         call list_ties(model, plan, tie, tie_coordinate)
-        call find_groups(freedom_of(model), plan%known(1:), model%n_joint, tie, grouping)
+        call find_groups(link_freedom(model), plan%known(1:), model%n_joint, tie, grouping)
         if (grouping%excess > 0) call refuse_excess(model, grouping, tie_coordinate, status)
         if (grouping%lack > 0) call refuse_lack(model, grouping, status)
         do g = 1, grouping%n_group
@@ -183,12 +177,7 @@ contains
             if (plan%n_step == n_before) call close_csp_group(model, member, plan)
         end if
         if (.not. status%is_ok() .or. plan%n_step > n_before) return
-        if (model%is_planar) then
-            call add_newton_group(model, member, plan)
-        else
-            call fail(status, status_bad_input, "link(s) "//link_names(model, member)//" cannot be placed from the " &
-                      //"coordinates given: no open chain leads to them and they form no known group (UPS leg, CSP)")
-        end if
+        call add_newton_group(model, member, plan, status)
     end subroutine place_group
 
     !> A link behind a joint from a known link whose variables are all coordinates.
@@ -307,11 +296,12 @@ contains
         end do
     end function signature_of
 
-    !> Any other planar group.
-    subroutine add_newton_group(model, member, plan)
+    !> Any other group.
+    subroutine add_newton_group(model, member, plan, status)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: member(:)
         type(planning), intent(inout) :: plan
+        type(status_type), intent(inout) :: status
         type(step_type) :: step
         logical :: is_member(0:model%n_link)
         integer :: i, j, l
@@ -332,13 +322,36 @@ contains
                     end associate
                 end do
             end do
-            group%coordinate = plan%given(1, group%joint)
-            allocate (group%start(3, size(member)))
-            group%start = 0
+            group%coordinate = plan%given(:, group%joint)
+            allocate (group%start(place_size(model), size(member)))
+            group%turns = [(has_own_orientation(i), i=1, size(member))]
+            do i = 1, size(group%joint)
+                associate (joint => model%joint(group%joint(i)))
+                    call need_world(model, joint%link(1))
+                    call need_world(model, joint%link(2))
+                    if (joint%kind == joint_spherical .and. any(group%coordinate(:, i) > 0)) &
+                        call fail(status, status_bad_input, "joint "//quoted(joint%name)//": the angles of a spherical " &
+                                  //"joint can be coordinates in an open chain only")
+                end associate
+            end do
         end associate
         step = step_type(kind=step_group, n_link=0, first=plan%n_group)
         call add_step(plan, step)
         plan%known(member) = .true.
+
+    contains
+
+        !> Or that of a link placed before, or of another of the group's?
+        pure logical function has_own_orientation(i)
+            integer, intent(in) :: i
+            integer :: o, l
+
+            o = model%link(member(i))%orientation
+            has_own_orientation = o > 0 .and. all(model%link(member(:i - 1))%orientation /= o)
+            do l = 1, model%n_link
+                if (plan%known(l) .and. model%link(l)%orientation == o) has_own_orientation = .false.
+            end do
+        end function has_own_orientation
     end subroutine add_newton_group
 
     !> A CSP group between known links.
