@@ -17,10 +17,11 @@ contains
     !> Check and plan the scene.
     !>
     !> **Errors**: `status_bad_input` with the links and joints concerned when the mechanism cannot be computed.
-    subroutine build_model(scene, model, status)
+    subroutine build_model(scene, model, status, closed_forms)
         type(scene_type), intent(in) :: scene
         type(model_type), intent(out) :: model
         type(status_type), intent(out) :: status
+        logical, intent(in), optional :: closed_forms    !! false: all links are placed by Newton's method, to compare with
         integer :: i
 
         model%scene = scene
@@ -49,7 +50,7 @@ contains
         end do
         call list_joints_of_links(model)
         call share_orientations(model)
-        call plan_steps(model, status)
+        call plan_steps(model, status, closed_forms)
         if (status%is_ok()) call plan_carried_legs(model)
         call assemble_start(model, status)
         call assemble_in_space(model, status)

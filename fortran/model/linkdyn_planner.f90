@@ -28,6 +28,7 @@ module linkdyn_planner
         type(step_type), allocatable :: step(:)
         integer :: n_step = 0
         integer :: n_group = 0
+        logical :: closed_forms = .true.        !! are to be used where there are some
         logical, allocatable :: known(:)        !! (0:n_link)
         integer, allocatable :: given(:, :)     !! coordinate that gives a joint variable; 0: none (3, n_joint)
     end type planning
@@ -54,9 +55,10 @@ contains
     end function mobility_of
 
     !> Fill `model%step`.
-    subroutine plan_steps(model, status)
+    subroutine plan_steps(model, status, closed_forms)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: closed_forms    !! false: everything by Newton's method, to compare with
         type(planning) :: plan
         type(grouping_type) :: grouping
         type(tie_type), allocatable :: tie(:)
@@ -64,6 +66,7 @@ contains
         integer :: g
 
         if (.not. status%is_ok()) return
+        if (present(closed_forms)) plan%closed_forms = closed_forms
         allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, model%n_joint), model%group(model%n_link))
         plan%known = .false.
         plan%known(0) = .true.
@@ -170,14 +173,22 @@ contains
         integer :: n_before
 
         n_before = plan%n_step
-        if (size(member) == 1) call extend_open_chain(model, member(1), plan, status)
-        if (size(member) == 2 .and. model%is_planar) call close_dyad(model, member, plan, status)
-        if (size(member) == 2 .and. .not. model%is_planar) then
-            call close_ups_leg(model, member, plan)
-            if (plan%n_step == n_before) call close_csp_group(model, member, plan)
-        end if
-        if (.not. status%is_ok() .or. plan%n_step > n_before) return
-        call add_newton_group(model, member, plan, status)
+        if (plan%closed_forms) call place_directly()
+        if (status%is_ok() .and. plan%n_step == n_before) call add_newton_group(model, member, plan, status)
+
+    contains
+
+        !> By an open chain or a closed form, if there is one.
+        subroutine place_directly()
+            if (size(member) == 1) call extend_open_chain(model, member(1), plan, status)
+            if (size(member) /= 2) return
+            if (model%is_planar) then
+                call close_dyad(model, member, plan, status)
+            else
+                call close_ups_leg(model, member, plan)
+                if (plan%n_step == n_before) call close_csp_group(model, member, plan)
+            end if
+        end subroutine place_directly
     end subroutine place_group
 
     !> A link behind a joint from a known link whose variables are all coordinates.
