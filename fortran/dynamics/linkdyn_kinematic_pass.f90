@@ -41,19 +41,18 @@ contains
     subroutine follow_groups(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
-        real(wp), parameter :: stride = 0.1_wp        !! [rad, m]: largest change of a coordinate in one step
-        real(wp) :: target(lanes, model%n_q), part(lanes), distance(lanes)
+        real(wp) :: target(lanes, model%n_q), part(lanes), distance(lanes)    !! distance: in strides
         logical :: has_failed(lanes)
         integer :: n_step(lanes), n, k
 
         target = state%q
         distance = 0
         do k = 1, model%n_q
-            distance = max(distance, abs(target(:, k) - state%group%start_q(:, k)))
+            distance = max(distance, abs(target(:, k) - state%group%start_q(:, k))/model%stride(k))
         end do
         where (.not. distance <= huge(1.0_wp)) distance = 0
         call begin_iteration(state%group)
-        n_step = max(1, ceiling(distance/stride))
+        n_step = max(1, ceiling(distance))
         do n = 1, maxval(n_step)
             ! Every lane takes steps of its own length and then stays where it wants to be.
             part = min(1.0_wp, real(n, wp)/n_step)

@@ -8,7 +8,8 @@ module linkdyn_planar_start
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: evaluate_law
-    use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, orientation_of
+    use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, &
+        orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_pass, only: run_planar_step
     use linkdyn_scene, only: law_none, joint_prismatic
@@ -204,17 +205,6 @@ contains
             if (is_point) w = w + lane_of(plane%position(l), 1)
         end function placed
     end function fits_as_written
-
-    !> A length typical of the scene.
-    pure real(wp) function scene_size(model)
-        type(model_type), intent(in) :: model
-        integer :: j
-
-        scene_size = tiny(1.0_wp)
-        do j = 1, model%n_joint
-            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)))
-        end do
-    end function scene_size
 
     ! ---------------------------------------------------------------- groups
 

@@ -8,8 +8,8 @@ module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, link_freedom
-    use linkdyn_scene, only: law_spec, coordinate_joint
+    use linkdyn_model, only: model_type, link_freedom, is_length
+    use linkdyn_scene, only: law_spec
     implicit none (type, external)
     private
     public :: make_similar, coordinate_scale, drive_scale, near_one
@@ -54,6 +54,7 @@ contains
         do i = 1, model%n_q
             own_scale = coordinate_scale(model, i, scale)
             similar%start_q(i) = own_scale*model%start_q(i)
+            similar%stride(i) = own_scale*model%stride(i)
             similar%scene%coordinate(i)%start_position = own_scale*model%scene%coordinate(i)%start_position
             call scale_law(own_scale, similar%scene%coordinate(i)%motion)
         end do
@@ -69,13 +70,7 @@ contains
         integer, intent(in) :: i
         real(wp), intent(in) :: scale
 
-        logical :: is_length
-
-        associate (coordinate => model%scene%coordinate(i))
-            is_length = coordinate%variable <= 3
-            if (coordinate%kind == coordinate_joint) is_length = is_slide(model%joint(coordinate%joint)%kind, coordinate%variable)
-        end associate
-        coordinate_scale = merge(scale, 1.0_wp, is_length)
+        coordinate_scale = merge(scale, 1.0_wp, is_length(model, i))
     end function coordinate_scale
 
     !> What a driving force is multiplied by; a torque by its square.

@@ -1,12 +1,13 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
+    use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, name_len
+    use linkdyn_scene, only: scene_type, name_len, coordinate_joint
     implicit none (type, external)
     private
     public :: model_type, link_type, joint_type, step_type, leg_type, group_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
-    public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
+    public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies, is_length, scene_size
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -107,6 +108,7 @@ module linkdyn_model
         integer, allocatable :: first_at(:)   !! joints of link l: joint_at(first_at(l):first_at(l+1)-1)
         integer, allocatable :: joint_at(:)
         real(wp), allocatable :: start_q(:)   !! coordinates at the start (n_q)
+        real(wp), allocatable :: stride(:)    !! change of a coordinate through which a group can be followed (n_q) [m, rad]
         real(wp), allocatable :: branch(:)    !! of the dyads at the start: +1 or -1 (n_dyad)
     end type model_type
 
@@ -146,6 +148,28 @@ contains
 
         place_size = merge(3, 7, model%is_planar)
     end function place_size
+
+    !> Is a coordinate a length, not an angle?
+    pure logical function is_length(model, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+
+        associate (coordinate => model%scene%coordinate(k))
+            is_length = coordinate%variable <= 3
+            if (coordinate%kind == coordinate_joint) is_length = is_slide(model%joint(coordinate%joint)%kind, coordinate%variable)
+        end associate
+    end function is_length
+
+    !> A length typical of the mechanism [m].
+    pure real(wp) function scene_size(model)
+        type(model_type), intent(in) :: model
+        integer :: j
+
+        scene_size = tiny(1.0_wp)
+        do j = 1, model%n_joint
+            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)))
+        end do
+    end function scene_size
 
     !> Has the mechanism more than one assembly at given coordinates, so that it matters where it comes from?
     pure logical function has_assemblies(model)

@@ -466,8 +466,28 @@ contains
         call fail(status, status_bad_input, "mobility is "//to_text(mobility_of(model))//" but "//to_text(model%n_q) &
                   //" coordinate(s) "//trim(merge("is ", "are", model%n_q == 1))//" given: nothing determines " &
                   //trim(merge("link ", "links", n == 1))//" " &
-                  //link_names(model, pack([(i, i=1, model%n_link)], grouping%link_at_fault)))
+                  //link_names(model, pack([(i, i=1, model%n_link)], grouping%link_at_fault)) &
+                  //hint_of_spin(model, grouping%link_at_fault))
     end subroutine refuse_lack
+
+    !> What most often leaves a freedom in space: a rod that spins between two spherical joints.
+    function hint_of_spin(model, at_fault) result(hint)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: at_fault(:)
+        character(len=:), allocatable :: hint
+        integer :: l
+
+        hint = ""
+        do l = 1, model%n_link
+            associate (joint => model%joint_at(model%first_at(l):model%first_at(l + 1) - 1))
+                if (.not. at_fault(l) .or. size(joint) /= 2) cycle
+                if (any(model%joint(joint)%kind /= joint_spherical)) cycle
+                hint = "; link "//quoted(model%link(l)%name)//" can spin between its spherical joints " &
+                       //joint_names(model, joint)//" (make one of them universal)"
+                return
+            end associate
+        end do
+    end function hint_of_spin
 
     function link_names(model, link) result(names)
         type(model_type), intent(in) :: model
