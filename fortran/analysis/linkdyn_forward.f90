@@ -26,7 +26,7 @@ module linkdyn_forward
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_scene, only: law_spec, scene_type, frame_link
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
@@ -162,7 +162,7 @@ contains
                 if (first > 0) call find_forces(first, i - 1)
                 first = i
                 phase = run%phase
-                if (run%model%is_planar) call make_room(run%model, size(t) - i + 1, assembly)
+                if (has_assemblies(run%model)) call make_room(run%model, size(t) - i + 1, assembly)
                 if (phase > 1) allocate (assembly%counted, source=0*q(:, i:))
             end if
             work = ieee_value(1.0_wp, ieee_quiet_nan)
