@@ -199,13 +199,10 @@ contains
             do k = 1, model%n_q
                 moved%qd(:, k) = -sign(1.0_wp, sigma)*space%gradient(:, k)/(space%unit(k)*steepness)
             end do
-            if (model%is_planar) then
-                moved%plane%branch = state%plane%branch
-                if (size(model%group) > 0) then
-                    moved%plane%group%start_position = state%plane%group%position
-                    moved%plane%group%start_angle = state%plane%group%angle
-                    moved%plane%group%start_q = state%q
-                end if
+            if (model%n_dyad > 0) moved%plane%branch = state%plane%branch
+            if (size(model%group) > 0) then
+                moved%group%start_place = state%group%place
+                moved%group%start_q = state%q
             end if
             call evaluate_kinematics(model, moved)
             square = 0

@@ -8,8 +8,8 @@ module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
-    use linkdyn_scene, only: law_spec, coordinate_joint
+    use linkdyn_model, only: model_type, link_freedom, is_length
+    use linkdyn_scene, only: law_spec
     implicit none (type, external)
     private
     public :: make_similar, coordinate_scale, drive_scale, near_one
@@ -23,7 +23,7 @@ contains
         real(wp), intent(in) :: scale                !! s
         type(model_type), intent(out) :: similar
         real(wp) :: own_scale
-        integer :: i, k
+        integer :: i, k, n_length
 
         similar = model
         similar%gravity = scale*model%gravity
@@ -53,13 +53,14 @@ contains
         end do
         do i = 1, model%n_q
             own_scale = coordinate_scale(model, i, scale)
-            if (allocated(model%start_q)) similar%start_q(i) = own_scale*model%start_q(i)
+            similar%start_q(i) = own_scale*model%start_q(i)
+            similar%stride(i) = own_scale*model%stride(i)
             similar%scene%coordinate(i)%start_position = own_scale*model%scene%coordinate(i)%start_position
             call scale_law(own_scale, similar%scene%coordinate(i)%motion)
         end do
-        if (.not. allocated(model%group)) return
         do i = 1, size(model%group)
-            similar%group(i)%start(:2, :) = scale*model%group(i)%start(:2, :)
+            n_length = link_freedom(model) - merge(1, 3, model%is_planar)
+            similar%group(i)%start(:n_length, :) = scale*model%group(i)%start(:n_length, :)
         end do
     end subroutine make_similar
 
@@ -69,13 +70,7 @@ contains
         integer, intent(in) :: i
         real(wp), intent(in) :: scale
 
-        logical :: is_length
-
-        associate (coordinate => model%scene%coordinate(i))
-            is_length = coordinate%variable <= 3
-            if (coordinate%kind == coordinate_joint) is_length = is_slide(model%joint(coordinate%joint)%kind, coordinate%variable)
-        end associate
-        coordinate_scale = merge(scale, 1.0_wp, is_length)
+        coordinate_scale = merge(scale, 1.0_wp, is_length(model, i))
     end function coordinate_scale
 
     !> What a driving force is multiplied by; a torque by its square.

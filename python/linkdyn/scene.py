@@ -296,6 +296,7 @@ class Scene:
         threads: int = 1,
         progress: bool | None = None,
         error: bool = False,
+        switch: bool = True,
     ) -> xr.Dataset:
         """Motion and joint reactions from the laws of the scene's actuators, from the scene's start on.
 
@@ -321,6 +322,10 @@ class Scene:
             Run once more, with half the step or a hundredth of the tolerances, and give the difference: variables
             "q_error", "qd_error", "driving_force_error", "reaction_error", ..., the error since the start that the
             first run has gathered, by size.
+        switch
+            Let another joint variable be integrated where a coordinate of a planar mechanism comes to its dead point.
+            The results stay in the scene's coordinates; "stand_in" and ``attrs["coordinates_integrated"]`` say what was
+            integrated when. False: the run stops there.
 
         Returns
         -------
@@ -348,7 +353,9 @@ class Scene:
         threads = _count("threads", threads)
 
         def follow(settings: tuple[float, float, float]) -> xr.Dataset:
-            run = _bind.Run(self._handle, str(method), str(solver), threads, settings, wanted, float(instants[0]))
+            run = _bind.Run(
+                self._handle, str(method), str(solver), threads, settings, bool(switch), wanted, float(instants[0])
+            )
             try:
                 return self._follow(run, instants, schema, str(method), str(solver), progress)
             finally:
@@ -367,7 +374,7 @@ class Scene:
         progress: bool | None,
     ) -> xr.Dataset:
         """Through all instants of output, with an ear for interrupts."""
-        shapes = {name: shape for name, (shape, kind) in result_shapes(schema, True).items() if kind is np.float64}
+        shapes = result_shapes(schema, True)
         parts: list[dict[str, NDArray[Any]]] = []
         n_done = 0
 
@@ -376,6 +383,7 @@ class Scene:
             data = to_dataset(schema, arrays, self.description, self.text, solver)
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics))), "stopped": run.stopped}
+            data.attrs["coordinates_integrated"] = run.coordinates
             return data
 
         sign = Progress(progress)

@@ -137,3 +137,12 @@ def test_files_say_the_length(tmp_path: Path) -> None:
 def test_failed_samples_have_none() -> None:
     run = linkdyn.Scene(CASES["dead_centre_outer"].scene).solve([[3.9], [4.1]], want="singularity_distance")
     assert np.isfinite(run["singularity_distance"][0]) and np.isnan(run["singularity_distance"][1])
+
+
+def test_forward_runs_refuse_it() -> None:
+    with pytest.raises(linkdyn.InputError, match="singularity_distance"):
+        linkdyn.load(ROOT / "examples" / "fourbar_start" / "scene.toml").forward(0.1, want="singularity_distance")
+    program = Path(linkdyn.__file__).parent / "_bin" / "linkdyn"
+    scene = ROOT / "examples" / "fourbar_start" / "scene.toml"
+    run = subprocess.run([program, "forward", scene, "--want", "singularity_distance"], capture_output=True, text=True, check=False)
+    assert run.returncode == 2 and "singularity_distance" in run.stderr
