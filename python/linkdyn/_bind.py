@@ -238,6 +238,8 @@ class Run:
         Of the scene, which must stay open.
     settings
         step [s], rtol, atol.
+    error
+        Estimate errors too.
     t_start
         [s].
     """
@@ -250,15 +252,19 @@ class Run:
         threads: int,
         settings: tuple[float, float, float],
         want: str,
+        error: bool,
         t_start: float,
     ) -> None:
-        self._handle, code, message = _api.api_forward(handle, method, solver, threads, *settings, want, t_start)
+        self._handle, code, message = _api.api_forward(
+            handle, method, solver, threads, *settings, want, int(error), t_start
+        )
         check(code, message)
         self.statistics = np.zeros(3, dtype=np.intc)
         """Steps, rejected steps, right-hand sides."""
         self.stopped = ""
         """Why the run stopped early; empty if it did not."""
         self.reached = t_start
+        """Instant [s] at which the work stands: the mean of the run and of what estimates its errors."""
 
     def advance(
         self, t: Floats, shapes: dict[str, tuple[int, ...]], seconds: float
