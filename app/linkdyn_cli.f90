@@ -3,7 +3,7 @@ module linkdyn_cli
     use linkdyn_forward, only: integrator_options, choose_method, method_name
     use linkdyn_inverse, only: inverse_options, choose_solver
     use linkdyn_kinds, only: wp
-    use linkdyn_results, only: wanted_type, choose_wanted, all_wanted
+    use linkdyn_results, only: wanted_type, choose_wanted, all_wanted, add_free
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: quoted
@@ -132,8 +132,10 @@ contains
         if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) call refuse( &
             "--no-output: nothing is written (expected no --output, --csv or --compress beside it)", status)
         if (.not. allocated(config%want)) config%wanted = default_wanted(config)
+        call add_free(config%options%solver, config%wanted)
         config%wanted%errors = config%error
         config%options%wants_errors = config%error
+        config%options%wants_rcond = config%wanted%rcond
     contains
         subroutine refuse(message, status)
             character(len=*), intent(in) :: message
@@ -149,7 +151,7 @@ contains
         type(wanted_type) :: wanted
 
         wanted = all_wanted(config%options%solver)
-        if (config%no_output) wanted = wanted_type(.true., wanted%reaction, .false., .false., .false.)
+        if (config%no_output) wanted = wanted_type(.true., wanted%reaction, .false., .false., .false., .false.)
     end function default_wanted
 
     !> One option with its value, or the name of the scene.
@@ -437,7 +439,7 @@ contains
             "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
             "  --csv               a CSV table instead of netCDF-4", &
             "  --no-output         keep nothing but the summary: for runs of any length", &
-            "  --want LIST         driving_force, reaction, joint_variable, power, checks, or all", &
+            "  --want LIST         driving_force, reaction, joint_variable, power, checks, rcond, or all (but rcond)", &
             "                      (default), with commas between; the rest is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced, which", &
             "                      gives all but the reactions", &

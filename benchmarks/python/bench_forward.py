@@ -66,6 +66,7 @@ CASES = (
     Case("n_fourbar, N = 40", "n_fourbar/scene_40.toml", 1.0, 50, "n_fourbar_40", digits=10),
     Case("flyball_governor", "flyball_governor/scene.toml", 0.1, 1000, "flyball_governor"),
     Case("rcsp_start", "rcsp_start/scene.toml", 2.0, 50, "rcsp_start"),
+    Case("spatial_slider_crank", "spatial_slider_crank/scene.toml", 5.0, 200, "spatial_slider_crank"),
     Case("stewart_forward", "stewart_forward/scene.toml", 1.0, 50, "stewart_forward"),
 )
 

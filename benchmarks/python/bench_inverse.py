@@ -152,7 +152,7 @@ def follow_singularity(quad: Path) -> tuple[dict[str, np.ndarray], np.ndarray, n
         if solver == "lapack":
             condition = 1 / run.rcond.values
         if solver == "elimination":
-            handed_on = np.isfinite(run.rcond.values)
+            handed_on = np.isfinite(run.error.values)
     return errors, condition, handed_on
 
 

@@ -34,7 +34,7 @@ module linkdyn_equations
     implicit none (type, external)
     private
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations
-    public :: prepare_workspace, solve_block, solve_equations
+    public :: prepare_workspace, solve_block, solve_equations, sample_system, fill_lane_matrix
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
 
     integer, parameter :: solver_gauss_jordan = 1, solver_lapack = 2, solver_elimination = 3, solver_reduced = 4
@@ -174,41 +174,55 @@ contains
     subroutine plan_elimination(model, equations)
         type(model_type), intent(in) :: model
         type(equations_type), intent(inout) :: equations
-        integer, parameter :: n_wanted_pose = 32
         type(sparse_system) :: system
-        type(equation_workspace) :: workspace
+
+        call sample_system(model, equations, system)
+        if (size(system%value, 1) == 0) return
+        associate (formulation => equations%formulation)
+            system%is_wanted = equations%wants_reactions
+            system%is_wanted(pack(formulation%drive_column, formulation%drive_column > 0)) = .true.
+            system%is_wanted(pack(equations%accelerations%column, equations%accelerations%column > 0)) = .true.
+        end associate
+        call make_plan(system, equations%plan)
+    end subroutine plan_elimination
+
+    !> The equations with values at representative poses; all unknowns are wanted.
+    subroutine sample_system(model, equations, system)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(sparse_system), intent(out) :: system
+        integer, parameter :: n_wanted_pose = 32
+        type(kinematic_state) :: state
+        type(slot_store) :: slot
         real(wp) :: value(lanes, size(equations%formulation%entry))
         real(wp), allocatable :: good(:, :)
         integer :: block, lane, k, n_good
         logical :: is_good
 
-        call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
-        call make_slots(equations%formulation%n_slot + 1, workspace%slot)
+        call prepare_kinematics(model, n_column_of(model, equations), state)
+        call make_slots(equations%formulation%n_slot + 1, slot)
         allocate (good(n_wanted_pose, size(value, 2)))
         n_good = 0
         do block = 1, 8*n_wanted_pose/lanes + 8
-            call representative_poses(model, block, workspace%state)
-            call evaluate_kinematics(model, workspace%state)
-            call assemble_matrix(model, equations%formulation, workspace%state, workspace%slot%value)
-            call assemble_accelerations(model, equations%formulation, equations%accelerations, workspace%state, &
-                                        workspace%slot%value)
+            call representative_poses(model, block, state)
+            call evaluate_kinematics(model, state)
+            call assemble_matrix(model, equations%formulation, state, slot%value)
+            call assemble_accelerations(model, equations%formulation, equations%accelerations, state, slot%value)
             do k = 1, size(value, 2)
                 associate (entry => equations%formulation%entry(k))
                     value(:, k) = entry%value
-                    if (entry%slot > 0) value(:, k) = workspace%slot%value(:, entry%slot)
+                    if (entry%slot > 0) value(:, k) = slot%value(:, entry%slot)
                 end associate
             end do
             do lane = 1, lanes
-                is_good = .not. workspace%state%unreachable(lane) .and. all(ieee_is_finite(value(lane, :)))
+                is_good = .not. state%unreachable(lane) .and. all(ieee_is_finite(value(lane, :)))
                 if (.not. is_good .or. n_good == n_wanted_pose) cycle
                 n_good = n_good + 1
                 good(n_good, :) = value(lane, :)
             end do
             if (n_good == n_wanted_pose) exit
         end do
-        call workspace%slot%free()
-        if (n_good == 0) return
-
+        call slot%free()
         associate (formulation => equations%formulation)
             system%n = formulation%n_unknown
             system%row = formulation%entry%row
@@ -216,13 +230,9 @@ contains
             system%slot = formulation%entry%slot
             system%value = good(:n_good, :)
             system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%row_has_right(k)), k=1, model%n_row)]
-            allocate (system%is_wanted(system%n))
-            system%is_wanted = equations%wants_reactions
-            system%is_wanted(pack(formulation%drive_column, formulation%drive_column > 0)) = .true.
-            system%is_wanted(pack(equations%accelerations%column, equations%accelerations%column > 0)) = .true.
+            system%is_wanted = spread(.true., 1, system%n)
         end associate
-        call make_plan(system, equations%plan)
-    end subroutine plan_elimination
+    end subroutine sample_system
 
     !> A block of poses that stand for the scene: its motion, and for every other pose a step away from it, so that
     !> no entry is small merely because the motion is special.
@@ -469,16 +479,7 @@ contains
         integer :: k
 
         if (.not. allocated(workspace%lane_matrix)) call prepare_dense(formulation%n_unknown, workspace)
-        workspace%lane_matrix = 0
-        do k = 1, size(formulation%entry)
-            associate (entry => formulation%entry(k))
-                if (entry%slot == 0) then
-                    workspace%lane_matrix(entry%row, entry%column) = entry%value
-                else
-                    workspace%lane_matrix(entry%row, entry%column) = workspace%slot%value(lane, entry%slot)
-                end if
-            end associate
-        end do
+        call fill_lane_matrix(formulation, workspace%slot%value, lane, workspace%lane_matrix)
         workspace%lane_right = 0
         do k = 1, model%n_row
             if (formulation%row_has_right(k)) &
@@ -493,6 +494,23 @@ contains
         if (is_singular) workspace%status(lane) = sample_singular
         call store_lane(workspace%solution, lane, workspace%lane_right)
     end subroutine solve_lane
+
+    !> The matrix of one lane, from its slots.
+    pure subroutine fill_lane_matrix(formulation, slot, lane, matrix)
+        type(formulation_type), intent(in) :: formulation
+        real(wp), intent(in) :: slot(lanes, *)
+        integer, intent(in) :: lane
+        real(wp), intent(out) :: matrix(:, :)
+        integer :: k
+
+        matrix = 0
+        do k = 1, size(formulation%entry)
+            associate (entry => formulation%entry(k))
+                matrix(entry%row, entry%column) = entry%value
+                if (entry%slot > 0) matrix(entry%row, entry%column) = slot(lane, entry%slot)
+            end associate
+        end do
+    end subroutine fill_lane_matrix
 
     subroutine solve_by_gauss_jordan(model, formulation, workspace)
         type(model_type), intent(in) :: model

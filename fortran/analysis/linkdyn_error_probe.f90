@@ -13,7 +13,7 @@ module linkdyn_error_probe
     use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, place_size
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_similar_model, only: make_similar, coordinate_scale, drive_scale, near_one
     use linkdyn_status, only: status_type, sample_ok
@@ -34,6 +34,7 @@ module linkdyn_error_probe
         type(equations_type) :: equations
         real(wp), allocatable :: motion_factor(:, :)    !! of q, qd, qdd (n_q, 3)
         real(wp), allocatable :: load_factor(:, :)      !! (6, n_load)
+        real(wp), allocatable :: place_factor(:)        !! of what places a link of a group (place_size)
         real(wp), allocatable :: drive_back(:)          !! (n_actuator)
         real(wp), allocatable :: reaction_back(:)       !! (n_component)
     end type probe_copy
@@ -85,6 +86,7 @@ contains
                         copy%load_factor(j, k) = merge(scale, scale**2, j <= 3)*near_one([i, of_load, j, k])
                     end do
                 end do
+                copy%place_factor = [(merge(scale, 1.0_wp, j <= n_force), j=1, place_size(model))]
                 copy%drive_back = [(1/drive_scale(model, j, scale), j=1, model%n_actuator)]
                 copy%reaction_back = [(merge(1/scale, 1/scale**2, j <= n_force), j=1, model%n_component)]
             end associate
@@ -170,6 +172,11 @@ contains
             end do
         end do
         if (copy%model%n_dyad > 0) workspace%state%plane%branch = solved%state%plane%branch
+        if (size(copy%model%group) == 0) return
+        workspace%state%group%start_q = workspace%state%q
+        do k = 1, size(copy%place_factor)
+            workspace%state%group%start_place(:, k, :) = solved%state%group%place(:, k, :)*copy%place_factor(k)
+        end do
     end subroutine take_inputs
 
     !> How far values are from those of a copy, brought back to size.

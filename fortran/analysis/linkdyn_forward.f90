@@ -19,7 +19,7 @@ module linkdyn_forward
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_scene, only: law_spec
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok
@@ -117,7 +117,7 @@ contains
         real(wp) :: work
         integer :: i
 
-        if (run%model%is_planar) call make_room(run%model, size(t), assembly)
+        if (has_assemblies(run%model)) call make_room(run%model, size(t), assembly)
         associate (m => run%model, n => size(t))
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n))
             ! A sample that is not reached is computed from NaN, which flags it like any that fails.

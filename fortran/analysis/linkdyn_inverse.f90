@@ -6,6 +6,7 @@
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
+    use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, find_rcond
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
@@ -15,7 +16,7 @@ module linkdyn_inverse
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose
+    use linkdyn_model, only: model_type, step_pose, has_assemblies
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_pose, only: rates_of_rpy
     use linkdyn_reactions, only: collect_reactions
@@ -33,6 +34,7 @@ module linkdyn_inverse
         integer :: threads = 1
         logical :: in_order = .false.        !! samples follow each other along a motion
         logical :: wants_errors = .false.    !! error estimates of the forces
+        logical :: wants_rcond = .false.     !! condition number of the equations; solver lapack always has it
     end type inverse_options
 
     !> Where results go; what is not associated is not computed.
@@ -64,6 +66,7 @@ module linkdyn_inverse
         real(wp), allocatable :: reaction(:, :, :)              !! (lane, 6, n_joint)
         real(wp), allocatable :: variable(:, :), rate(:, :)     !! (lane, n_variable)
         type(probe_space) :: probe                              !! if errors are wanted
+        type(condition_space) :: condition                      !! if the condition number is
         type(thread_space), pointer :: next => null()           !! idle as well
     end type thread_space
 
@@ -76,6 +79,7 @@ module linkdyn_inverse
     type :: inverse_solver
         type(equations_type) :: equations
         type(error_probe), allocatable :: probe                 !! there if errors are wanted
+        type(condition_type), allocatable :: condition          !! there if the condition number is
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
         procedure :: free => free_solver
@@ -95,6 +99,10 @@ contains
         if (status%is_ok() .and. options%wants_errors) then
             allocate (solver%probe)
             call make_probe(model, options%solver, wants_reactions, solver%probe, status)
+        end if
+        if (status%is_ok() .and. options%wants_rcond .and. options%solver /= solver_lapack) then
+            allocate (solver%condition)
+            call make_condition(model, solver%equations%unknown, solver%condition, status)
         end if
         if (status%is_ok()) allocate (solver%pool)
     end subroutine prepare_inverse
@@ -164,7 +172,7 @@ contains
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world
         n_fallback = 0
-        if (model%is_planar) then
+        if (has_assemblies(model)) then
             if (present(known)) then
                 assembly = known
             else if (present(trail) .and. n > 0) then
@@ -180,7 +188,7 @@ contains
         space%workspace%state%world_rates = wants_world
         !$omp do schedule(dynamic, share) reduction(+:n_fallback)
         do block = 1, n_block
-            call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe)
+            call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition)
             n_fallback = n_fallback + space%workspace%n_fallback
         end do
         !$omp end do
@@ -192,11 +200,12 @@ contains
     contains
 
         !> One block from samples to samples.
-        subroutine run_block(block, workspace, reaction, variable, rate, probe)
+        subroutine run_block(block, workspace, reaction, variable, rate, probe, condition)
             integer, intent(in) :: block
             type(equation_workspace), intent(inout) :: workspace
             real(wp), intent(inout) :: reaction(:, :, :), variable(:, :), rate(:, :)
             type(probe_space), intent(inout) :: probe
+            type(condition_space), intent(inout) :: condition
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap
 
             call gather(block, workspace)
@@ -208,6 +217,8 @@ contains
                 call estimate_errors(solver%probe, workspace, reaction, associated(results%reaction), probe)
                 workspace%error = probe%worst
             end if
+            if (associated(results%rcond) .and. allocated(solver%condition)) &
+                call find_rcond(model, solver%condition, workspace%state, condition, workspace%rcond)
             if (wants_rates) call measure_joints(model, workspace%state, variable, rate)
             if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
                 call measure_energy(model, workspace%state, kinetic, potential)
@@ -230,7 +241,7 @@ contains
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
-                if (model%is_planar) &
+                if (has_assemblies(model)) &
                     call place_sample(model, assembly, min(sample, size(assembly%branch, 2)), lane, workspace%state)
             end do
         end subroutine gather
@@ -328,6 +339,7 @@ contains
         allocate (space%reaction(lanes, model%n_component, model%n_joint), space%variable(lanes, model%n_variable), &
                   space%rate(lanes, model%n_variable))
         if (allocated(solver%probe)) call prepare_probe_space(solver%probe, space%probe)
+        if (allocated(solver%condition)) call prepare_condition(solver%condition, space%condition)
     end subroutine take_space
 
     subroutine return_space(solver, space)
@@ -349,6 +361,7 @@ contains
 
         call space%workspace%free()
         call space%probe%free()
+        call space%condition%free()
         deallocate (space)
     end subroutine free_space
 

@@ -5,7 +5,7 @@ module linkdyn_poses
     use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged
     implicit none (type, external)
     private
@@ -28,7 +28,7 @@ contains
         type(sample_assembly) :: assembly
         integer :: first, lane, sample, i
 
-        if (model%is_planar .and. size(q, 2) > 0) then
+        if (has_assemblies(model) .and. size(q, 2) > 0) then
             if (present(trail)) then
                 call follow_assembly(model, q, trail, assembly)
             else
@@ -42,7 +42,7 @@ contains
             do lane = 1, lanes
                 sample = min(first + lane - 1, size(q, 2))
                 state%q(lane, :) = q(:, sample)
-                if (model%is_planar) call place_sample(model, assembly, sample, lane, state)
+                if (has_assemblies(model)) call place_sample(model, assembly, sample, lane, state)
             end do
             call evaluate_kinematics(model, state)
             do lane = 1, min(lanes, size(q, 2) - first + 1)

@@ -5,14 +5,14 @@
 !> dimensions, unit and meaning). A *block* holds the values of one chunk of samples, one flat array a
 !> variable, the sample running slowest; *views* give them their shape.
 module linkdyn_results
-    use linkdyn_equations, only: solver_reduced
+    use linkdyn_equations, only: solver_lapack, solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name
     use linkdyn_status, only: status_type, fail, status_bad_input
     implicit none (type, external)
     private
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
-    public :: describe_results, choose_wanted, all_wanted, prepare_block, view_values, find_driving_power
+    public :: describe_results, choose_wanted, all_wanted, add_free, prepare_block, view_values, find_driving_power
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
@@ -72,8 +72,8 @@ module linkdyn_results
                                             result_reaction_error, result_joint_rate_error]
 
     ! ---- what the user may ask for
-    character(len=14), parameter :: wanted_name(6) = [character(len=14) :: &
-        "driving_force", "reaction", "joint_variable", "power", "checks", "all"]
+    character(len=14), parameter :: wanted_name(7) = [character(len=14) :: &
+        "driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "all"]
 
     !> Parts of the results that cost time or room, each on its own switch.
     type :: wanted_type
@@ -81,7 +81,8 @@ module linkdyn_results
         logical :: reaction = .true.
         logical :: joint_variable = .true.   !! with its rate, and the transmission angles
         logical :: power = .true.            !! speed and power of every actuator
-        logical :: checks = .true.           !! rcond, error, growth, power_imbalance
+        logical :: checks = .true.           !! error, growth, power_imbalance
+        logical :: rcond = .false.           !! costs as much as everything else together, or more
         logical :: errors = .false.          !! error estimates of the forces that are wanted; of a run of its motion, too
     end type wanted_type
 
@@ -97,7 +98,7 @@ module linkdyn_results
     type :: variable_type
         integer :: id = 0                                  !! one of `result_*`
         character(len=20) :: name = ""
-        character(len=96) :: long_name = ""
+        character(len=128) :: long_name = ""
         character(len=unit_list_len) :: units = ""         !! several where they differ along the last dimension
         character(len=unit_list_len), allocatable :: entry_unit(:)  !! along the last dimension, or a single one
         integer :: n_dim = 1
@@ -137,7 +138,16 @@ contains
         type(wanted_type) :: wanted
 
         wanted%reaction = solver /= solver_reduced
+        call add_free(solver, wanted)
     end function all_wanted
+
+    !> What a solver finds anyway comes with the checks.
+    pure subroutine add_free(solver, wanted)
+        integer, intent(in) :: solver
+        type(wanted_type), intent(inout) :: wanted
+
+        if (solver == solver_lapack .and. wanted%checks) wanted%rcond = .true.
+    end subroutine add_free
 
     !> Read a comma-separated wish list such as "driving_force,reaction".
     subroutine choose_wanted(text, wanted, status)
@@ -147,7 +157,7 @@ contains
         integer :: first, comma
         character(len=:), allocatable :: word
 
-        wanted = wanted_type(.false., .false., .false., .false., .false.)
+        wanted = wanted_type(.false., .false., .false., .false., .false., .false.)
         first = 1
         do while (first <= len(text) + 1)
             comma = index(text(first:), ",")
@@ -165,6 +175,8 @@ contains
                 wanted%power = .true.
             case ("checks")
                 wanted%checks = .true.
+            case ("rcond")
+                wanted%rcond = .true.
             case ("all")
                 wanted = wanted_type()
             case default
@@ -316,8 +328,9 @@ contains
         call add(layout, result_status, "status", "outcome of the sample", "1", is_integer=.true.)
         if (wanted%checks .or. wanted%errors) call add(layout, result_error, "error", &
             "relative error bound or estimate of the forces", "1")
+        if (wanted%rcond) call add(layout, result_rcond, "rcond", &
+            "reciprocal condition number (1-norm) of the equations, rows and columns divided by their largest entries", "1")
         if (wanted%checks) then
-            call add(layout, result_rcond, "rcond", "reciprocal condition number of the equations", "1")
             call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
             call add(layout, result_power_imbalance, "power_imbalance", &
                 "driving and external power less change of energy, relative to the sum of magnitudes", "1")

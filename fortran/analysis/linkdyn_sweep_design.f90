@@ -111,11 +111,9 @@ contains
             end do
             design%workspace%state%qd = 0
             design%workspace%state%qdd = 0
-            if (allocated(model%branch)) then
-                do k = 1, model%n_dyad
-                    design%workspace%state%plane%branch(:, k) = model%branch(k)
-                end do
-            end if
+            do k = 1, model%n_dyad
+                design%workspace%state%plane%branch(:, k) = model%branch(k)
+            end do
         end associate
         design%follows_motion = .false.
         do i = 1, size(plan%axis)

@@ -22,7 +22,7 @@ module linkdyn_f2py_api
     use linkdyn_poses, only: find_poses
     use linkdyn_report, only: open_report, read_report
     use linkdyn_results, only: layout_type, block_type, wanted_type, describe_results, prepare_block, choose_wanted, &
-        all_wanted, find_driving_power
+        all_wanted, add_free, find_driving_power
     use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link
     use linkdyn_scene_reader, only: parse_scene, check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -50,7 +50,7 @@ module linkdyn_f2py_api
     type :: open_scene
         type(model_type) :: model
         type(layout_type) :: layout                                 !! of all results
-        type(solver_box) :: planned(2, 2, size(solver_name))        !! without and with reactions, error estimates; by solver
+        type(solver_box) :: planned(2, 2, 2, size(solver_name))     !! without and with reactions, error estimates, rcond; by solver
     end type open_scene
 
     !> Pointed to, so that the list can grow while a batch runs.
@@ -135,7 +135,7 @@ contains
             !$omp critical (linkdyn_registry)
             nullify (opened(handle)%scene)
             !$omp end critical (linkdyn_registry)
-            call free_solvers(scene%planned)
+            call free_solvers(size(scene%planned), scene%planned)
             deallocate (scene)
         end if
         call report(status, code, message)
@@ -210,6 +210,7 @@ contains
         if (status%code == 0) call choose_solver(trim(solver), number, status)
         if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(number)
         if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
+        if (status%code == 0) call add_free(number, wanted)
         wanted%errors = has_errors == 1
         if (status%code == 0) then
             call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2, dyad=dyad_names(model))
@@ -274,7 +275,7 @@ contains
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
             n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
-            n_variable, joint_variable, joint_rate, n_check, rcond, growth, power_imbalance, n_error, error, &
+            n_variable, joint_variable, joint_rate, n_check, growth, power_imbalance, n_rcond, rcond, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
             sample_status, code, message)
         !f2py threadsafe
@@ -283,10 +284,10 @@ contains
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(9)            ! 1: driving force, power, reaction, joint variables, checks,
-                                                           ! relative error, errors of driving forces, of reactions, transmission angles
+        integer(c_int), intent(in) :: wanted(10)           ! 1: driving force, power, reaction, joint variables, checks,
+                                                           ! rcond, relative error, errors of driving forces, of reactions, transmission angles
         integer(c_int), intent(in) :: n                    ! samples
-        integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
+        integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check, n_rcond
         integer(c_int), intent(in) :: n_error, n_driving_error, n_reaction_error, n_transmission
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
@@ -294,8 +295,8 @@ contains
         real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: joint_variable(n_variable), joint_rate(n_variable)  ! (n_variable, n)
-        real(c_double), intent(inout), target :: rcond(n_check), growth(n_check)                 ! (n)
-        real(c_double), intent(inout), target :: power_imbalance(n_check), error(n_error)        ! (n)
+        real(c_double), intent(inout), target :: growth(n_check), power_imbalance(n_check)       ! (n)
+        real(c_double), intent(inout), target :: rcond(n_rcond), error(n_error)                  ! (n)
         real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
@@ -314,18 +315,19 @@ contains
         call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
             model => scene%model
-            call find_solver(scene, trim(solver), wanted(3) == 1, any(wanted(7:8) == 1), planned, status)
+            call find_solver(scene, trim(solver), wanted(3) == 1, any(wanted(8:9) == 1), wanted(6) == 1, planned, status)
             call check_size("q", n_q_values, model%n_q*n, status)
             call check_size("load", n_load_values, max(1, 6*model%n_load*n), status)
             call check_size("driving_force", n_driving, model%n_actuator*n, status, wanted(1))
             call check_size("driving_power", n_power, model%n_actuator*n, status, wanted(2))
             call check_size("reaction", n_reaction, model%n_component*model%n_joint*n, status, wanted(3))
             call check_size("joint_variable", n_variable, model%n_variable*n, status, wanted(4))
-            call check_size("rcond", n_check, n, status, wanted(5))
-            call check_size("error", n_error, n, status, wanted(6))
-            call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(7))
-            call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(8))
-            call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(9))
+            call check_size("power_imbalance", n_check, n, status, wanted(5))
+            call check_size("rcond", n_rcond, n, status, wanted(6))
+            call check_size("error", n_error, n, status, wanted(7))
+            call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(8))
+            call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(9))
+            call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(10))
         end if
         if (status%code == 0) then
             call check_finite("q", model, first, n, q, status)
@@ -346,14 +348,14 @@ contains
                 results%joint_rate(1:model%n_variable, 1:n) => joint_rate
             end if
             if (wanted(5) == 1) then
-                results%rcond => rcond
                 results%growth => growth
                 results%power_imbalance => power_imbalance
             end if
-            if (wanted(6) == 1) results%error => error
-            if (wanted(7) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
-            if (wanted(8) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
-            if (wanted(9) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
+            if (wanted(6) == 1) results%rcond => rcond
+            if (wanted(7) == 1) results%error => error
+            if (wanted(8) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
+            if (wanted(9) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
+            if (wanted(10) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
                 allocate (own_force(model%n_actuator, n))
                 results%driving_force => own_force
@@ -404,6 +406,7 @@ contains
             call choose_solver(trim(solver), options%solver, status)
             if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(options%solver)
             if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(trim(want), wanted, status)
+            if (status%code == 0) call add_free(options%solver, wanted)
             options%integrator%step = step
             options%integrator%rtol = rtol
             options%integrator%atol = atol
@@ -726,10 +729,10 @@ contains
 
     !> The equations for a solver, planned when they are first asked for. Threads that ask at the same time may both
     !> plan; the first one's plan is kept.
-    subroutine find_solver(scene, name, wants_reactions, wants_errors, solver, status)
+    subroutine find_solver(scene, name, wants_reactions, wants_errors, wants_rcond, solver, status)
         type(open_scene), pointer, intent(in) :: scene
         character(len=*), intent(in) :: name
-        logical, intent(in) :: wants_reactions, wants_errors
+        logical, intent(in) :: wants_reactions, wants_errors, wants_rcond
         type(inverse_solver), pointer, intent(out) :: solver
         type(status_type), intent(inout) :: status
         type(inverse_solver), pointer :: new
@@ -740,7 +743,8 @@ contains
         call choose_solver(name, options%solver, status)
         if (status%code /= 0) return
         options%wants_errors = wants_errors
-        box => scene%planned(merge(2, 1, wants_reactions), merge(2, 1, wants_errors), options%solver)
+        options%wants_rcond = wants_rcond
+        box => scene%planned(merge(2, 1, wants_reactions), merge(2, 1, wants_errors), merge(2, 1, wants_rcond), options%solver)
         !$omp critical (linkdyn_registry)
         solver => box%solver
         !$omp end critical (linkdyn_registry)
@@ -761,18 +765,15 @@ contains
         deallocate (new)
     end subroutine find_solver
 
-    subroutine free_solvers(boxes)
-        type(solver_box), intent(inout) :: boxes(:, :, :)
-        integer :: i, j, k
+    subroutine free_solvers(n, boxes)
+        integer, intent(in) :: n
+        type(solver_box), intent(inout) :: boxes(n)
+        integer :: i
 
-        do k = 1, size(boxes, 3)
-            do j = 1, size(boxes, 2)
-                do i = 1, size(boxes, 1)
-                    if (.not. associated(boxes(i, j, k)%solver)) cycle
-                    call boxes(i, j, k)%solver%free()
-                    deallocate (boxes(i, j, k)%solver)
-                end do
-            end do
+        do i = 1, n
+            if (.not. associated(boxes(i)%solver)) cycle
+            call boxes(i)%solver%free()
+            deallocate (boxes(i)%solver)
         end do
     end subroutine free_solvers
 

@@ -11,12 +11,12 @@
 !> A sample on its own, outside a motion, is on the branch of the start.
 module linkdyn_assembly_trail
     use linkdyn_dyad_map, only: transmission_sine
+    use linkdyn_group_motion, only: begin_iteration
     use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_rrr, step_rrp, step_rpr
-    use linkdyn_planar_pass, only: evaluate_planar
-    use linkdyn_vec2, only: lane_of
+    use linkdyn_model, only: model_type, step_rrr, step_rrp, step_rpr, place_size
     implicit none (type, external)
     private
     public :: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, keep_lane
@@ -33,7 +33,7 @@ module linkdyn_assembly_trail
     type :: sample_assembly
         real(wp), allocatable :: branch(:, :)       !! (n_dyad, n)
         real(wp), allocatable :: q(:, :)            !! coordinates at which groups set out (n_q, n)
-        real(wp), allocatable :: place(:, :, :)     !! x y angle of their links there (3, n_link, n)
+        real(wp), allocatable :: place(:, :, :)     !! of their links there (place_size, n_link, n)
     end type sample_assembly
 
     !> Where the motion stood last.
@@ -61,7 +61,7 @@ contains
         assembly%branch = spread(model%branch, 2, n)
         if (size(model%group) == 0) return
         assembly%q = spread(model%start_q, 2, n)
-        allocate (assembly%place(3, model%n_link, n))
+        allocate (assembly%place(place_size(model), model%n_link, n))
         do g = 1, size(model%group)
             do i = 1, size(model%group(g)%link)
                 assembly%place(:, model%group(g)%link(i), :) = spread(model%group(g)%start(:, i), 2, n)
@@ -77,20 +77,16 @@ contains
         type(kinematic_state), intent(inout) :: state
         integer :: g, i
 
-        state%plane%branch(lane, :) = assembly%branch(:, sample)
+        if (model%n_dyad > 0) state%plane%branch(lane, :) = assembly%branch(:, sample)
         if (size(model%group) == 0) return
-        associate (group => state%plane%group)
-            group%start_q(lane, :) = assembly%q(:, sample)
-            do g = 1, size(model%group)
-                do i = 1, size(model%group(g)%link)
-                    associate (l => model%group(g)%link(i))
-                        group%start_position(l)%x(lane) = assembly%place(1, l, sample)
-                        group%start_position(l)%y(lane) = assembly%place(2, l, sample)
-                        group%start_angle(lane, l) = assembly%place(3, l, sample)
-                    end associate
-                end do
+        state%group%start_q(lane, :) = assembly%q(:, sample)
+        do g = 1, size(model%group)
+            do i = 1, size(model%group(g)%link)
+                associate (l => model%group(g)%link(i))
+                    state%group%start_place(lane, :, l) = assembly%place(:, l, sample)
+                end associate
             end do
-        end associate
+        end do
     end subroutine place_sample
 
     !> Where a lane's groups have been closed, for samples i to j.
@@ -106,8 +102,7 @@ contains
             do g = 1, size(model%group)
                 do k = 1, size(model%group(g)%link)
                     associate (l => model%group(g)%link(k))
-                        assembly%place(:2, l, sample) = lane_of(state%plane%group%position(l), lane)
-                        assembly%place(3, l, sample) = state%plane%group%angle(lane, l)
+                        assembly%place(:, l, sample) = state%group%place(lane, :, l)
                     end associate
                 end do
             end do
@@ -131,17 +126,15 @@ contains
         trail%state%qdd = 0
         do i = 1, n, lanes
             trail%state%q = spread(q(:, i), 1, lanes)
-            trail%state%plane%branch = spread(assembly%branch(:, i), 1, lanes)
-            call evaluate_planar(model, trail%state)
-            associate (state => trail%state, group => trail%state%plane%group)
+            if (model%n_dyad > 0) trail%state%plane%branch = spread(assembly%branch(:, i), 1, lanes)
+            call evaluate_kinematics(model, trail%state)
+            associate (state => trail%state, group => trail%state%group)
                 ! Where the links cannot be placed, the next samples set out from where they last could.
                 if (.not. (state%unreachable(1) .or. state%not_converged(1))) then
-                    group%start_position = group%position
-                    group%start_angle = group%angle
+                    group%start_place = group%place
                     group%start_q = state%q
                 end if
-                group%position = group%start_position
-                group%angle = group%start_angle
+                call begin_iteration(group)
                 trail%state%q = group%start_q
             end associate
             call keep_lane(model, trail%state, 1, i, min(n, i + lanes - 1), assembly)
@@ -225,7 +218,7 @@ contains
         do d = 1, model%n_dyad
             trail%state%plane%branch(:, d) = trail%branch(d)
         end do
-        call evaluate_planar(model, trail%state)
+        call evaluate_kinematics(model, trail%state)
         do d = 1, model%n_dyad
             determinant = trail%state%plane%dyad(d)%determinant
             doubtful(:, d) = trail%has_branches(d) .and. .not. trail%state%unreachable &
@@ -304,7 +297,7 @@ contains
             trail%state%plane%branch(:, d) = trail%branch(d)
         end do
         trail%state%q = spread(beyond, 1, lanes)
-        call evaluate_planar(model, trail%state)
+        call evaluate_kinematics(model, trail%state)
         if (trail%state%unreachable(1)) where (is_near) trail%branch = -trail%branch
     end subroutine pass_dead_points
 end module linkdyn_assembly_trail

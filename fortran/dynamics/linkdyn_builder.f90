@@ -2,7 +2,7 @@
 module linkdyn_builder
     use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, link_type, joint_type
+    use linkdyn_model, only: model_type, link_type, joint_type, is_length, scene_size
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, joint_n_variable, joint_prismatic, frame_link
@@ -17,10 +17,11 @@ contains
     !> Check and plan the scene.
     !>
     !> **Errors**: `status_bad_input` with the links and joints concerned when the mechanism cannot be computed.
-    subroutine build_model(scene, model, status)
+    subroutine build_model(scene, model, status, closed_forms)
         type(scene_type), intent(in) :: scene
         type(model_type), intent(out) :: model
         type(status_type), intent(out) :: status
+        logical, intent(in), optional :: closed_forms    !! false: all links are placed by Newton's method, to compare with
         integer :: i
 
         model%scene = scene
@@ -49,11 +50,24 @@ contains
         end do
         call list_joints_of_links(model)
         call share_orientations(model)
-        call plan_steps(model, status)
+        call plan_steps(model, status, closed_forms)
         if (status%is_ok()) call plan_carried_legs(model)
+        call choose_strides(model)
         call assemble_start(model, status)
-        if (status%is_ok() .and. .not. model%is_planar) call assemble_in_space(model)
+        call assemble_in_space(model, status)
     end subroutine build_model
+
+    !> A tenth of a radian, or of the mechanism's size.
+    subroutine choose_strides(model)
+        type(model_type), intent(inout) :: model
+        real(wp), parameter :: part = 0.1_wp
+        integer :: k
+
+        allocate (model%stride(model%n_q))
+        do k = 1, model%n_q
+            model%stride(k) = part*merge(scene_size(model), 1.0_wp, is_length(model, k))
+        end do
+    end subroutine choose_strides
 
     subroutine take_link(spec, link)
         type(link_spec), intent(in) :: spec

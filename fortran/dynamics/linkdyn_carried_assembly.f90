@@ -7,11 +7,10 @@ module linkdyn_carried_assembly
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, begin_trail, cross_step, keep_lane, untrusted, look_ahead
     use linkdyn_dyad_map, only: transmission_sine
     use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
-    use linkdyn_planar_pass, only: evaluate_planar
-    use linkdyn_vec2, only: vec2
+    use linkdyn_model, only: model_type, has_assemblies
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_accepted
@@ -25,8 +24,7 @@ module linkdyn_carried_assembly
         real(wp), allocatable :: drift(:, :)           !! its rate; 0 where untrusted    (lane, n_dyad)
         real(wp) :: clear(lanes) = 0                   !! no dead point is looked for this far ahead
         real(wp) :: clear_tried(lanes) = 0             !! the same at the state tried last
-        type(vec2), allocatable :: position(:)         !! of the groups' links           (0:n_link)
-        real(wp), allocatable :: angle(:, :)           !!                                (lane, 0:n_link)
+        real(wp), allocatable :: place(:, :, :)        !! of the groups' links           (lane, place_size, n_link)
         type(kinematic_state) :: state                 !! scratch: positions and velocities of the state to be accepted
         type(assembly_trail), private :: trail         !! scratch: ways in fine steps
     end type carried_assembly
@@ -39,7 +37,7 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         type(carried_assembly), intent(out) :: assembly
 
-        if (.not. model%is_planar) return
+        if (.not. has_assemblies(model)) return
         call begin_trail(model, model%start_q, assembly%trail)
         assembly%is_needed = assembly%trail%is_needed
         if (.not. assembly%is_needed) return
@@ -50,8 +48,7 @@ contains
         assembly%drift = assembly%determinant
         call prepare_kinematics(model, 0, assembly%state)
         if (size(model%group) == 0) return
-        assembly%position = assembly%state%plane%group%start_position
-        assembly%angle = assembly%state%plane%group%start_angle
+        assembly%place = assembly%state%group%start_place
     end subroutine begin_assembly
 
     !> Kinematics of a state tried, on the assembly that leads there.
@@ -63,13 +60,12 @@ contains
         logical :: doubtful(lanes)
         real(wp) :: branch(lanes, model%n_dyad)
 
-        state%plane%branch = assembly%branch
+        if (model%n_dyad > 0) state%plane%branch = assembly%branch
         if (size(model%group) > 0) then
-            state%plane%group%start_q = assembly%q
-            state%plane%group%start_position = assembly%position
-            state%plane%group%start_angle = assembly%angle
+            state%group%start_q = assembly%q
+            state%group%start_place = assembly%place
         end if
-        call evaluate_planar(model, state)
+        call evaluate_kinematics(model, state)
         assembly%clear_tried = 0
         doubtful = may_have_passed(assembly, t, state)
         if (.not. any(doubtful)) return
@@ -78,7 +74,7 @@ contains
         call follow_ways(model, doubtful, assembly, state%q, branch)
         if (all(branch == assembly%branch)) return
         state%plane%branch = branch
-        call evaluate_planar(model, state)
+        call evaluate_kinematics(model, state)
     end subroutine evaluate_on_assembly
 
     !> May a dyad have passed a dead point since the accepted state? Its map's determinant, led on by its rate from the
@@ -110,7 +106,7 @@ contains
         type(carried_assembly), intent(inout) :: assembly
         real(wp), intent(in) :: q(:, :)                !! (lane, n_q)
         real(wp), intent(inout) :: branch(:, :)        !! (lane, n_dyad)
-        integer :: lane, l
+        integer :: lane
 
         do lane = 1, lanes
             if (.not. doubtful(lane)) cycle
@@ -125,13 +121,9 @@ contains
                 end if
             end if
             if (size(model%group) > 0) then
-                associate (group => assembly%trail%state%plane%group)
+                associate (group => assembly%trail%state%group)
                     group%start_q = spread(assembly%q(lane, :), 1, lanes)
-                    do l = 1, model%n_link
-                        group%start_position(l)%x = assembly%position(l)%x(lane)
-                        group%start_position(l)%y = assembly%position(l)%y(lane)
-                        group%start_angle(:, l) = assembly%angle(lane, l)
-                    end do
+                    group%start_place = spread(assembly%place(lane, :, :), 1, lanes)
                 end associate
             end if
             call cross_step(model, assembly%q(lane, :), q(lane, :), assembly%trail, branch(lane, :), &
@@ -168,11 +160,9 @@ contains
             end do
             if (size(model%group) == 0) return
             do l = 1, model%n_link
-                where (.not. stays)
-                    assembly%position(l)%x = state%plane%group%position(l)%x
-                    assembly%position(l)%y = state%plane%group%position(l)%y
-                    assembly%angle(:, l) = state%plane%group%angle(:, l)
-                end where
+                do k = 1, size(assembly%place, 2)
+                    where (.not. stays) assembly%place(:, k, l) = state%group%place(:, k, l)
+                end do
             end do
         end associate
     end subroutine accept_assembly

@@ -1,9 +1,9 @@
 !> Where a mechanism cannot be computed, in words: the links and joints concerned.
 module linkdyn_failure
+    use linkdyn_kinematic_pass, only: run_step, clear_flags
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, step_ups, step_csp, step_group
-    use linkdyn_planar_pass, only: run_planar_step
+    use linkdyn_model, only: model_type, step_type, step_group
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged
     use linkdyn_text, only: join
     implicit none (type, external)
@@ -47,22 +47,10 @@ contains
         type(kinematic_state), intent(inout) :: state
         integer, intent(in) :: lane
 
-        if (model%is_planar) then
-            state%unreachable = .false.
-            state%singular = .false.
-            state%not_converged = .false.
-        end if
+        call clear_flags(state)
         do i = 1, size(model%step)
-            associate (step => model%step(i))
-                if (model%is_planar) then
-                    call run_planar_step(model, step, state)
-                    if (state%unreachable(lane) .or. state%singular(lane) .or. state%not_converged(lane)) return
-                else if (step%kind == step_ups) then
-                    if (.not. abs(state%leg(step%first)%tilt(lane)) <= huge(1.0_wp)) return
-                else if (step%kind == step_csp) then
-                    if (.not. abs(state%slide(lane, step%joint(3))) <= huge(1.0_wp)) return
-                end if
-            end associate
+            call run_step(model, model%step(i), state)
+            if (state%unreachable(lane) .or. state%singular(lane) .or. state%not_converged(lane)) return
         end do
         i = 0
     end function failing_step

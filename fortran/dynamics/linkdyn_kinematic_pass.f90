@@ -4,12 +4,14 @@
 !> are computed only if the state was prepared for them.
 module linkdyn_kinematic_pass
     use linkdyn_csp_step, only: close_csp
+    use linkdyn_group_motion, only: begin_iteration
     use linkdyn_kinds, only: wp
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, is_slide
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, orientation_of
-    use linkdyn_planar_pass, only: evaluate_planar
+    use linkdyn_planar_pass, only: run_planar_step
+    use linkdyn_spatial_group, only: close_spatial_group
     use linkdyn_point, only: point_velocity, point_acceleration, point_column
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion
@@ -18,7 +20,7 @@ module linkdyn_kinematic_pass
         operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
     implicit none (type, external)
     private
-    public :: evaluate_kinematics
+    public :: evaluate_kinematics, run_step, clear_flags
 
 contains
 
@@ -26,31 +28,98 @@ contains
     subroutine evaluate_kinematics(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
+
+        if (size(model%group) > 0) then
+            call follow_groups(model, state)
+        else
+            call run_steps(model, state)
+        end if
+    end subroutine evaluate_kinematics
+
+    !> Groups closed by iteration are led to the coordinates wanted in small steps, from their assembly at the scene's
+    !> start or from one that the caller knows to be nearer.
+    subroutine follow_groups(model, state)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: target(lanes, model%n_q), part(lanes), distance(lanes)    !! distance: in strides
+        logical :: has_failed(lanes)
+        integer :: n_step(lanes), n, k
+
+        target = state%q
+        distance = 0
+        do k = 1, model%n_q
+            distance = max(distance, abs(target(:, k) - state%group%start_q(:, k))/model%stride(k))
+        end do
+        where (.not. distance <= huge(1.0_wp)) distance = 0
+        call begin_iteration(state%group)
+        n_step = max(1, ceiling(distance))
+        do n = 1, maxval(n_step)
+            ! Every lane takes steps of its own length and then stays where it wants to be.
+            part = min(1.0_wp, real(n, wp)/n_step)
+            state%group%moves = n <= n_step
+            has_failed = state%not_converged .and. .not. state%group%moves
+            do k = 1, model%n_q
+                state%q(:, k) = merge(target(:, k), state%group%start_q(:, k) &
+                                      + part*(target(:, k) - state%group%start_q(:, k)), part >= 1)
+            end do
+            call run_steps(model, state)
+            state%not_converged = state%not_converged .or. has_failed
+        end do
+    end subroutine follow_groups
+
+    subroutine run_steps(model, state)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
         integer :: i
 
-        if (model%is_planar) then
-            call evaluate_planar(model, state)
-            return
-        end if
-        state%unreachable = .false.
+        call clear_flags(state)
         do i = 1, size(model%step)
-            select case (model%step(i)%kind)
-            case (step_pose)
-                call take_pose(model, model%step(i), state)
-            case (step_joint)
-                call walk_joint(model, model%step(i), state)
-            case (step_ups)
-                call close_ups_leg(model, model%step(i), state)
-            case (step_csp)
-                call close_csp(model, model%step(i), state)
-                call turn_into_link(model, model%step(i)%link(1), state)
-                call turn_into_link(model, model%step(i)%link(2), state)
-            end select
+            call run_step(model, model%step(i), state)
         end do
+        if (model%is_planar) return
         do i = 1, model%n_orientation
             state%gravity_body(i) = state%rotation(i).unrotate.vec3_of(model%gravity)
         end do
-    end subroutine evaluate_kinematics
+    end subroutine run_steps
+
+    !> Whatever went wrong in an earlier block is forgotten.
+    pure subroutine clear_flags(state)
+        type(kinematic_state), intent(inout) :: state
+
+        state%unreachable = .false.
+        state%singular = .false.
+        state%not_converged = .false.
+    end subroutine clear_flags
+
+    !> One step of the program; the steps before it have been run.
+    subroutine run_step(model, step, state)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state
+        integer :: i
+
+        if (model%is_planar) then
+            call run_planar_step(model, step, state)
+            return
+        end if
+        select case (step%kind)
+        case (step_pose)
+            call take_pose(model, step, state)
+        case (step_joint)
+            call walk_joint(model, step, state)
+        case (step_ups)
+            call close_ups_leg(model, step, state)
+        case (step_csp)
+            call close_csp(model, step, state)
+            call turn_into_link(model, step%link(1), state)
+            call turn_into_link(model, step%link(2), state)
+        case default
+            call close_spatial_group(model, model%group(step%first), state)
+            do i = 1, size(model%group(step%first)%link)
+                call turn_into_link(model, model%group(step%first)%link(i), state)
+            end do
+        end select
+    end subroutine run_step
 
     !> A link whose pose is given by six coordinates.
     subroutine take_pose(model, step, state)

@@ -45,18 +45,18 @@ contains
 
         n = 3*size(group%link)
         ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
-        largest = merge(huge(1.0_wp), 0.0_wp, state%plane%group%moves)
-        associate (matrix => state%plane%group%matrix, right => state%plane%group%right)
+        largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
+        associate (matrix => state%group%matrix, right => state%group%right)
             do step = 1, most_steps
-                call put_links(model, group, state%plane)
+                call put_links(model, group, state)
                 call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
                 call solve_part(n, 1, matrix, right, growth, is_singular)
-                call correct(group, right(:, :n, 1), state%plane, largest)
+                call correct(group, right(:, :n, 1), state%group%place, largest)
                 if (all(largest <= small_step)) exit
             end do
             state%not_converged = state%not_converged .or. .not. largest <= small_step
             state%singular = state%singular .or. is_singular
-            call put_links(model, group, state%plane)
+            call put_links(model, group, state)
         end associate
         call move_group(model, group, state)
     end subroutine close_group
@@ -72,25 +72,25 @@ contains
     end subroutine solve_part
 
     !> The iterate as rotations and positions.
-    subroutine put_links(model, group, plane)
+    subroutine put_links(model, group, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
-        type(planar_motion), intent(inout) :: plane
+        type(kinematic_state), intent(inout) :: state
         integer :: i
 
         do i = 1, size(group%link)
-            associate (l => group%link(i))
-                plane%position(l) = plane%group%position(l)
-                plane%rotation(orientation_of(model, l)) = rot2_by_angle(plane%group%angle(:, l))
+            associate (l => group%link(i), place => state%group%place)
+                state%plane%position(l) = vec2(place(:, 1, l), place(:, 2, l))
+                if (group%turns(i)) state%plane%rotation(orientation_of(model, l)) = rot2_by_angle(place(:, 3, l))
             end associate
         end do
     end subroutine put_links
 
     !> Take the correction, unless the last one was small; how large it was, relative to the links' distances.
-    subroutine correct(group, correction, plane, largest)
+    subroutine correct(group, correction, place, largest)
         type(group_type), intent(in) :: group
         real(wp), intent(in) :: correction(:, :)
-        type(planar_motion), intent(inout) :: plane
+        real(wp), intent(inout) :: place(:, :, :)
         real(wp), intent(inout) :: largest(lanes)
         real(wp) :: extent(lanes), shift(lanes), part(lanes)
         integer :: i
@@ -102,13 +102,13 @@ contains
         do i = 1, size(group%link)
             associate (l => group%link(i), d => correction(:, 3*i - 2:3*i))
                 where (part == 1)
-                    plane%group%position(l)%x = plane%group%position(l)%x - d(:, 1)
-                    plane%group%position(l)%y = plane%group%position(l)%y - d(:, 2)
-                    plane%group%angle(:, l) = plane%group%angle(:, l) - d(:, 3)
+                    place(:, 1, l) = place(:, 1, l) - d(:, 1)
+                    place(:, 2, l) = place(:, 2, l) - d(:, 2)
+                    place(:, 3, l) = place(:, 3, l) - d(:, 3)
                     largest = max(largest, abs(d(:, 3)))
                 end where
                 shift = max(shift, abs(d(:, 1)), abs(d(:, 2)))
-                extent = max(extent, abs(plane%group%position(l)%x), abs(plane%group%position(l)%y))
+                extent = max(extent, abs(place(:, 1, l)), abs(place(:, 2, l)))
             end associate
         end do
         where (part == 1) largest = largest + shift/max(extent, tiny(1.0_wp))
@@ -158,7 +158,7 @@ contains
         row = 0
         do i = 1, size(group%joint)
             view = view_of(model, group, group%joint(i), state%plane)
-            c = group%coordinate(i)
+            c = group%coordinate(1, i)
             if (view%slides) then
                 call put_turn_row(view, row + 1, matrix)
                 right(:, row + 1) = view%turn
@@ -232,7 +232,7 @@ contains
         integer :: n, level
 
         n = 3*size(group%link)
-        associate (matrix => state%plane%group%matrix, right => state%plane%group%right)
+        associate (matrix => state%group%matrix, right => state%group%right)
             call rest_links(model, group, state%plane)
             call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_level(model, group, state, level_velocity, right(:, :n, 1))
@@ -258,7 +258,7 @@ contains
         integer :: i, level
 
         do i = 1, size(group%link)
-            plane%angular(:, :, orientation_of(model, group%link(i))) = 0
+            if (group%turns(i)) plane%angular(:, :, orientation_of(model, group%link(i))) = 0
             do level = lbound(plane%linear, 1), ubound(plane%linear, 1)
                 plane%linear(level, group%link(i)) = zero_vec2()
             end do
@@ -294,7 +294,7 @@ contains
                 right(:, row + 2) = opening%y
             end if
             row = row + 2
-            c = group%coordinate(i)
+            c = group%coordinate(1, i)
             if (c == 0) cycle
             row = row + 1
             select case (level)
@@ -329,7 +329,7 @@ contains
 
         do i = 1, size(group%link)
             plane%linear(level, group%link(i)) = vec2(-right(:, 3*i - 2), -right(:, 3*i - 1))
-            plane%angular(:, level, orientation_of(model, group%link(i))) = -right(:, 3*i)
+            if (group%turns(i)) plane%angular(:, level, orientation_of(model, group%link(i))) = -right(:, 3*i)
         end do
     end subroutine take_level
 end module linkdyn_planar_group

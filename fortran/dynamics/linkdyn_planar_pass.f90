@@ -21,7 +21,7 @@ module linkdyn_planar_pass
     use linkdyn_planar_point, only: carried, carry
     implicit none (type, external)
     private
-    public :: evaluate_planar, run_planar_step
+    public :: run_planar_step
 
     !> A link hanging on a known link by a joint.
     type :: hanger
@@ -38,66 +38,7 @@ module linkdyn_planar_pass
 
 contains
 
-    !> Run the program on the block whose coordinates are in the state.
-    subroutine evaluate_planar(model, state)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(inout) :: state
-        integer :: i
-
-        if (size(model%group) > 0) then
-            call follow_groups(model, state)
-            return
-        end if
-        call clear_flags(state)
-        do i = 1, size(model%step)
-            call run_planar_step(model, model%step(i), state)
-        end do
-    end subroutine evaluate_planar
-
-    subroutine clear_flags(state)
-        type(kinematic_state), intent(inout) :: state
-
-        state%unreachable = .false.
-        state%singular = .false.
-        state%not_converged = .false.
-    end subroutine clear_flags
-
-    !> Groups closed by iteration are led to the coordinates wanted in small steps, from their assembly at the scene's
-    !> start or from one that the caller knows to be nearer.
-    subroutine follow_groups(model, state)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(inout) :: state
-        real(wp), parameter :: stride = 0.1_wp        !! [rad, m]: largest change of a coordinate in one step
-        real(wp) :: target(lanes, model%n_q), part(lanes), distance(lanes)
-        logical :: has_failed(lanes)
-        integer :: n_step(lanes), n, i, k
-
-        target = state%q
-        distance = 0
-        do k = 1, model%n_q
-            distance = max(distance, abs(target(:, k) - state%plane%group%start_q(:, k)))
-        end do
-        where (.not. distance <= huge(1.0_wp)) distance = 0
-        state%plane%group%position = state%plane%group%start_position
-        state%plane%group%angle = state%plane%group%start_angle
-        n_step = max(1, ceiling(distance/stride))
-        do n = 1, maxval(n_step)
-            ! Every lane takes steps of its own length and then stays where it wants to be.
-            part = min(1.0_wp, real(n, wp)/n_step)
-            state%plane%group%moves = n <= n_step
-            has_failed = state%not_converged .and. .not. state%plane%group%moves
-            do k = 1, model%n_q
-                state%q(:, k) = merge(target(:, k), state%plane%group%start_q(:, k) &
-                                      + part*(target(:, k) - state%plane%group%start_q(:, k)), part >= 1)
-            end do
-            call clear_flags(state)
-            do i = 1, size(model%step)
-                call run_planar_step(model, model%step(i), state)
-            end do
-            state%not_converged = state%not_converged .or. has_failed
-        end do
-    end subroutine follow_groups
-
+    !> One step on the block whose coordinates are in the state.
     subroutine run_planar_step(model, step, state)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step

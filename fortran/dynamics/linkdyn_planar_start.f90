@@ -8,7 +8,8 @@ module linkdyn_planar_start
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: evaluate_law
-    use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, orientation_of
+    use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, &
+        orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_pass, only: run_planar_step
     use linkdyn_scene, only: law_none, joint_prismatic
@@ -17,7 +18,7 @@ module linkdyn_planar_start
     use linkdyn_vec2, only: vec2, vec2_of, operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
-    public :: assemble_start, start_of_coordinate
+    public :: assemble_start, start_of_coordinate, keep_group
 
     real(wp), parameter :: fit = 1.0e-6_wp    !! markers this near, relative to the scene's size, were meant to coincide
 
@@ -205,17 +206,6 @@ contains
         end function placed
     end function fits_as_written
 
-    !> A length typical of the scene.
-    pure real(wp) function scene_size(model)
-        type(model_type), intent(in) :: model
-        integer :: j
-
-        scene_size = tiny(1.0_wp)
-        do j = 1, model%n_joint
-            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)))
-        end do
-    end function scene_size
-
     ! ---------------------------------------------------------------- groups
 
     !> Where Newton's method starts: the starting positions of the scene.
@@ -224,6 +214,7 @@ contains
         type(group_type), intent(inout) :: group
         integer :: i
 
+        group%start = 0
         do i = 1, size(group%link)
             associate (spec => model%scene%link(group%link(i)))
                 if (spec%has_start) group%start(:, i) = spec%start([1, 2, 6])
@@ -231,10 +222,13 @@ contains
         end do
     end subroutine guess_group
 
+    !> Where the groups' links have been placed at the start.
+    !>
+    !> **Errors**: `status_bad_input` for a group that is not closed there.
     subroutine keep_group(model, group, state, status)
         type(model_type), intent(in) :: model
         type(group_type), intent(inout) :: group
-        type(kinematic_state), intent(inout) :: state
+        type(kinematic_state), intent(in) :: state
         type(status_type), intent(inout) :: status
         integer :: i
 
@@ -244,8 +238,7 @@ contains
             return
         end if
         do i = 1, size(group%link)
-            group%start(:2, i) = lane_of(state%plane%group%position(group%link(i)), 1)
-            group%start(3, i) = state%plane%group%angle(1, group%link(i))
+            group%start(:, i) = state%group%place(1, :, group%link(i))
         end do
     end subroutine keep_group
 end module linkdyn_planar_start

@@ -8,9 +8,9 @@ module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
-    use linkdyn_scene, only: law_spec, drive_spec, coordinate_joint, drive_constant, drive_table, drive_spring_damper, &
-        drive_dc_motor, drive_pd, law_harmonic
+    use linkdyn_model, only: model_type, link_freedom, is_length
+    use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
+        law_harmonic
     implicit none (type, external)
     private
     public :: make_similar, coordinate_scale, drive_scale, near_one
@@ -25,7 +25,7 @@ contains
         type(model_type), intent(out) :: similar
         integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107    ! keys
         real(wp) :: own_scale
-        integer :: i, k
+        integer :: i, k, n_length
 
         similar = model
         similar%gravity = scale*model%gravity
@@ -56,7 +56,8 @@ contains
         do i = 1, model%n_q
             ! Angles have no size: they differ in the last place instead.
             own_scale = coordinate_scale(model, i, scale)
-            if (allocated(model%start_q)) similar%start_q(i) = own_scale*near_one([copy, of_start, i])*model%start_q(i)
+            similar%start_q(i) = own_scale*near_one([copy, of_start, i])*model%start_q(i)
+            similar%stride(i) = own_scale*model%stride(i)
             associate (coordinate => similar%scene%coordinate(i))
                 coordinate%start_position = own_scale*near_one([copy, of_start, i])*coordinate%start_position
                 coordinate%start_velocity = own_scale*near_one([copy, of_rate, i])*coordinate%start_velocity
@@ -81,9 +82,9 @@ contains
                 leg%inertia = scale**2*leg%inertia
             end associate
         end do
-        if (.not. allocated(model%group)) return
         do i = 1, size(model%group)
-            similar%group(i)%start(:2, :) = scale*model%group(i)%start(:2, :)
+            n_length = link_freedom(model) - merge(1, 3, model%is_planar)
+            similar%group(i)%start(:n_length, :) = scale*model%group(i)%start(:n_length, :)
         end do
     end subroutine make_similar
 
@@ -93,13 +94,7 @@ contains
         integer, intent(in) :: i
         real(wp), intent(in) :: scale
 
-        logical :: is_length
-
-        associate (coordinate => model%scene%coordinate(i))
-            is_length = coordinate%variable <= 3
-            if (coordinate%kind == coordinate_joint) is_length = is_slide(model%joint(coordinate%joint)%kind, coordinate%variable)
-        end associate
-        coordinate_scale = merge(scale, 1.0_wp, is_length)
+        coordinate_scale = merge(scale, 1.0_wp, is_length(model, i))
     end function coordinate_scale
 
     !> What a driving force is multiplied by; a torque by its square.

@@ -1,14 +1,17 @@
-!> The assembly of a spatial mechanism at its start: which of its two ways each CSP group closes.
+!> The assembly of a spatial mechanism at its start: which of its two ways each CSP group closes, and where the links of
+!> groups closed by iteration are.
 !>
-!> A `branch` written at the spherical joint decides. Otherwise it is the way nearest to the starting positions that the
-!> scene gives for the group's links and slides; if it gives none, the farther meeting along the slide.
+!> Of a CSP group a `branch` written at the spherical joint decides. Otherwise it is the way nearest to the starting
+!> positions that the scene gives for the group's links and slides; if it gives none, the farther meeting along the slide.
 module linkdyn_spatial_start
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_csp
-    use linkdyn_planar_start, only: start_of_coordinate
+    use linkdyn_model, only: model_type, step_type, group_type, step_csp, step_group
+    use linkdyn_planar_start, only: start_of_coordinate, keep_group
+    use linkdyn_quaternion, only: quaternion_of_rpy
+    use linkdyn_status, only: status_type
     use linkdyn_vec3, only: lane_of
     implicit none (type, external)
     private
@@ -16,31 +19,71 @@ module linkdyn_spatial_start
 
 contains
 
-    subroutine assemble_in_space(model)
+    !> Fill `model%start_q`, the steps' branches and the groups' starts.
+    !>
+    !> **Errors**: `status_bad_input` for a group that cannot be closed at the start.
+    subroutine assemble_in_space(model, status)
         type(model_type), intent(inout) :: model
+        type(status_type), intent(inout) :: status
         type(kinematic_state) :: state
-        real(wp) :: distance(2)
-        integer :: i, k, way
+        integer :: i, k
 
-        if (.not. any(model%step%kind == step_csp)) return
-        call prepare_kinematics(model, 0, state)
-        do k = 1, model%n_q
-            state%q(:, k) = start_of_coordinate(model, k)
+        if (.not. status%is_ok() .or. model%is_planar) return
+        model%start_q = [(start_of_coordinate(model, k), k=1, model%n_q)]
+        allocate (model%branch(0))
+        if (.not. any(model%step%kind == step_csp .or. model%step%kind == step_group)) return
+        do i = 1, size(model%group)
+            call guess_group(model, model%group(i))
         end do
+        call prepare_kinematics(model, 0, state)
+        state%q = spread(model%start_q, 1, lanes)
         do i = 1, size(model%step)
             associate (step => model%step(i))
-                if (step%kind /= step_csp) cycle
-                step%branch = merge(-1, 1, model%scene%joint(step%joint(2))%branch < 0)
-                if (model%scene%joint(step%joint(2))%branch /= 0) cycle
-                do way = 1, 2
-                    step%branch = 3 - 2*way
-                    call evaluate_kinematics(model, state)
-                    distance(way) = distance_to_start(model, step, state)
-                end do
-                step%branch = merge(-1, 1, distance(2) < distance(1))
+                if (step%kind == step_csp) call choose_branch(model, step, state)
+                call run_step(model, step, state)
+                if (step%kind == step_group) call keep_group(model, model%group(step%first), state, status)
             end associate
+            if (.not. status%is_ok()) return
         end do
     end subroutine assemble_in_space
+
+    !> The way in which a CSP group closes.
+    subroutine choose_branch(model, step, state)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(inout) :: step
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: distance(2)
+        integer :: way
+
+        step%branch = merge(-1, 1, model%scene%joint(step%joint(2))%branch < 0)
+        if (model%scene%joint(step%joint(2))%branch /= 0) return
+        do way = 1, 2
+            step%branch = 3 - 2*way
+            call run_step(model, step, state)
+            distance(way) = distance_to_start(model, step, state)
+        end do
+        step%branch = merge(-1, 1, distance(2) < distance(1))
+    end subroutine choose_branch
+
+    !> Where Newton's method starts: the starting positions of the scene, else the links where their markers are written.
+    subroutine guess_group(model, group)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(inout) :: group
+        real(wp), dimension(lanes) :: roll, pitch, yaw
+        real(wp) :: quaternion(lanes, 4)
+        integer :: i
+
+        do i = 1, size(group%link)
+            associate (start => model%scene%link(group%link(i))%start)
+                roll = start(4)
+                pitch = start(5)
+                yaw = start(6)
+                quaternion = quaternion_of_rpy(roll, pitch, yaw)
+                group%start(:3, i) = start(:3)
+                group%start(4:, i) = quaternion(1, :)
+            end associate
+        end do
+    end subroutine guess_group
 
     !> How far lane 1 is from the starting positions given; zero if there are none.
     real(wp) function distance_to_start(model, step, state) result(distance)

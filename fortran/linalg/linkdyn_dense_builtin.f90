@@ -2,6 +2,7 @@
 !>
 !> Twin of linkdyn_dense_lapack.f90 for builds whose kind LAPACK does not serve (quadruple precision).
 module linkdyn_dense
+    use linkdyn_equilibration, only: measure_matrix
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
@@ -12,7 +13,7 @@ module linkdyn_dense
     !> Room for one system of n unknowns, kept between calls.
     type :: dense_workspace
         integer :: n = 0
-        real(wp), allocatable :: factors(:, :), right(:), correction(:)
+        real(wp), allocatable :: factors(:, :), right(:), correction(:), row_size(:), column_size(:)
         integer, allocatable :: pivot(:)
     contains
         procedure :: prepare
@@ -33,8 +34,9 @@ contains
         integer, intent(in) :: n
 
         if (self%n == n) return
-        if (allocated(self%factors)) deallocate (self%factors, self%right, self%correction, self%pivot)
-        allocate (self%factors(n, n), self%right(n), self%correction(n), self%pivot(n))
+        if (allocated(self%factors)) deallocate (self%factors, self%right, self%correction, self%pivot, &
+                                                 self%row_size, self%column_size)
+        allocate (self%factors(n, n), self%right(n), self%correction(n), self%pivot(n), self%row_size(n), self%column_size(n))
         self%n = n
     end subroutine prepare
 
@@ -43,26 +45,25 @@ contains
         type(dense_workspace), intent(inout) :: workspace
         real(wp), intent(inout), contiguous :: a(:, :)    !! (n, n)
         real(wp), intent(inout), contiguous :: b(:)       !! (n)
-        real(wp), intent(out) :: rcond                    !! smallest over largest pivot: a rough figure
+        real(wp), intent(out) :: rcond                    !! reciprocal condition number, rows and columns scaled
         real(wp), intent(out) :: error_bound              !! size of the last correction over the solution
         logical, intent(out) :: is_singular
-        real(wp) :: scale, size_pivot(2)
+        real(wp) :: norm
         integer :: n, i
 
         n = size(b)
         call workspace%prepare(n)
+        call measure_matrix(a, workspace%row_size, workspace%column_size, norm)
         do i = 1, n
-            scale = maxval(abs(a(i, :)))
-            if (.not. scale > 0) cycle
-            a(i, :) = a(i, :)/scale
-            b(i) = b(i)/scale
+            a(i, :) = a(i, :)/workspace%row_size(i)
+            b(i) = b(i)/workspace%row_size(i)
         end do
         workspace%factors = a
-        call factorize(workspace%factors, workspace%pivot, size_pivot, is_singular)
+        call factorize(workspace%factors, workspace%pivot, is_singular)
         rcond = 0
         error_bound = huge(1.0_wp)
         if (is_singular) return
-        rcond = size_pivot(1)/size_pivot(2)
+        rcond = 1/(norm*norm_of_inverse(workspace))
         workspace%right = b
         call substitute(workspace%factors, workspace%pivot, b)
         workspace%correction = workspace%right - matmul(a, b)
@@ -71,17 +72,30 @@ contains
         error_bound = maxval(abs(workspace%correction))/max(maxval(abs(b)), tiny(1.0_wp))
     end subroutine solve_dense
 
+    !> 1-norm of the inverse of the scaled matrix, column by column.
+    pure real(wp) function norm_of_inverse(workspace) result(norm)
+        type(dense_workspace), intent(in) :: workspace
+        real(wp) :: column(workspace%n)
+        integer :: k
+
+        norm = 0
+        do k = 1, workspace%n
+            column = 0
+            column(k) = 1
+            call substitute(workspace%factors, workspace%pivot, column)
+            norm = max(norm, sum(abs(workspace%column_size*column)))
+        end do
+    end function norm_of_inverse
+
     !> LU by columns with partial pivoting; rows are swapped in place.
-    pure subroutine factorize(a, pivot, size_pivot, is_singular)
+    pure subroutine factorize(a, pivot, is_singular)
         real(wp), intent(inout) :: a(:, :)
         integer, intent(out) :: pivot(:)
-        real(wp), intent(out) :: size_pivot(2)    !! smallest and largest
         logical, intent(out) :: is_singular
         real(wp) :: kept(size(a, 2))
         integer :: k, j, n
 
         n = size(a, 1)
-        size_pivot = [huge(1.0_wp), 0.0_wp]
         is_singular = .true.
         do k = 1, n
             pivot(k) = k - 1 + maxloc(abs(a(k:, k)), dim=1)
@@ -89,7 +103,6 @@ contains
             kept = a(k, :)
             a(k, :) = a(pivot(k), :)
             a(pivot(k), :) = kept
-            size_pivot = [min(size_pivot(1), abs(a(k, k))), max(size_pivot(2), abs(a(k, k)))]
             a(k + 1:, k) = a(k + 1:, k)/a(k, k)
             do j = k + 1, n
                 a(k + 1:, j) = a(k + 1:, j) - a(k + 1:, k)*a(k, j)

@@ -2,6 +2,7 @@
 !>
 !> Twin of linkdyn_dense_builtin.f90, which serves the quadruple build.
 module linkdyn_dense
+    use linkdyn_equilibration, only: measure_matrix
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
@@ -13,6 +14,7 @@ module linkdyn_dense
     type :: dense_workspace
         integer :: n = 0
         real(wp), allocatable :: factors(:, :), row_scale(:), column_scale(:), x(:, :), work(:)
+        real(wp), allocatable :: row_size(:), column_size(:)    !! of the matrix as it comes
         integer, allocatable :: pivot(:), iwork(:)
     contains
         procedure :: prepare
@@ -30,6 +32,22 @@ module linkdyn_dense
             real(wp), intent(out) :: x(ldx, *), rcond, ferr(*), berr(*), work(*)
             integer, intent(out) :: iwork(*), info
         end subroutine dgesvx
+
+        subroutine dgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
+            import :: wp
+            character(len=1), intent(in) :: trans
+            integer, intent(in) :: n, nrhs, lda, ldb, ipiv(*)
+            real(wp), intent(in) :: a(lda, *)
+            real(wp), intent(inout) :: b(ldb, *)
+            integer, intent(out) :: info
+        end subroutine dgetrs
+
+        subroutine dlacn2(n, v, x, isgn, est, kase, isave)
+            import :: wp
+            integer, intent(in) :: n
+            real(wp), intent(inout) :: v(*), x(*), est
+            integer, intent(inout) :: isgn(*), kase, isave(3)
+        end subroutine dlacn2
 
         subroutine linkdyn_hold_blas() bind(c)
         end subroutine linkdyn_hold_blas
@@ -57,9 +75,9 @@ contains
 
         if (self%n == n) return
         if (allocated(self%factors)) deallocate (self%factors, self%row_scale, self%column_scale, self%x, &
-                                                 self%work, self%pivot, self%iwork)
+                                                 self%work, self%pivot, self%iwork, self%row_size, self%column_size)
         allocate (self%factors(n, n), self%row_scale(n), self%column_scale(n), self%x(n, 1), self%work(4*n))
-        allocate (self%pivot(n), self%iwork(n))
+        allocate (self%pivot(n), self%iwork(n), self%row_size(n), self%column_size(n))
         self%n = n
     end subroutine prepare
 
@@ -71,16 +89,17 @@ contains
         type(dense_workspace), intent(inout) :: workspace
         real(wp), intent(inout), contiguous :: a(:, :)    !! (n, n)
         real(wp), intent(inout), contiguous :: b(:)       !! (n)
-        real(wp), intent(out) :: rcond                    !! reciprocal condition number of the equilibrated matrix
+        real(wp), intent(out) :: rcond                    !! reciprocal condition number, see `find_rcond`
         real(wp), intent(out) :: error_bound              !! bound on max|x error| / max|x|
         logical, intent(out) :: is_singular
-        real(wp) :: forward(1), backward(1), right(size(b), 1)
+        real(wp) :: norm, forward(1), backward(1), right(size(b), 1)
         character(len=1) :: equed
         integer :: n, info
 
         n = size(b)
         call workspace%prepare(n)
         right(:, 1) = b
+        call measure_matrix(a, workspace%row_size, workspace%column_size, norm)
         equed = "N"
         call dgesvx("E", "N", n, 1, a, n, workspace%factors, n, workspace%pivot, equed, workspace%row_scale, &
                     workspace%column_scale, right, n, workspace%x, n, rcond, forward, backward, &
@@ -88,5 +107,40 @@ contains
         is_singular = info /= 0
         error_bound = forward(1)
         b = workspace%x(:, 1)
+        rcond = 0
+        if (info == 0 .or. info == n + 1) call find_rcond(workspace, equed, norm, rcond)
     end subroutine solve_dense
+
+    !> Reciprocal condition number in the 1-norm, estimated: of the matrix with every row divided by its largest entry, then
+    !> every column. LAPACK itself scales only where it must, so that its own number jumps from one to the other.
+    subroutine find_rcond(workspace, equed, norm, rcond)
+        type(dense_workspace), intent(inout) :: workspace
+        character(len=1), intent(in) :: equed             !! what LAPACK has scaled before it took the factors
+        real(wp), intent(in) :: norm                      !! of the scaled matrix
+        real(wp), intent(out) :: rcond
+        real(wp) :: norm_of_inverse
+        integer :: kase, saved(3), n, info
+
+        n = workspace%n
+        if (any(equed == ["R", "B"])) workspace%row_size = workspace%row_size*workspace%row_scale
+        if (any(equed == ["C", "B"])) workspace%column_size = workspace%column_size*workspace%column_scale
+        norm_of_inverse = 0
+        kase = 0
+        do
+            call dlacn2(n, workspace%work, workspace%x, workspace%iwork, norm_of_inverse, kase, saved)
+            select case (kase)
+            case (1)
+                workspace%x(:, 1) = workspace%row_size*workspace%x(:, 1)
+                call dgetrs("N", n, 1, workspace%factors, n, workspace%pivot, workspace%x, n, info)
+                workspace%x(:, 1) = workspace%column_size*workspace%x(:, 1)
+            case (2)
+                workspace%x(:, 1) = workspace%column_size*workspace%x(:, 1)
+                call dgetrs("T", n, 1, workspace%factors, n, workspace%pivot, workspace%x, n, info)
+                workspace%x(:, 1) = workspace%row_size*workspace%x(:, 1)
+            case default
+                exit
+            end select
+        end do
+        rcond = 1/(norm*norm_of_inverse)
+    end subroutine find_rcond
 end module linkdyn_dense

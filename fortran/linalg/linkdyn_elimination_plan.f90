@@ -12,9 +12,10 @@
 !> Sparse Matrices, 2nd ed. (2017), ch. 5 and 7, for the threshold.
 module linkdyn_elimination_plan
     use linkdyn_kinds, only: wp
+    use linkdyn_linear_record, only: linear_record
     implicit none (type, external)
     private
-    public :: elimination_plan, sparse_system, make_plan
+    public :: elimination_plan, sparse_system, make_plan, make_factor_plan
 
     !> The system to be planned.
     type :: sparse_system
@@ -146,11 +147,112 @@ contains
         type(elimination_plan), intent(out) :: plan
         type(planner_type) :: p
         integer, allocatable :: solution(:)
+        integer :: k
+
+        call start(system, p)
+        call eliminate_all(p, comes_last, solution)
+        if (.not. allocated(solution)) return
+        where (.not. system%is_wanted) solution = 0
+        call keep_needed(p, pack(solution, solution /= 0))
+        call emit(system, p, plan)
+        plan%solution_slot = [(merge(p%node(max(1, abs(solution(k))))%slot, 0, solution(k) /= 0), k=1, p%n)]
+        plan%solution_sign = merge(sign(1, solution), 0, solution /= 0)
+    end subroutine plan_in_order
+
+    !> A plan that serves any right-hand sides: it leaves pivots and multipliers behind, and `solve` says how a
+    !> right-hand side becomes the unknowns, all of them, by these. Right-hand sides of the system are not looked at.
+    !>
+    !> Whatever depends on a right-hand side is linear in it: such operations go to `solve`, the others to the plan.
+    subroutine make_factor_plan(system, plan, solve)
+        type(sparse_system), intent(in) :: system
+        type(elimination_plan), intent(out) :: plan
+        type(linear_record), intent(out) :: solve
+        type(sparse_system) :: general
+        type(planner_type) :: p
+        type(list_type) :: kept
+        integer, allocatable :: solution(:), value(:)
+        integer :: t, k
+
+        general = system
+        general%right_slot = [(k, k=1, system%n)]        ! any: they take no slots in the end
+        call start(general, p)
+        allocate (value(size(p%node)))
+        value = 0
+        do k = 1, p%n
+            value(p%entry(p%right(k))%base) = k
+        end do
+        call eliminate_all(p, spread(.false., 1, p%n), solution)
+        if (.not. allocated(solution)) return
+
+        value = [value, spread(0, 1, p%n_node)]
+        solve%n = p%n
+        call append(kept, p%one)
+        do t = 1, p%n_operation
+            associate (operation => p%operation(t))
+                if (.not. is_linear()) cycle
+                solve%n_step = solve%n_step + 1
+                value(operation%out) = p%n + solve%n_step
+                call append(kept, operation%scale)
+                do k = 1, size(operation%left)
+                    call append(kept, merge(operation%right(k), operation%left(k), value(operation%left(k)) > 0))
+                end do
+            end associate
+        end do
+        general%right_slot = 0
+        call keep_needed(p, pack(kept%item(:kept%n), kept%item(:kept%n) > 0))
+        call emit(general, p, plan)
+        call write_record()
+
+    contains
+
+        pure logical function is_linear()
+            is_linear = any(value(p%operation(t)%left) > 0) .or. any(value(p%operation(t)%right) > 0)
+            if (p%operation(t)%base > 0) is_linear = is_linear .or. value(p%operation(t)%base) > 0
+        end function is_linear
+
+        subroutine write_record()
+            integer :: step, n_term, k
+
+            associate (m => solve%n_step)
+                allocate (solve%base(m), solve%scale(m), solve%last_minus(m), solve%last_plus(m))
+            end associate
+            allocate (solve%coefficient(kept%n), solve%value(kept%n))
+            solve%one = p%node(p%one)%slot
+            n_term = 0
+            do t = 1, p%n_operation
+                associate (operation => p%operation(t))
+                    if (value(operation%out) == 0) cycle
+                    step = value(operation%out) - p%n
+                    solve%base(step) = p%n + solve%n_step + 1
+                    if (operation%base > 0) solve%base(step) = value(operation%base)
+                    solve%scale(step) = 0
+                    if (operation%scale > 0) solve%scale(step) = p%node(operation%scale)%slot
+                    solve%last_minus(step) = n_term + operation%n_minus
+                    do k = 1, size(operation%left)
+                        n_term = n_term + 1
+                        solve%value(n_term) = max(value(operation%left(k)), value(operation%right(k)))
+                        solve%coefficient(n_term) = &
+                            p%node(merge(operation%right(k), operation%left(k), value(operation%left(k)) > 0))%slot
+                    end do
+                    solve%last_plus(step) = n_term
+                end associate
+            end do
+            solve%coefficient = solve%coefficient(:n_term)
+            solve%value = solve%value(:n_term)
+            solve%solution = value(abs(solution))
+            solve%sign = sign(1, solution)
+        end subroutine write_record
+    end subroutine make_factor_plan
+
+    !> All pivots, then the back-substitution: references of the unknowns, or nothing where no pivot is acceptable.
+    subroutine eliminate_all(p, comes_last, solution)
+        type(planner_type), intent(inout) :: p
+        logical, intent(in) :: comes_last(:)
+        integer, allocatable, intent(out) :: solution(:)
         logical :: has_turned
         integer :: k, e
 
-        call start(system, p)
-        do k = 1, system%n
+        do k = 1, p%n
             e = best_pivot(p, comes_last)
             if (e == 0) then
                 call turn_rows(p, has_turned)
@@ -160,10 +262,7 @@ contains
             call eliminate(p, e, p%pivot(k))
         end do
         call back_substitute(p, solution)
-        where (.not. system%is_wanted) solution = 0
-        call keep_needed(p, solution)
-        call emit(system, p, solution, plan)
-    end subroutine plan_in_order
+    end subroutine eliminate_all
 
     ! ---------------------------------------------------------------- set-up
 
@@ -928,15 +1027,13 @@ contains
         end do
     end subroutine back_substitute
 
-    !> Mark the operations that the wanted unknowns depend on, and the last use of every node.
-    subroutine keep_needed(p, solution)
+    !> Mark the operations that some values depend on, and the last use of every node.
+    subroutine keep_needed(p, kept)
         type(planner_type), intent(inout) :: p
-        integer, intent(in) :: solution(:)
+        integer, intent(in) :: kept(:)               !! references of the values to be there in the end
         integer :: t, k
 
-        do k = 1, size(solution)
-            if (solution(k) /= 0) p%node(abs(solution(k)))%last_use = huge(1)
-        end do
+        p%node(abs(kept))%last_use = huge(1)
         do t = p%n_operation, 1, -1
             associate (operation => p%operation(t))
                 operation%is_needed = p%node(operation%out)%last_use > 0
@@ -961,10 +1058,9 @@ contains
     end subroutine keep_needed
 
     !> Give out slots, reusing those whose value is no longer needed, and write the record.
-    subroutine emit(system, p, solution, plan)
+    subroutine emit(system, p, plan)
         type(sparse_system), intent(in) :: system
         type(planner_type), intent(inout) :: p
-        integer, intent(in) :: solution(:)
         type(elimination_plan), intent(inout) :: plan
         type(list_type) :: free
         integer, allocatable :: dies(:), next_death(:)
@@ -1025,14 +1121,6 @@ contains
             end associate
         end do
 
-        allocate (plan%solution_slot(p%n), plan%solution_sign(p%n))
-        plan%solution_slot = 0
-        plan%solution_sign = 0
-        do k = 1, p%n
-            if (solution(k) == 0) cycle
-            plan%solution_slot(k) = p%node(abs(solution(k)))%slot
-            plan%solution_sign(k) = sign(1, solution(k))
-        end do
         plan%n_nonzero = size(system%row)
         plan%n_fill = p%n_fill
         plan%n_term = size(plan%left)

@@ -5,6 +5,7 @@
 !> column k what a unit acceleration of coordinate k adds (for a pose: of the velocity and the angular velocity).
 !> A planar scene keeps its motion in `plane`; the arrays for space are then not allocated.
 module linkdyn_kinematic_state
+    use linkdyn_group_motion, only: group_motion, prepare_groups
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
@@ -33,6 +34,7 @@ module linkdyn_kinematic_state
         logical :: singular(lanes) = .false.                  !! at a dead point: rates are not determined
         logical :: not_converged(lanes) = .false.             !! an iteration ran out of steps
         type(planar_motion) :: plane
+        type(group_motion) :: group                           !! closed by Newton's method
         type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)
         ! ---- APPLIED by springs and given drives, link axes, about the origin
         logical :: has_applied = .false.
@@ -63,6 +65,7 @@ contains
             state%qd = 0
             state%qdd = 0
             state%slide = 0
+            if (size(model%group) > 0) call prepare_groups(model, n_column, state%group)
             if (model%is_planar) then
                 call prepare_planar_motion(model, n_column, state%plane)
                 return

@@ -1,12 +1,13 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
+    use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, name_len
+    use linkdyn_scene, only: scene_type, name_len, coordinate_joint
     implicit none (type, external)
     private
     public :: model_type, link_type, joint_type, step_type, leg_type, group_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
-    public :: is_dyad, dyad_names, orientation_of, side_of
+    public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies, is_length, scene_size
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -17,7 +18,7 @@ module linkdyn_model
     integer, parameter :: step_rpr = 6
     integer, parameter :: step_prp = 7
     integer, parameter :: step_ppr = 8
-    integer, parameter :: step_group = 9     !! any other planar Assur group, closed by Newton's method
+    integer, parameter :: step_group = 9     !! any other Assur group, closed by Newton's method
     integer, parameter :: step_csp = 10      !! Assur group: CSP between two known links
     character(len=24), parameter :: step_name(10) = [character(len=24) :: "pose", "open chain", "UPS leg", &
         "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group"]
@@ -76,8 +77,9 @@ module linkdyn_model
     type :: group_type
         integer, allocatable :: link(:)
         integer, allocatable :: joint(:)      !! between them, and to known links
-        integer, allocatable :: coordinate(:) !! that gives the joint's variable; 0: free
-        real(wp), allocatable :: start(:, :)  !! x y angle of the links at the coordinates' start (3, n)
+        integer, allocatable :: coordinate(:, :)  !! that gives a joint's variable; 0: free (3, n joints)
+        logical, allocatable :: turns(:)      !! the link's orientation is its own; else it is that of another link
+        real(wp), allocatable :: start(:, :)  !! places of the links at the coordinates' start (place_size, n)
     end type group_type
 
     !> A mechanism ready to be computed.
@@ -106,6 +108,7 @@ module linkdyn_model
         integer, allocatable :: first_at(:)   !! joints of link l: joint_at(first_at(l):first_at(l+1)-1)
         integer, allocatable :: joint_at(:)
         real(wp), allocatable :: start_q(:)   !! coordinates at the start (n_q)
+        real(wp), allocatable :: stride(:)    !! change of a coordinate through which a group can be followed (n_q) [m, rad]
         real(wp), allocatable :: branch(:)    !! of the dyads at the start: +1 or -1 (n_dyad)
     end type model_type
 
@@ -131,6 +134,49 @@ contains
 
         is_dyad = kind >= step_rrr .and. kind <= step_ppr
     end function is_dyad
+
+    !> Freedoms of a link on its own.
+    pure integer function link_freedom(model)
+        type(model_type), intent(in) :: model
+
+        link_freedom = merge(3, 6, model%is_planar)
+    end function link_freedom
+
+    !> Numbers that place a link: x, y, angle; in space x, y, z and a quaternion.
+    pure integer function place_size(model)
+        type(model_type), intent(in) :: model
+
+        place_size = merge(3, 7, model%is_planar)
+    end function place_size
+
+    !> Is a coordinate a length, not an angle?
+    pure logical function is_length(model, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+
+        associate (coordinate => model%scene%coordinate(k))
+            is_length = coordinate%variable <= 3
+            if (coordinate%kind == coordinate_joint) is_length = is_slide(model%joint(coordinate%joint)%kind, coordinate%variable)
+        end associate
+    end function is_length
+
+    !> A length typical of the mechanism [m].
+    pure real(wp) function scene_size(model)
+        type(model_type), intent(in) :: model
+        integer :: j
+
+        scene_size = tiny(1.0_wp)
+        do j = 1, model%n_joint
+            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)))
+        end do
+    end function scene_size
+
+    !> Has the mechanism more than one assembly at given coordinates, so that it matters where it comes from?
+    pure logical function has_assemblies(model)
+        type(model_type), intent(in) :: model
+
+        has_assemblies = model%n_dyad > 0 .or. size(model%group) > 0
+    end function has_assemblies
 
     !> The orientation of a link; 0 for the frame.
     pure integer function orientation_of(model, link)

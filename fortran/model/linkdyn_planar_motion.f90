@@ -8,21 +8,12 @@ module linkdyn_planar_motion
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_vec2, only: vec2, rot2, vec2_of, zero_vec2, identity_rot2
+    use linkdyn_vec2, only: vec2, rot2, zero_vec2, identity_rot2
     implicit none (type, external)
     private
-    public :: planar_motion, group_motion, prepare_planar_motion, start_groups, level_velocity, level_given
+    public :: planar_motion, prepare_planar_motion, level_velocity, level_given
 
     integer, parameter :: level_velocity = -1, level_given = 0
-
-    !> Groups closed by Newton's method: where the iteration stands, and the assembly from which it sets out.
-    type :: group_motion
-        type(vec2), allocatable :: position(:), start_position(:)    !! by link                (0:n_link)
-        real(wp), allocatable :: angle(:, :), start_angle(:, :)      !! (lane, 0:n_link) [rad]
-        real(wp), allocatable :: start_q(:, :)                       !! coordinates there      (lane, n_q)
-        logical :: moves(lanes) = .true.                             !! false: the iteration has arrived
-        real(wp), allocatable :: matrix(:, :, :), right(:, :, :)     !! (lane, row, column)
-    end type group_motion
 
     type :: planar_motion
         type(rot2), allocatable :: rotation(:)           !! link axes to world               (0:n_orientation)
@@ -34,7 +25,6 @@ module linkdyn_planar_motion
         real(wp), allocatable :: drift(:, :)             !! rate of the map's determinant    (lane, n_dyad)
         type(vec2), allocatable :: applied_force(:)      !! of springs and given drives [N]  (n_link)
         real(wp), allocatable :: applied_moment(:, :)    !! about the origin [N m]           (lane, n_link)
-        type(group_motion) :: group
     end type planar_motion
 
 contains
@@ -68,47 +58,5 @@ contains
                 motion%branch(:, i) = model%branch(i)
             end do
         end if
-        if (size(model%group) > 0) call prepare_groups(model, n_column, motion%group)
     end subroutine prepare_planar_motion
-
-    !> Groups closed by iteration start from their assembly at the scene's start.
-    subroutine prepare_groups(model, n_column, motion)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: n_column
-        type(group_motion), intent(out) :: motion
-        integer :: g, largest
-
-        largest = 0
-        do g = 1, size(model%group)
-            largest = max(largest, size(model%group(g)%link))
-        end do
-        allocate (motion%matrix(lanes, 3*largest, 3*largest), motion%right(lanes, 3*largest, n_column + 2))
-        call start_groups(model, motion)
-        motion%position = motion%start_position
-        motion%angle = motion%start_angle
-    end subroutine prepare_groups
-
-    !> Let the iteration set out from the assembly at the scene's start.
-    subroutine start_groups(model, motion)
-        type(model_type), intent(in) :: model
-        type(group_motion), intent(inout) :: motion
-        integer :: g, i
-
-        if (.not. allocated(motion%start_position)) &
-            allocate (motion%start_position(0:model%n_link), motion%start_angle(lanes, 0:model%n_link), &
-                      motion%start_q(lanes, model%n_q))
-        motion%start_q = spread(model%start_q, 1, lanes)
-        motion%start_angle = 0
-        do i = 0, model%n_link
-            motion%start_position(i) = zero_vec2()
-        end do
-        do g = 1, size(model%group)
-            associate (group => model%group(g))
-                do i = 1, size(group%link)
-                    motion%start_position(group%link(i)) = vec2_of(group%start(:2, i))
-                    motion%start_angle(:, group%link(i)) = group%start(3, i)
-                end do
-            end associate
-        end do
-    end subroutine start_groups
 end module linkdyn_planar_motion

@@ -2,14 +2,14 @@
 !>
 !> Links whose pose is given are known. Counting constraints takes the rest apart into the smallest groups that can be
 !> placed one after the other (`linkdyn_assur_groups`): a single link is a step of an open chain, a pair with three
-!> joints a dyad or a leg with a closed form, any other planar group is left to Newton's method. A scene that cannot be
+!> joints a dyad or a leg with a closed form, any other group is left to Newton's method. A scene that cannot be
 !> planned is refused with the names of the links and joints concerned.
 module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_model, only: model_type, step_type, group_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, &
-        step_rpr, step_prp, step_ppr, step_group, is_dyad, side_of
+        step_rpr, step_prp, step_ppr, step_group, is_dyad, side_of, link_freedom, place_size
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_revolute, joint_prismatic, &
         joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -28,6 +28,7 @@ module linkdyn_planner
         type(step_type), allocatable :: step(:)
         integer :: n_step = 0
         integer :: n_group = 0
+        logical :: closed_forms = .true.        !! are to be used where there are some
         logical, allocatable :: known(:)        !! (0:n_link)
         integer, allocatable :: given(:, :)     !! coordinate that gives a joint variable; 0: none (3, n_joint)
     end type planning
@@ -47,22 +48,17 @@ contains
         type(model_type), intent(in) :: model
         integer :: i
 
-        mobility_of = freedom_of(model)*model%n_link
+        mobility_of = link_freedom(model)*model%n_link
         do i = 1, model%n_joint
             mobility_of = mobility_of - joint_constraints(model, model%joint(i)%kind)
         end do
     end function mobility_of
 
-    pure integer function freedom_of(model)
-        type(model_type), intent(in) :: model
-
-        freedom_of = merge(3, 6, model%is_planar)
-    end function freedom_of
-
     !> Fill `model%step`.
-    subroutine plan_steps(model, status)
+    subroutine plan_steps(model, status, closed_forms)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: closed_forms    !! false: everything by Newton's method, to compare with
         type(planning) :: plan
         type(grouping_type) :: grouping
         type(tie_type), allocatable :: tie(:)
@@ -70,13 +66,14 @@ contains
         integer :: g
 
         if (.not. status%is_ok()) return
+        if (present(closed_forms)) plan%closed_forms = closed_forms
         allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, model%n_joint), model%group(model%n_link))
         plan%known = .false.
         plan%known(0) = .true.
         call take_poses(model, plan, status)
         if (.not. status%is_ok()) return
         call list_ties(model, plan, tie, tie_coordinate)
-        call find_groups(freedom_of(model), plan%known(1:), model%n_joint, tie, grouping)
+        call find_groups(link_freedom(model), plan%known(1:), model%n_joint, tie, grouping)
         if (grouping%excess > 0) call refuse_excess(model, grouping, tie_coordinate, status)
         if (grouping%lack > 0) call refuse_lack(model, grouping, status)
         do g = 1, grouping%n_group
@@ -176,19 +173,22 @@ contains
         integer :: n_before
 
         n_before = plan%n_step
-        if (size(member) == 1) call extend_open_chain(model, member(1), plan, status)
-        if (size(member) == 2 .and. model%is_planar) call close_dyad(model, member, plan, status)
-        if (size(member) == 2 .and. .not. model%is_planar) then
-            call close_ups_leg(model, member, plan)
-            if (plan%n_step == n_before) call close_csp_group(model, member, plan)
-        end if
-        if (.not. status%is_ok() .or. plan%n_step > n_before) return
-        if (model%is_planar) then
-            call add_newton_group(model, member, plan)
-        else
-            call fail(status, status_bad_input, "link(s) "//link_names(model, member)//" cannot be placed from the " &
-                      //"coordinates given: no open chain leads to them and they form no known group (UPS leg, CSP)")
-        end if
+        if (plan%closed_forms) call place_directly()
+        if (status%is_ok() .and. plan%n_step == n_before) call add_newton_group(model, member, plan, status)
+
+    contains
+
+        !> By an open chain or a closed form, if there is one.
+        subroutine place_directly()
+            if (size(member) == 1) call extend_open_chain(model, member(1), plan, status)
+            if (size(member) /= 2) return
+            if (model%is_planar) then
+                call close_dyad(model, member, plan, status)
+            else
+                call close_ups_leg(model, member, plan)
+                if (plan%n_step == n_before) call close_csp_group(model, member, plan)
+            end if
+        end subroutine place_directly
     end subroutine place_group
 
     !> A link behind a joint from a known link whose variables are all coordinates.
@@ -307,11 +307,12 @@ contains
         end do
     end function signature_of
 
-    !> Any other planar group.
-    subroutine add_newton_group(model, member, plan)
+    !> Any other group.
+    subroutine add_newton_group(model, member, plan, status)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: member(:)
         type(planning), intent(inout) :: plan
+        type(status_type), intent(inout) :: status
         type(step_type) :: step
         logical :: is_member(0:model%n_link)
         integer :: i, j, l
@@ -332,13 +333,36 @@ contains
                     end associate
                 end do
             end do
-            group%coordinate = plan%given(1, group%joint)
-            allocate (group%start(3, size(member)))
-            group%start = 0
+            group%coordinate = plan%given(:, group%joint)
+            allocate (group%start(place_size(model), size(member)))
+            group%turns = [(has_own_orientation(i), i=1, size(member))]
+            do i = 1, size(group%joint)
+                associate (joint => model%joint(group%joint(i)))
+                    call need_world(model, joint%link(1))
+                    call need_world(model, joint%link(2))
+                    if (joint%kind == joint_spherical .and. any(group%coordinate(:, i) > 0)) &
+                        call fail(status, status_bad_input, "joint "//quoted(joint%name)//": the angles of a spherical " &
+                                  //"joint can be coordinates in an open chain only")
+                end associate
+            end do
         end associate
         step = step_type(kind=step_group, n_link=0, first=plan%n_group)
         call add_step(plan, step)
         plan%known(member) = .true.
+
+    contains
+
+        !> Or that of a link placed before, or of another of the group's?
+        pure logical function has_own_orientation(i)
+            integer, intent(in) :: i
+            integer :: o, l
+
+            o = model%link(member(i))%orientation
+            has_own_orientation = o > 0 .and. all(model%link(member(:i - 1))%orientation /= o)
+            do l = 1, model%n_link
+                if (plan%known(l) .and. model%link(l)%orientation == o) has_own_orientation = .false.
+            end do
+        end function has_own_orientation
     end subroutine add_newton_group
 
     !> A CSP group between known links.
@@ -442,8 +466,28 @@ contains
         call fail(status, status_bad_input, "mobility is "//to_text(mobility_of(model))//" but "//to_text(model%n_q) &
                   //" coordinate(s) "//trim(merge("is ", "are", model%n_q == 1))//" given: nothing determines " &
                   //trim(merge("link ", "links", n == 1))//" " &
-                  //link_names(model, pack([(i, i=1, model%n_link)], grouping%link_at_fault)))
+                  //link_names(model, pack([(i, i=1, model%n_link)], grouping%link_at_fault)) &
+                  //hint_of_spin(model, grouping%link_at_fault))
     end subroutine refuse_lack
+
+    !> What most often leaves a freedom in space: a rod that spins between two spherical joints.
+    function hint_of_spin(model, at_fault) result(hint)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: at_fault(:)
+        character(len=:), allocatable :: hint
+        integer :: l
+
+        hint = ""
+        do l = 1, model%n_link
+            associate (joint => model%joint_at(model%first_at(l):model%first_at(l + 1) - 1))
+                if (.not. at_fault(l) .or. size(joint) /= 2) cycle
+                if (any(model%joint(joint)%kind /= joint_spherical)) cycle
+                hint = "; link "//quoted(model%link(l)%name)//" can spin between its spherical joints " &
+                       //joint_names(model, joint)//" (make one of them universal)"
+                return
+            end associate
+        end do
+    end function hint_of_spin
 
     function link_names(model, link) result(names)
         type(model_type), intent(in) :: model

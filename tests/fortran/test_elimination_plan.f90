@@ -1,9 +1,11 @@
 !> Elimination plan and its execution: planned on some values, run on others, against the dense solver.
 module test_elimination_plan
-    use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
+    use linkdyn_condition_estimate, only: estimate_space, prepare_estimate, estimate_inverse_norm
+    use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan, make_factor_plan
     use linkdyn_elimination_run, only: run_plan, load_constants
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_linear_record, only: linear_record, solve_recorded, transposed
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_test_numbers, only: random_stream, eps, condition_number, dense_solution
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
@@ -31,6 +33,8 @@ contains
             new_test("wanted unknowns only", test_wanted), &
             new_test("right-hand sides that are zero", test_zero_right), &
             new_test("constants are folded", test_constants), &
+            new_test("any right-hand side, also transposed", test_factors), &
+            new_test("norm of the inverse", test_inverse_norm), &
             new_test("zero diagonal", test_zero_diagonal), &
             new_test("bad pivots on one lane", test_alarm), &
             new_test("a value that is not a number", test_nan), &
@@ -110,15 +114,13 @@ contains
 
     !> Two unknowns in turning axes, [c s; -s c] at angles all the way round, so that neither c nor s may be a pivot; two
     !> more unknowns hang on the first.
-    subroutine test_turned(error)
-        type(test_error), intent(inout) :: error
+    subroutine make_turned(stream, system)
+        type(random_stream), intent(inout) :: stream
+        type(lane_system), intent(out) :: system
         integer, parameter :: n = 4
-        type(lane_system) :: system
-        type(elimination_plan) :: plan
-        type(random_stream) :: stream
-        real(wp) :: angle(n_pose), other(lanes), x(lanes, n), alarm(lanes), want(n)
+        real(wp) :: angle(n_pose), other(lanes)
         real(wp), parameter :: turn = 6.28318530717958647692528676655900577_wp
-        integer :: i, l
+        integer :: i
 
         angle = [(turn*i/n_pose, i=1, n_pose)]
         other = turn*stream%vector(lanes)
@@ -141,15 +143,6 @@ contains
         do i = 1, n
             system%right(:, i) = stream%vector(lanes)
         end do
-        call make_plan(system%sparse, plan)
-        call check(error, plan%is_complete, "a plan is found")
-        if (.not. plan%is_complete) return
-        call run(plan, system, x, alarm)
-        call check(error, all(alarm <= 1), "no alarm")
-        do l = 1, lanes
-            want = dense_solution(system%matrix(l, :, :), system%right(l, :))
-            call check_close(error, x(l, :), want, 16*eps*condition_number(system%matrix(l, :, :))*maxval(abs(want)), "solution")
-        end do
 
     contains
 
@@ -165,7 +158,159 @@ contains
             end associate
             system%matrix(:, row, column) = on_lanes
         end subroutine add
+    end subroutine make_turned
+
+    subroutine test_turned(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 4
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        type(random_stream) :: stream
+        real(wp) :: x(lanes, n), alarm(lanes), want(n)
+        integer :: l
+
+        call make_turned(stream, system)
+        call make_plan(system%sparse, plan)
+        call check(error, plan%is_complete, "a plan is found")
+        if (.not. plan%is_complete) return
+        call run(plan, system, x, alarm)
+        call check(error, all(alarm <= 1), "no alarm")
+        do l = 1, lanes
+            want = dense_solution(system%matrix(l, :, :), system%right(l, :))
+            call check_close(error, x(l, :), want, 16*eps*condition_number(system%matrix(l, :, :))*maxval(abs(want)), "solution")
+        end do
     end subroutine test_turned
+
+    !> Pivots and multipliers serve any right-hand side, forwards and transposed, also where rows were turned or the plan
+    !> has folded constants, and several right-hand sides one after the other.
+    subroutine test_factors(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        integer, parameter :: sizes(5) = [1, 2, 6, 13, 24]
+        integer :: i, repeat
+
+        call make_turned(stream, system)
+        call compare_factors("turned rows")
+        do i = 1, size(sizes)
+            do repeat = 1, 5
+                call make_system(stream, sizes(i), min(0.5_wp, 2.0_wp/sizes(i)), system)
+                if (repeat == 5) call fix_values(system)
+                call compare_factors("n = "//to_text(sizes(i)))
+            end do
+        end do
+
+    contains
+
+        subroutine compare_factors(what)
+            character(len=*), intent(in) :: what
+            type(elimination_plan) :: plan
+            type(linear_record) :: solve, back
+            type(slot_store) :: slot
+            real(wp), allocatable :: work(:, :)
+            real(wp) :: alarm(lanes), x(lanes, system%sparse%n), want(system%sparse%n), tol
+            integer :: l, k
+
+            system%sparse%right_slot = 0                  ! they must not matter
+            call make_factor_plan(system%sparse, plan, solve)
+            call check(error, plan%is_complete, what//": complete")
+            if (.not. plan%is_complete) return
+            call make_slots(plan%n_slot, slot)
+            call load_constants(plan, slot%value)
+            call fill_slots(system, slot%value)
+            call run_plan(plan, slot%value, alarm)
+            call check(error, all(alarm <= 1), what//": no alarm")
+            back = transposed(solve)
+            allocate (work(lanes, back%n + back%n_step + 1))
+            do k = 1, 4
+                system%right = reshape(stream%vector(lanes*solve%n), [lanes, solve%n])
+                x = system%right
+                if (modulo(k, 2) == 1) call solve_recorded(solve, slot%value, work, x)
+                if (modulo(k, 2) == 0) call solve_recorded(back, slot%value, work, x)
+                do l = 1, lanes, 3
+                    associate (a => system%matrix(l, :, :))
+                        if (modulo(k, 2) == 1) want = dense_solution(a, system%right(l, :))
+                        if (modulo(k, 2) == 0) want = dense_solution(transpose(a), system%right(l, :))
+                        tol = (1 + 1000*alarm(l))*100*eps*condition_number(a)*maxval(abs(want))    ! as in `compare`
+                    end associate
+                    call check_close(error, x(l, :), want, tol, what//": solution "//to_text(k))
+                end do
+            end do
+            call slot%free()
+        end subroutine compare_factors
+    end subroutine test_factors
+
+    !> All values constant.
+    subroutine fix_values(system)
+        type(lane_system), intent(inout) :: system
+        integer :: k
+
+        system%sparse%slot = 0
+        do k = 1, size(system%sparse%row)
+            associate (i => system%sparse%row(k), j => system%sparse%column(k))
+                system%sparse%value(:, k) = system%sparse%value(1, k)
+                system%matrix(:, i, j) = system%sparse%value(1, k)
+            end associate
+        end do
+    end subroutine fix_values
+
+    !> Never above the true norm of the scaled inverse (its rounding aside), never more than a factor 3 below; a lane's estimate
+    !> does not depend on its neighbours.
+    subroutine test_inverse_norm(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        type(lane_system) :: system
+        type(elimination_plan) :: plan
+        type(linear_record) :: solve, back
+        type(slot_store) :: slot
+        type(estimate_space) :: space
+        real(wp), allocatable :: left(:, :), right(:, :)
+        real(wp) :: alarm(lanes), norm(lanes), again(lanes), want
+        integer, parameter :: sizes(4) = [1, 3, 10, 20]
+        integer :: i, l, repeat
+
+        do i = 1, size(sizes)
+            do repeat = 1, 10
+                call make_system(stream, sizes(i), min(0.5_wp, 2.0_wp/sizes(i)), system)
+                system%sparse%right_slot = 0
+                call make_factor_plan(system%sparse, plan, solve)
+                back = transposed(solve)
+                call prepare_estimate(solve, back, space)
+                left = 10**(2*reshape(stream%vector(lanes*sizes(i)), [lanes, sizes(i)]))
+                right = 10**(2*reshape(stream%vector(lanes*sizes(i)), [lanes, sizes(i)]))
+                call make_slots(plan%n_slot, slot)
+                call load_constants(plan, slot%value)
+                call fill_slots(system, slot%value)
+                call run_plan(plan, slot%value, alarm)
+                call estimate_inverse_norm(solve, back, slot%value, left, right, space, norm)
+                do l = 1, lanes, 3
+                    want = inverse_norm(system%matrix(l, :, :), left(l, :), right(l, :))
+                    call check(error, norm(l) < want*(1 + 1.0e-6_wp), "not above")
+                    call check(error, norm(l) > want/3, "not far below: "//to_text(norm(l)/want))
+                end do
+                ! Everything one lane on.
+                slot%value = cshift(slot%value, 1, dim=1)
+                call estimate_inverse_norm(solve, back, slot%value, cshift(left, 1, dim=1), cshift(right, 1, dim=1), space, again)
+                call check(error, all(abs(again - cshift(norm, 1)) <= 0), "lanes apart")
+                call slot%free()
+                call space%free()
+            end do
+        end do
+    end subroutine test_inverse_norm
+
+    !> 1-norm of diag(left) A^-1 diag(right), column by column.
+    real(wp) function inverse_norm(a, left, right) result(norm)
+        real(wp), intent(in) :: a(:, :), left(:), right(:)
+        real(wp) :: unit_vector(size(left))
+        integer :: k
+
+        norm = 0
+        do k = 1, size(left)
+            unit_vector = 0
+            unit_vector(k) = right(k)
+            norm = max(norm, sum(abs(left*dense_solution(a, unit_vector))))
+        end do
+    end function inverse_norm
 
     !> Run the plan on the lanes' values; unknowns that are not wanted come out zero.
     subroutine run(plan, system, x, alarm)
@@ -307,13 +452,7 @@ contains
 
         do repeat = 1, 5
             call make_system(stream, n, 0.2_wp, system)
-            system%sparse%slot = 0
-            do k = 1, size(system%sparse%row)
-                associate (i => system%sparse%row(k), j => system%sparse%column(k))
-                    system%sparse%value(:, k) = system%sparse%value(1, k)
-                    system%matrix(:, i, j) = system%sparse%value(1, k)
-                end associate
-            end do
+            call fix_values(system)
             call make_plan(system%sparse, plan)
             call compare(error, system, plan, "constants")
             call check(error, plan%n_reciprocal == 0, "no division")

@@ -359,7 +359,8 @@ contains
             call start_at(scene, q_start(:, i))
             scene%coordinate%start_velocity = qd_start(:, i)
             call swing(scene, 2.0e-3_wp, [0.8_wp], alone, error)
-            call check_close(error, alone(1, 1), q(1, 1, i), 1.0e4_wp*epsilon(1.0_wp), "a member as alone")
+            ! On another lane rounding may differ, and a change point multiplies it by some thousand.
+            call check_close(error, alone(1, 1), q(1, 1, i), 1.0e5_wp*epsilon(1.0_wp), "a member as alone")
         end do
     end subroutine test_ensemble
 

@@ -26,7 +26,12 @@ def forces_of(run: xr.Dataset, suffix: str = "") -> np.ndarray:
 
 
 def quadruple_forces(program: Path, case: Case, time: np.ndarray | None = None) -> np.ndarray:
-    """What `forces_of` gives, computed by ``linkdyn-real128`` and rounded to doubles.
+    """What `forces_of` gives, computed by ``linkdyn-real128`` and rounded to doubles; arguments as in `quadruple_results`."""
+    return quadruple_results(program, case, "driving_force,reaction", time)
+
+
+def quadruple_results(program: Path, case: Case, want: str, time: np.ndarray | None = None) -> np.ndarray:
+    """Results (N, width) computed by ``linkdyn-real128`` with the dense solver and rounded to doubles.
 
     Parameters
     ----------
@@ -34,6 +39,8 @@ def quadruple_forces(program: Path, case: Case, time: np.ndarray | None = None) 
         The twin.
     case
         Scene and states.
+    want
+        Names of results, with commas.
     time
         (N,) if the states follow each other along a motion.
     """
@@ -43,15 +50,15 @@ def quadruple_forces(program: Path, case: Case, time: np.ndarray | None = None) 
             shutil.copy(table, folder)
         (folder / "scene.toml").write_text(tomli_w.dumps(case.scene))
         write_states(folder / "states.csv", case, time)
-        command = [program, "inverse", "scene.toml", "--states", "states.csv", "--want", "driving_force,reaction"]
+        command = [program, "inverse", "scene.toml", "--states", "states.csv", "--want", want]
         run = subprocess.run(
-            [*command, "--solver", "lapack", "--csv", "-o", "forces.csv", "--quiet"],
+            [*command, "--solver", "lapack", "--csv", "-o", "results.csv", "--quiet"],
             cwd=folder, capture_output=True, text=True, check=False,
         )
         if run.returncode not in (0, 3):
             raise RuntimeError(f"{case.name}: {run.stderr}")
-        header, *rows = csv.reader((folder / "forces.csv").open())
-    columns = [i for i, title in enumerate(header) if title.startswith(("driving_force ", "reaction "))]
+        header, *rows = csv.reader((folder / "results.csv").open())
+    columns = [i for i, title in enumerate(header) if title.split(" ")[0] in want.split(",")]
     return np.array([[float(row[i]) for i in columns] for row in rows])
 
 

@@ -108,6 +108,7 @@ FORWARD = {
     "fourbar_start/scene.toml": 5.0,
     "n_fourbar/scene.toml": 0.6,
     "rcsp_start/scene.toml": 1.7,
+    "spatial_slider_crank/scene.toml": 1.3,
 }
 
 

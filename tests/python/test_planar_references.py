@@ -1,4 +1,4 @@
-"""Planar inverse dynamics against independent 40-digit solutions (tests/reference/planar_oracle.py)."""
+"""Planar inverse dynamics against independent 50-digit solutions (tests/reference/planar_oracle.py)."""
 from __future__ import annotations
 
 import json

@@ -171,8 +171,18 @@ def rcsp_start() -> list[dict]:
 
 
 def rcsp_free() -> list[dict]:
-    """Let go at 10 rad/s, without torque: energy gives the rate as a function of the angle, and a quadrature the time."""
+    """Let go at 10 rad/s, without torque."""
     mechanism = spatial_motion.rcsp(load("rcsp_start/scene.toml"), lambda t, q, qd: mpf(0))
+    return released(mechanism, RCSP_RATE, (mpf("0.5"), mpf(1), mpf(2)))
+
+
+def spatial_slider_crank() -> list[dict]:
+    """Let go at 6 rad/s."""
+    return released(spatial_motion.slider_crank(load("spatial_slider_crank/scene.toml")), 6, (mpf("0.1"), mpf(1), mpf(5)), driven=False)
+
+
+def released(mechanism, start_rate, instants, driven: bool = True) -> list[dict]:
+    """One coordinate, from zero, without drive: energy gives the rate as a function of the angle, and a quadrature the time."""
 
     def energies(angle):
         """Kinetic energy at a rate of 1 rad/s, and potential energy."""
@@ -182,22 +192,22 @@ def rcsp_free() -> list[dict]:
         return kinetic, weight
 
     unit, weight = energies(mpf(0))
-    total = unit * RCSP_RATE**2 + weight
+    total = unit * start_rate**2 + weight
 
     def slowness(angle):
         unit, weight = energies(angle)
         return mp.sqrt(unit / (total - weight))
 
     states, angle, time = [], mpf(0), mpf(0)
-    for t in (mpf("0.5"), mpf(1), mpf(2)):
-        new = angle + RCSP_RATE * (t - time)        # Newton's method on the time of arrival
+    for t in instants:
+        new = angle + start_rate * (t - time)        # Newton's method on the time of arrival
         came = arrival(slowness, angle, new)
         while abs(miss := t - time - came) > mpf(10) ** -27:
             came += arrival(slowness, new, new + miss / slowness(new))
             new += miss / slowness(new)
         angle, time = new, t
-        states.append(spatial_state(mechanism, float(t), [angle], [1 / slowness(angle)]))
-        print(f"  rcsp_free t = {float(t)}: {mp.nstr(angle, 20)}", flush=True)
+        states.append(spatial_state(mechanism, float(t), [angle], [1 / slowness(angle)], driven))
+        print(f"  t = {float(t)}: {mp.nstr(angle, 20)}", flush=True)
     return states
 
 
@@ -210,9 +220,9 @@ def arrival(slowness, begin, end):
     return value
 
 
-def spatial_state(mechanism, t, q, qd) -> dict:
+def spatial_state(mechanism, t, q, qd, driven) -> dict:
     qdd = mechanism.accelerations(q, qd, mpf(t))
-    return {"t": t, "q": q, "qd": qd, "qdd": qdd, "driving_force": [0.0] if len(q) == 1 else [],
+    return {"t": t, "q": q, "qd": qd, "qdd": qdd, "driving_force": [0.0] if driven else [],
             "reaction": mechanism.reactions(q, qd, qdd, mpf(t))}
 
 
@@ -238,7 +248,7 @@ def flyball_governor() -> list[dict]:
             assert difference < mpfr("1e-20")
         turn, alpha, alpha_rate, s, s_rate = (mpf(str(value)) for value in y)
         spin_now = mpf(str(rate(0, y)[0]))
-        states.append(spatial_state(mechanism, end, [turn, alpha, alpha, s], [spin_now, alpha_rate, alpha_rate, s_rate]))
+        states.append(spatial_state(mechanism, end, [turn, alpha, alpha, s], [spin_now, alpha_rate, alpha_rate, s_rate], driven=False))
         by_hand = [mpf(str(value)) for value in rate(0, y)]
         assert abs(by_hand[2] - states[-1]["qdd"][1]) < mpf("1e-25") * (1 + abs(by_hand[2]))
         assert abs(by_hand[4] - states[-1]["qdd"][3]) < mpf("1e-25") * (1 + abs(by_hand[4]))
@@ -275,6 +285,7 @@ CASES = {
     "n_fourbar_40": ("n_fourbar/scene_40.toml", lambda p: n_fourbar(p, [1.0, 10.0, 20.0])),
     "rcsp_start": ("rcsp_start/scene.toml", lambda p: rcsp_start()),
     "rcsp_free": ("rcsp_start/scene.toml", lambda p: rcsp_free()),
+    "spatial_slider_crank": ("spatial_slider_crank/scene.toml", lambda p: spatial_slider_crank()),
     "flyball_governor": ("flyball_governor/scene.toml", lambda p: flyball_governor()),
     "stewart_forward": ("stewart_forward/scene.toml", stewart_forward),
 }

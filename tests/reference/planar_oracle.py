@@ -1,4 +1,4 @@
-"""Independent references for planar inverse dynamics: Newton on all joint constraints, 40 digits.
+"""Independent references for planar inverse dynamics: Newton on all joint constraints, 50 digits.
 
 Nothing is shared with the engine: the unknowns are the poses of all links at once, closed by Newton's method on every joint;
 rates and accelerations solve the same Jacobian; the forces are the multipliers of the constraints (Lagrange), from which
@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mpmath as mp
 
-mp.mp.dps = 40
+mp.mp.dps = 50
 HERE = Path(__file__).resolve().parent
 EXAMPLES = HERE.parents[1] / "examples"
 DIGITS = 20
@@ -66,10 +66,14 @@ CASES = {
 
 
 class Mechanism:
-    """A planar scene as constraints phi(x) = 0 on the poses x of its links."""
+    """A planar scene as constraints phi(x) = 0 on the poses x of its links.
 
-    def __init__(self, scene):
+    `number` reads the scene's numbers: as the doubles that the engine has (default), or as the decimals in the file.
+    """
+
+    def __init__(self, scene, number=mp.mpf):
         self.scene = scene
+        self.number = number
         self.links = {link["name"]: i for i, link in enumerate(scene["link"])}
         self.n = 3 * len(self.links)
 
@@ -78,7 +82,18 @@ class Mechanism:
         owner = self.scene["frame"] if link == "frame" else self.scene["link"][self.links[link]]
         value = owner["markers"][marker]
         at, axis = (value["at"], value["axis"]) if isinstance(value, dict) else (value, [1, 0])
-        return self.links.get(link, -1), mp.mpc(*map(mp.mpf, at)), mp.mpc(*map(mp.mpf, axis))
+        return self.links.get(link, -1), self.complex(at), self.complex(axis)
+
+    def complex(self, pair):
+        return mp.mpc(*map(self.number, pair))
+
+    def coordinate_joints(self):
+        joints = {joint["name"]: joint for joint in self.scene["joint"]}
+        return [joints[coordinate["joint"]] for coordinate in self.scene["coordinate"]]
+
+    def coordinates_turn(self):
+        """Which coordinates are angles."""
+        return [joint["type"] == "revolute" for joint in self.coordinate_joints()]
 
     def place(self, x, link, point):
         """A point's place, and its derivatives by the link's x, y, angle (complex numbers)."""
@@ -101,15 +116,18 @@ class Mechanism:
                 turn = self.angle(x, j) + mp.arg(w) - self.angle(x, i) - mp.arg(u)
                 along = gap / (u / abs(u) * mp.expj(self.angle(x, i)))
                 gaps += [along.imag, turn]
-        for value, coordinate in zip(q, self.scene["coordinate"]):
-            joint = next(j for j in self.scene["joint"] if j["name"] == coordinate["joint"])
-            (i, _, _), (j, _, _) = map(self.marker, joint["between"])
-            gaps.append(self.angle(x, j) - self.angle(x, i) - value)
+        for value, joint in zip(q, self.coordinate_joints()):
+            (i, a, u), (j, b, _) = map(self.marker, joint["between"])
+            if joint["type"] == "revolute":
+                gaps.append(self.angle(x, j) - self.angle(x, i) - value)
+            else:
+                gap = self.place(x, j, b) - self.place(x, i, a)
+                gaps.append((gap / (u / abs(u) * mp.expj(self.angle(x, i)))).real - value)
         return gaps
 
     def jacobian(self, x, q):
-        """Derivatives by central differences of high order: the digits of mpmath make them exact to 25 places."""
-        step = mp.mpf(10) ** -14
+        """Derivatives by central differences: the digits of mpmath make them exact to 25 places and more."""
+        step = mp.mpf(10) ** -(7 * mp.mp.dps // 20)
         columns = []
         for k in range(self.n):
             ahead, behind = list(x), list(x)
@@ -122,7 +140,7 @@ class Mechanism:
         for _ in range(30):
             change = mp.lu_solve(self.jacobian(x, q), -mp.matrix(self.constraints(x, q)))
             x = [a + b for a, b in zip(x, change)]
-            if mp.norm(change) < mp.mpf(10) ** -36:
+            if mp.norm(change) < mp.mpf(10) ** -(4 * mp.mp.dps // 5):
                 return x
         raise ArithmeticError("Newton's method did not converge")
 
@@ -133,7 +151,7 @@ class Mechanism:
         n_free = self.n - len(q)
         velocity = mp.lu_solve(jac, mp.matrix([0] * n_free + list(qd)))
         # phi" = J x" + d2(phi along the velocity): second difference along the path x + t v.
-        h = mp.mpf(10) ** -10
+        h = mp.mpf(10) ** -(mp.mp.dps // 4) / max([1, *(abs(v) for v in velocity[2::3])])
         ahead = self.constraints([a + h * b for a, b in zip(x, velocity)], q)
         behind = self.constraints([a - h * b for a, b in zip(x, velocity)], q)
         here = self.constraints(x, q)
@@ -145,20 +163,20 @@ class Mechanism:
     def required(self, x, v, a):
         """Generalized force that the constraints must supply, by link: x, y, and moment about the origin."""
         out = mp.matrix(self.n, 1)
-        gravity = mp.mpc(*map(mp.mpf, self.scene.get("gravity", [0, 0])))
+        gravity = self.complex(self.scene.get("gravity", [0, 0]))
         for i, link in enumerate(self.scene["link"]):
             turn = mp.expj(x[3 * i + 2])
-            arm = mp.mpc(*map(mp.mpf, link["cog"])) * turn
+            arm = self.complex(link.get("cog", [0, 0])) * turn
             centre = mp.mpc(a[3 * i], a[3 * i + 1]) + (1j * a[3 * i + 2] - v[3 * i + 2] ** 2) * arm
-            force = mp.mpf(link["mass"]) * (centre - gravity)
-            moment = mp.mpf(link["inertia"]) * a[3 * i + 2] + (mp.conj(arm) * force).imag
+            force = self.number(link["mass"]) * (centre - gravity)
+            moment = self.number(link["inertia"]) * a[3 * i + 2] + (mp.conj(arm) * force).imag
             for load in self.scene.get("load", []):
                 owner, at, _ = self.marker(load["on"])
                 if owner != i:
                     continue
-                f = mp.mpc(*map(mp.mpf, load.get("force", [0, 0]))) * (turn if load.get("axes") == "link" else 1)
+                f = self.complex(load.get("force", [0, 0])) * (turn if load.get("axes") == "link" else 1)
                 force -= f
-                moment -= mp.mpf(load.get("moment", 0)) + (mp.conj(at * turn) * f).imag
+                moment -= self.number(load.get("moment", 0)) + (mp.conj(at * turn) * f).imag
             out[3 * i], out[3 * i + 1], out[3 * i + 2] = force.real, force.imag, moment
         return out
 

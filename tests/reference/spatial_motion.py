@@ -1,4 +1,4 @@
-"""Forward dynamics of two spatial mechanisms in many digits: the R-C-S-P four-bar and the flyball governor.
+"""Forward dynamics of three spatial mechanisms in many digits: the R-C-S-P four-bar, a slider-crank, the flyball governor.
 
 Positions in closed form are truncated Taylor series of time (taylor.py), so that momenta and their rates come by exact
 differentiation. Accelerations follow from virtual power, one equation a coordinate and no reaction; the reactions then from
@@ -193,6 +193,43 @@ def rcsp(scene, torque):
         return [] if torque is None else [("crank", pivot, NIL, [mpf(0), mpf(0), torque(t, q[0], qd[0])])]
 
     return Mechanism(vector(scene["gravity"]), bodies_of, applied)
+
+
+# ---------------------------------------------------------------------------------------- spatial slider-crank
+def slider_crank(scene):
+    """Crank about the x direction, rod, slider on the x axis: everything from the crank's angle in closed form."""
+    links = {link["name"]: link for link in scene["link"]}
+    vector = lambda v: [mpf(x) for x in v]
+    pivot = vector(scene["frame"]["markers"]["A"]["at"])
+    arm, length = vector(links["crank"]["markers"]["B"]), mpf(links["rod"]["markers"]["C"]["at"][0])
+    e_x, e_y, e_z = WORLD
+
+    def mass_of(name):
+        entry = links[name]
+        inertia = [[mpf(x) * int(i == j) for j in range(3)] for i, x in enumerate(entry["inertia"]["diagonal"])]
+        return {"mass": mpf(entry["mass"]), "cog": vector(entry.get("cog", [0, 0, 0])), "inertia": inertia}
+
+    def bodies_of(q):
+        c, s = q[0].cos(), q[0].sin()
+        zero, one = lift(0), lift(1)
+        turned = [[one, zero, zero], [zero, c, -s], [zero, s, c]]
+        b = add(pivot, mul(turned, arm))
+        x = b[0] + (length**2 - b[1] * b[1] - b[2] * b[2]).sqrt()
+        end = [x, zero, zero]
+        along = scale(1 / length, sub(end, b))
+        across = cross(e_x, along)
+        second = scale(lift(1) / dot(across, across).sqrt(), across)
+        rod = columns(along, second, cross(along, second))
+        level = columns(*(list(map(lift, e)) for e in WORLD))
+        bodies = {"crank": placed(mass_of("crank"), turned, list(map(lift, pivot))), "rod": placed(mass_of("rod"), rod, b),
+                  "slider": placed(mass_of("slider"), level, end)}
+        joints = {"A": (None, "crank", pivot, WORLD, [e_y, e_z]),
+                  "B": ("crank", "rod", values(b), WORLD, []),
+                  "C": ("slider", "rod", values(end), WORLD, [cross(e_x, values(second))]),
+                  "D": (None, "slider", values(end), [e_y, e_z], WORLD)}
+        return bodies, joints
+
+    return Mechanism(vector(scene["gravity"]), bodies_of, lambda t, bodies, q, qd: [])
 
 
 # ---------------------------------------------------------------------------------------- flyball governor

@@ -1,0 +1,431 @@
+!> Any spatial Assur group (closed loops other than UPS legs and CSP groups): closed by Newton's method on its constraints.
+!>
+!> Unknown are shift and turn of each link, seen from the world. A joint is a few constraints of two kinds: a gap between
+!> its markers along some direction, and an angle of the second link against the first about some axis. Each is linear in
+!> the links' rates, so positions (by Newton's method), velocities and columns of accelerations obey one matrix; what
+!> velocities alone do to a constraint is its bias.
+module linkdyn_spatial_group
+    use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_joint_motion, only: turn_frame, variables_of_relative, is_slide
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, group_type, orientation_of
+    use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_point, only: point_column
+    use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate
+    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+        operator(.rotate.), vec3_of, zero_vec3
+    implicit none (type, external)
+    private
+    public :: close_spatial_group
+
+    integer, parameter :: most_steps = 30
+    ! Newton's method squares the error: after a correction below this, the next error is below rounding.
+    real(wp), parameter :: small_step = 1.0e-2_wp*sqrt(epsilon(1.0_wp))
+    real(wp), parameter :: largest_turn = 0.5_wp     !! [rad] of a link in one step
+
+    !> A joint of the group, world axes.
+    type :: joint_view
+        integer :: kind = 0
+        integer :: link(2) = 0, o(2) = 0
+        integer :: place(2) = 0            !! of its links among the group's; 0: known
+        type(mat3) :: frame(2)             !! of the markers
+        type(vec3) :: arm(2)               !! origins of the links to their markers
+        type(vec3) :: gap                  !! from the first marker to the second
+    end type joint_view
+
+    !> One constraint.
+    type :: closure_row
+        logical :: turns = .false.         !! an angle, else a distance
+        type(vec3) :: u                    !! axis of the angle; direction of the distance
+        type(vec3) :: arm(2)               !! distance: from the links' origins to where it is felt
+        real(wp) :: error(lanes)           !! what Newton's method brings to zero
+        real(wp) :: bias(lanes)            !! second derivative at zero accelerations
+        integer :: coordinate = 0          !! given by it; 0: zero
+    end type closure_row
+
+    integer, parameter :: most_rows = 8    !! of a joint: its constraints and the coordinates at it
+
+contains
+
+    !> Positions from where the iteration stands, then all rates.
+    subroutine close_spatial_group(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: largest(lanes), growth(lanes)
+        logical :: is_singular(lanes)
+        integer :: n, step
+
+        n = 6*size(group%link)
+        ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
+        largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
+        associate (matrix => state%group%matrix, right => state%group%right)
+            do step = 1, most_steps
+                call put_links(model, group, state)
+                call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
+                call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)
+                call correct(group, right(:, :n, 1), state%group%place, largest)
+                if (all(largest <= small_step)) exit
+            end do
+        end associate
+        state%not_converged = state%not_converged .or. .not. largest <= small_step
+        state%singular = state%singular .or. is_singular
+        call put_links(model, group, state)
+        call refuse_turned_joints(model, group, state)
+        call move_group(model, group, state)
+    end subroutine close_spatial_group
+
+    !> The iterate as rotations and positions.
+    subroutine put_links(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        integer :: i
+
+        do i = 1, size(group%link)
+            associate (l => group%link(i), place => state%group%place)
+                state%position(l) = vec3(place(:, 1, l), place(:, 2, l), place(:, 3, l))
+                if (group%turns(i)) state%rotation(orientation_of(model, l)) = rotation_of_quaternion(place(:, 4:7, l))
+            end associate
+        end do
+    end subroutine put_links
+
+    !> Take the correction, unless the last one was small; how large it was, relative to the links' distances.
+    subroutine correct(group, correction, place, largest)
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: correction(:, :)
+        real(wp), intent(inout) :: place(:, :, :)
+        real(wp), intent(inout) :: largest(lanes)
+        real(wp), dimension(lanes) :: part, turn, shift, extent
+        real(wp) :: moved(lanes, 7)
+        integer :: i, k
+
+        turn = 0
+        shift = 0
+        extent = 0
+        do i = 1, size(group%link)
+            do k = 1, 3
+                shift = max(shift, abs(correction(:, 6*(i - 1) + k)))
+                turn = max(turn, abs(correction(:, 6*(i - 1) + 3 + k)))
+                extent = max(extent, abs(place(:, k, group%link(i))))
+            end do
+        end do
+        ! Far off, a step is cut so that no link turns further than its equations hold.
+        part = min(1.0_wp, largest_turn/max(turn, tiny(1.0_wp)))
+        do i = 1, size(group%link)
+            associate (l => group%link(i), d => correction(:, 6*i - 5:6*i))
+                moved(:, :3) = place(:, :3, l) - spread(part, 2, 3)*d(:, :3)
+                moved(:, 4:) = place(:, 4:, l) - quaternion_rate(place(:, 4:, l), vec3(part*d(:, 4), part*d(:, 5), part*d(:, 6)))
+                moved(:, 4:) = moved(:, 4:)/spread(norm2(moved(:, 4:), dim=2), 2, 4)
+                do k = 1, 7
+                    where (.not. largest <= small_step) place(:, k, l) = moved(:, k)
+                end do
+            end associate
+        end do
+        where (.not. largest <= small_step) largest = turn + shift/max(extent, tiny(1.0_wp))
+        where (.not. largest <= huge(1.0_wp)) largest = huge(1.0_wp)
+    end subroutine correct
+
+    !> An axis turned end for end satisfies the equations but is no assembly of the joint.
+    subroutine refuse_turned_joints(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        type(joint_view) :: view
+        integer :: i
+
+        do i = 1, size(group%joint)
+            view = view_of(model, group, group%joint(i), state)
+            select case (view%kind)
+            case (joint_revolute, joint_cylindrical, joint_prismatic)
+                state%not_converged = state%not_converged .or. (view%frame(1)%z.dot.view%frame(2)%z) < 0
+                if (view%kind == joint_prismatic) &
+                    state%not_converged = state%not_converged .or. (view%frame(1)%x.dot.view%frame(2)%x) < 0
+            end select
+        end do
+    end subroutine refuse_turned_joints
+
+    ! ---------------------------------------------------------------- constraints
+
+    function view_of(model, group, j, state) result(view)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        integer, intent(in) :: j
+        type(kinematic_state), intent(in) :: state
+        type(joint_view) :: view
+        integer :: side
+
+        associate (joint => model%joint(j))
+            view%kind = joint%kind
+            view%link = joint%link
+            do side = 1, 2
+                view%o(side) = orientation_of(model, joint%link(side))
+                view%place(side) = findloc(group%link, joint%link(side), dim=1)
+                view%frame(side) = turn_frame(state%rotation(view%o(side)), joint%frame(:, :, side))
+                view%arm(side) = state%rotation(view%o(side)).rotate.joint%point(:, side)
+            end do
+        end associate
+        view%gap = state%position(view%link(2)) + view%arm(2) - state%position(view%link(1)) - view%arm(1)
+    end function view_of
+
+    !> The constraints of a joint, and those of the coordinates that give its variables.
+    subroutine list_rows(view, coordinate, state, row, n)
+        type(joint_view), intent(in) :: view
+        integer, intent(in) :: coordinate(3)
+        type(kinematic_state), intent(in) :: state
+        type(closure_row), intent(out) :: row(most_rows)
+        integer, intent(out) :: n
+        real(wp) :: variable(lanes, 3), rate(lanes, 3)
+        integer :: k
+
+        n = 0
+        associate (first => view%frame(1), second => view%frame(2))
+            select case (view%kind)
+            case (joint_prismatic, joint_cylindrical)
+                call add_distance_along(first%x)
+                call add_distance_along(first%y)
+            case default
+                call add_distance(vec3_of([1.0_wp, 0.0_wp, 0.0_wp]))
+                call add_distance(vec3_of([0.0_wp, 1.0_wp, 0.0_wp]))
+                call add_distance(vec3_of([0.0_wp, 0.0_wp, 1.0_wp]))
+            end select
+            select case (view%kind)
+            case (joint_universal)
+                call add_right_angle(second%z, first%z)
+            case (joint_revolute, joint_cylindrical, joint_prismatic)
+                call add_right_angle(second%z, first%x)
+                call add_right_angle(second%z, first%y)
+                if (view%kind == joint_prismatic) call add_right_angle(second%x, first%y)
+            end select
+            if (all(coordinate == 0)) return
+            call variables_of_relative(view%kind, first, second, view%gap, zero_vec3(), zero_vec3(), variable, rate)
+            do k = 1, 3
+                if (coordinate(k) == 0) cycle
+                if (is_slide(view%kind, k)) then
+                    call add_distance_along(first%z)
+                    row(n)%error = variable(:, k) - state%q(:, coordinate(k))
+                else if (view%kind == joint_universal .and. k == 2) then
+                    call add_angle(second%z, view%o(2), variable(:, k) - state%q(:, coordinate(k)))
+                else
+                    call add_angle(first%z, view%o(1), variable(:, k) - state%q(:, coordinate(k)))
+                end if
+                row(n)%coordinate = coordinate(k)
+            end do
+        end associate
+
+    contains
+
+        !> The gap along a direction of the world.
+        subroutine add_distance(u)
+            type(vec3), intent(in) :: u
+
+            n = n + 1
+            row(n)%u = u
+            row(n)%arm = view%arm
+            row(n)%error = u.dot.view%gap
+            row(n)%bias = u.dot.(centripetal(2) - centripetal(1))
+        end subroutine add_distance
+
+        !> The gap along a direction that turns with the first link, which is therefore felt at the second's marker.
+        subroutine add_distance_along(u)
+            type(vec3), intent(in) :: u
+            type(vec3) :: opening
+
+            call add_distance(u)
+            row(n)%arm(1) = view%arm(1) + view%gap
+            associate (omega => state%omega(view%o(1)))
+                opening = point_velocity_of(2) - point_velocity_of(1)
+                row(n)%bias = row(n)%bias + 2.0_wp*(opening.dot.(omega.cross.u)) + (view%gap.dot.(omega.cross.(omega.cross.u)))
+            end associate
+        end subroutine add_distance_along
+
+        !> Directions of the second and of the first link that stay square to each other.
+        subroutine add_right_angle(a, b)
+            type(vec3), intent(in) :: a, b
+
+            n = n + 1
+            row(n)%turns = .true.
+            row(n)%u = a.cross.b
+            row(n)%error = a.dot.b
+            associate (w2 => state%omega(view%o(2)), w1 => state%omega(view%o(1)))
+                row(n)%bias = ((w2.cross.(w2.cross.a)).dot.b) + 2.0_wp*((w2.cross.a).dot.(w1.cross.b)) &
+                              + (a.dot.(w1.cross.(w1.cross.b)))
+            end associate
+        end subroutine add_right_angle
+
+        !> The angle about an axis fixed to one of the links.
+        subroutine add_angle(axis, o, error)
+            type(vec3), intent(in) :: axis
+            integer, intent(in) :: o
+            real(wp), intent(in) :: error(lanes)
+
+            n = n + 1
+            row(n)%turns = .true.
+            row(n)%u = axis
+            row(n)%error = atan2(sin(error), cos(error))
+            row(n)%bias = (state%omega(view%o(2)) - state%omega(view%o(1))).dot.(state%omega(o).cross.axis)
+        end subroutine add_angle
+
+        pure function centripetal(side) result(a)
+            integer, intent(in) :: side
+            type(vec3) :: a
+
+            associate (omega => state%omega(view%o(side)))
+                a = omega.cross.(omega.cross.view%arm(side))
+            end associate
+        end function centripetal
+
+        pure function point_velocity_of(side) result(v)
+            integer, intent(in) :: side
+            type(vec3) :: v
+
+            v = point_column(state%velocity(view%link(side)), state%omega(view%o(side)), view%arm(side))
+        end function point_velocity_of
+    end subroutine list_rows
+
+    !> Errors at the iterate, and how the links make them: the matrix.
+    subroutine assemble_errors(model, group, state, matrix, right)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        real(wp), intent(out) :: matrix(:, :, :), right(:, :)
+        type(joint_view) :: view
+        type(closure_row) :: row(most_rows)
+        integer :: i, k, n, first
+
+        matrix = 0
+        first = 0
+        do i = 1, size(group%joint)
+            view = view_of(model, group, group%joint(i), state)
+            if (any(view%kind == [joint_prismatic, joint_cylindrical])) &
+                state%slide(:, group%joint(i)) = view%gap.dot.view%frame(1)%z
+            call list_rows(view, group%coordinate(:, i), state, row, n)
+            do k = 1, n
+                call put_row(view, row(k), matrix(:, first + k, :))
+                right(:, first + k) = row(k)%error
+            end do
+            first = first + n
+        end do
+    end subroutine assemble_errors
+
+    subroutine put_row(view, row, entry)
+        type(joint_view), intent(in) :: view
+        type(closure_row), intent(in) :: row
+        real(wp), intent(inout) :: entry(:, :)     !! (lane, column)
+        type(vec3) :: u, lever
+        integer :: side, k
+
+        do side = 1, 2
+            if (view%place(side) == 0) cycle
+            k = 6*(view%place(side) - 1)
+            u = merge(-1.0_wp, 1.0_wp, side == 1)*row%u
+            lever = u
+            if (.not. row%turns) then
+                entry(:, k + 1) = u%x
+                entry(:, k + 2) = u%y
+                entry(:, k + 3) = u%z
+                lever = row%arm(side).cross.u
+            end if
+            entry(:, k + 4) = lever%x
+            entry(:, k + 5) = lever%y
+            entry(:, k + 6) = lever%z
+        end do
+    end subroutine put_row
+
+    ! ---------------------------------------------------------------- velocities and accelerations
+
+    !> Velocities and columns at once, then the acceleration, whose bias needs the velocities.
+    subroutine move_group(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: growth(lanes)
+        logical :: is_singular(lanes)
+        integer :: n, n_column, k
+
+        n = 6*size(group%link)
+        n_column = state%n_column
+        associate (matrix => state%group%matrix, right => state%group%right)
+            call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
+            call assemble_rates(model, group, state, state%velocity, state%omega, level_velocity, right(:, :n, 1))
+            do k = 1, n_column
+                call assemble_rates(model, group, state, state%acceleration(k, :), state%alpha(k, :), k, right(:, :n, k + 1))
+            end do
+            call solve_gauss_jordan(n, n_column + 1, matrix(:, :n, :n), right(:, :n, :n_column + 1), growth, is_singular)
+            call take_rates(model, group, right(:, :n, 1), state%velocity, state%omega)
+            do k = 1, n_column
+                call take_rates(model, group, right(:, :n, k + 1), state%acceleration(k, :), state%alpha(k, :))
+            end do
+            call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
+            call assemble_rates(model, group, state, state%acceleration(0, :), state%alpha(0, :), level_given, right(:, :n, 1))
+            call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)
+            call take_rates(model, group, right(:, :n, 1), state%acceleration(0, :), state%alpha(0, :))
+        end associate
+    end subroutine move_group
+
+    !> How fast the constraints would change if the group's links had no rates at this level, less what the coordinates
+    !> prescribe.
+    subroutine assemble_rates(model, group, state, linear, angular, level, right)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        type(vec3), intent(in) :: linear(0:), angular(0:)    !! rates of the links' origins, of the orientations
+        integer, intent(in) :: level
+        real(wp), intent(out) :: right(:, :)
+        type(joint_view) :: view
+        type(closure_row) :: row(most_rows)
+        integer :: i, k, n, first, side
+
+        first = 0
+        do i = 1, size(group%joint)
+            view = view_of(model, group, group%joint(i), state)
+            call list_rows(view, group%coordinate(:, i), state, row, n)
+            do k = 1, n
+                associate (rate => right(:, first + k), c => row(k)%coordinate)
+                    rate = 0
+                    if (level == level_given) rate = row(k)%bias
+                    do side = 1, 2
+                        if (view%place(side) > 0) cycle
+                        rate = rate + merge(-1, 1, side == 1)*known_rate(side)
+                    end do
+                    if (c == 0) cycle
+                    if (level == level_velocity) rate = rate - state%qd(:, c)
+                    if (level == level_given) rate = rate - state%qdd(:, c)
+                    if (level == c) rate = rate - 1
+                end associate
+            end do
+            first = first + n
+        end do
+
+    contains
+
+        pure function known_rate(side) result(rate)
+            integer, intent(in) :: side
+            real(wp) :: rate(lanes)
+
+            if (row(k)%turns) then
+                rate = row(k)%u.dot.angular(view%o(side))
+            else
+                rate = row(k)%u.dot.point_column(linear(view%link(side)), angular(view%o(side)), row(k)%arm(side))
+            end if
+        end function known_rate
+    end subroutine assemble_rates
+
+    subroutine take_rates(model, group, right, linear, angular)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: right(:, :)
+        type(vec3), intent(inout) :: linear(0:), angular(0:)
+        integer :: i, k
+
+        do i = 1, size(group%link)
+            k = 6*(i - 1)
+            linear(group%link(i)) = vec3(-right(:, k + 1), -right(:, k + 2), -right(:, k + 3))
+            if (.not. group%turns(i)) cycle
+            angular(orientation_of(model, group%link(i))) = vec3(-right(:, k + 4), -right(:, k + 5), -right(:, k + 6))
+        end do
+    end subroutine take_rates
+end module linkdyn_spatial_group

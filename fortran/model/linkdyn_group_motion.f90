@@ -1,0 +1,55 @@
+!> Groups closed by Newton's method on one block of lanes: where the iteration stands, and from where it sets out.
+!>
+!> A link's place is x, y and angle in a plane; in space x, y, z and a unit quaternion w, x, y, z.
+module linkdyn_group_motion
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, place_size, link_freedom
+    implicit none (type, external)
+    private
+    public :: group_motion, prepare_groups, begin_iteration
+
+    type :: group_motion
+        real(wp), allocatable :: place(:, :, :)          !! where the iteration stands           (lane, place_size, n_link)
+        real(wp), allocatable :: start_place(:, :, :)    !! the assembly from which it sets out
+        real(wp), allocatable :: start_q(:, :)           !! coordinates there                    (lane, n_q)
+        logical :: moves(lanes) = .true.                 !! false: the iteration has arrived
+        real(wp), allocatable :: matrix(:, :, :), right(:, :, :)    !! (lane, row, column)
+    end type group_motion
+
+contains
+
+    !> Make room; the iteration will set out from the assembly at the scene's start.
+    subroutine prepare_groups(model, n_column, motion)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n_column
+        type(group_motion), intent(out) :: motion
+        integer :: g, i, k, n
+
+        n = 0
+        do g = 1, size(model%group)
+            n = max(n, link_freedom(model)*size(model%group(g)%link))
+        end do
+        allocate (motion%matrix(lanes, n, n), motion%right(lanes, n, n_column + 2))
+        allocate (motion%start_place(lanes, place_size(model), model%n_link))
+        motion%start_q = spread(model%start_q, 1, lanes)
+        motion%start_place = 0
+        do g = 1, size(model%group)
+            associate (group => model%group(g))
+                do i = 1, size(group%link)
+                    do k = 1, place_size(model)
+                        motion%start_place(:, k, group%link(i)) = group%start(k, i)
+                    end do
+                end do
+            end associate
+        end do
+        motion%place = motion%start_place
+    end subroutine prepare_groups
+
+    !> Put the iteration where it sets out.
+    pure subroutine begin_iteration(motion)
+        type(group_motion), intent(inout) :: motion
+
+        motion%place = motion%start_place
+    end subroutine begin_iteration
+end module linkdyn_group_motion

@@ -1,0 +1,149 @@
+!> Newton's method against closed forms and open chains: the same mechanism, every link placed by iteration.
+!>
+!> The two share the joints' data only. Between them the scenes have all kinds of joints, free and given, on the frame
+!> and on moving links, and links that share an orientation with what they slide on.
+module test_newton_groups
+    use linkdyn_builder, only: build_model
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, step_group
+    use linkdyn_scene, only: scene_type
+    use linkdyn_scene_reader, only: read_scene
+    use linkdyn_status, only: status_type
+    use linkdyn_test_numbers, only: random_stream, eps
+    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene
+    use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
+    use linkdyn_vec3, only: lane_of
+    implicit none (type, external)
+    private
+    public :: collect_newton_groups
+
+contains
+
+    subroutine collect_newton_groups(tests)
+        type(unit_test), allocatable, intent(out) :: tests(:)
+
+        tests = [ &
+            new_test("UPS legs", test_stewart), &
+            new_test("UPS legs on a carriage", test_carriage), &
+            new_test("open chain", test_open_chain), &
+            new_test("CSP group", test_csp)]
+    end subroutine collect_newton_groups
+
+    subroutine test_stewart(error)
+        type(test_error), intent(inout) :: error
+        type(scene_type) :: scene
+
+        call stewart_scene(scene, .false.)
+        call compare(error, scene)
+    end subroutine test_stewart
+
+    subroutine test_carriage(error)
+        type(test_error), intent(inout) :: error
+        type(scene_type) :: scene
+
+        call stewart_on_carriage(scene)
+        call compare(error, scene)
+    end subroutine test_carriage
+
+    subroutine test_open_chain(error)
+        type(test_error), intent(inout) :: error
+        type(scene_type) :: scene
+
+        call open_chain_scene(scene, .false.)
+        call compare(error, scene)
+    end subroutine test_open_chain
+
+    subroutine test_csp(error)
+        type(test_error), intent(inout) :: error
+        type(scene_type) :: scene
+        type(status_type) :: status
+
+        call read_scene("examples/rcsp_start/scene.toml", scene, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (status%is_ok()) call compare(error, scene)
+    end subroutine test_csp
+
+    !> Positions, velocities, accelerations and columns of all links, at random states about the start.
+    subroutine compare(error, scene)
+        type(test_error), intent(inout) :: error
+        type(scene_type), intent(in) :: scene
+        type(scene_type) :: started
+        type(model_type) :: direct, iterated
+        type(kinematic_state) :: known, found
+        type(status_type) :: status
+        type(random_stream) :: stream
+        real(wp) :: scale
+        integer :: i, l, k, o
+
+        call build_model(scene, direct, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (allocated(error%message)) return
+        call prepare_kinematics(direct, direct%n_q, known)
+        known%q = spread(direct%start_q, 1, lanes)
+        call evaluate_kinematics(direct, known)
+        call start_there(direct, known, scene, started)
+        call build_model(started, iterated, status, closed_forms=.false.)
+        call check(error, status%is_ok(), trim(status%message))
+        if (allocated(error%message)) return
+        call check(error, count(iterated%step%kind == step_group) > 0, "by iteration")
+
+        call prepare_kinematics(iterated, iterated%n_q, found)
+        known%q = spread(direct%start_q, 1, lanes) + 0.2_wp*reshape(stream%vector(size(known%q)), shape(known%q))
+        known%qd = reshape(stream%vector(size(known%q)), shape(known%q))
+        known%qdd = reshape(stream%vector(size(known%q)), shape(known%q))
+        found%q = known%q
+        found%qd = known%qd
+        found%qdd = known%qdd
+        call evaluate_kinematics(direct, known)
+        call evaluate_kinematics(iterated, found)
+        call check(error, .not. any(found%not_converged .or. found%singular), "closed")
+        do i = 1, direct%n_link
+            o = direct%link(i)%orientation
+            do l = 1, lanes
+                call same("position", link_position(direct, known, i, l), link_position(iterated, found, i, l))
+                call same("rotation", reshape(link_rotation(direct, known, i, l), [9]), &
+                          reshape(link_rotation(iterated, found, i, l), [9]))
+                call same("angular velocity", lane_of(known%omega_body(o), l), lane_of(found%omega_body(o), l))
+                do k = 0, direct%n_q
+                    call same("acceleration", lane_of(known%acceleration_body(k, i), l), lane_of(found%acceleration_body(k, i), l))
+                    call same("angular acceleration", lane_of(known%alpha_body(k, o), l), lane_of(found%alpha_body(k, o), l))
+                end do
+            end do
+        end do
+        do i = 1, direct%n_joint
+            call same("slide "//trim(direct%joint(i)%name), known%slide(:, i), found%slide(:, i))
+        end do
+
+    contains
+
+        !> Groups have condition numbers of some hundred, and rates of second order take them twice.
+        subroutine same(what, expected, got)
+            character(len=*), intent(in) :: what
+            real(wp), intent(in) :: expected(:), got(:)
+
+            scale = max(1.0_wp, maxval(abs(expected)))
+            call check_close(error, got/scale, expected/scale, 1.0e4_wp*eps, what)
+        end subroutine same
+    end subroutine compare
+
+    !> The scene with its links' starting positions where a state has them.
+    subroutine start_there(model, state, scene, started)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(scene_type), intent(in) :: scene
+        type(scene_type), intent(out) :: started
+        real(wp) :: r(3, 3)
+        integer :: i
+
+        started = scene
+        do i = 1, model%n_link
+            r = link_rotation(model, state, i, 1)
+            started%link(i)%has_start = .true.
+            started%link(i)%start(:3) = link_position(model, state, i, 1)
+            started%link(i)%start(4:) = [atan2(-r(2, 3), r(3, 3)), atan2(r(1, 3), norm2(r(1, :2))), atan2(-r(1, 2), r(1, 1))]
+        end do
+    end subroutine start_there
+end module test_newton_groups
