@@ -23,8 +23,8 @@ module linkdyn_cli
     character(len=11), parameter :: common_option(10) = [character(len=11) :: &
         "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
     character(len=11), parameter :: inverse_option(12) = [character(len=11) :: common_option, "--error", "--states"]
-    character(len=11), parameter :: forward_option(17) = [character(len=11) :: common_option, &
-        "--error", "--method", "--step", "--rtol", "--atol", "--until", "--samples"]
+    character(len=11), parameter :: forward_option(18) = [character(len=11) :: common_option, &
+        "--error", "--method", "--step", "--rtol", "--atol", "--until", "--samples", "--no-switch"]
     character(len=12), parameter :: sweep_option(12) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
         "--sheet", "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
     character(len=11), parameter :: study_option(7) = [character(len=11) :: "--output", "--no-output", "--until", "--quiet", &
@@ -60,6 +60,7 @@ module linkdyn_cli
         real(wp) :: until = 0                         !! end of a forward run [s]
         logical :: has_until = .false.
         integer :: n_sample = 0                       !! output instants of a forward run; 0: the scene's
+        logical :: switches = .true.                  !! a forward run exchanges coordinates at their dead points
         character(len=:), allocatable :: keep         !! quantities kept of every sample of a sweep
         logical :: resume = .false.
         logical :: yes = .false.                      !! a sweep may be as large as it is
@@ -210,8 +211,12 @@ contains
             call refuse(quoted(option)//": unknown option (expected with linkdyn inverse)")
             return
         end if
+        if (config%command /= command_forward .and. option == "--no-switch") then
+            call refuse(quoted(option)//": unknown option (expected with linkdyn forward)")
+            return
+        end if
         select case (option)
-        case ("--csv", "--no-output", "--quiet", "-q", "--compress", "--resume", "--yes", "--error")
+        case ("--csv", "--no-output", "--quiet", "-q", "--compress", "--resume", "--yes", "--error", "--no-switch")
             if (allocated(value)) then
                 call refuse(option//": takes no value")
                 return
@@ -222,6 +227,7 @@ contains
             if (option == "--compress") config%deflate = 1
             if (option == "--resume") config%resume = .true.
             if (option == "--yes") config%yes = .true.
+            if (option == "--no-switch") config%switches = .false.
             if (option == "--quiet" .or. option == "-q") config%quiet = .true.
         case ("-o", "--output", "--solver", "--want", "--threads", "--method", "--step", "--rtol", "--atol", "--until", &
             "--samples", "--keep", "--checkpoint", "--states")
@@ -419,6 +425,8 @@ contains
             "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9", &
             "  --error             also estimate the error that the run gathers, of the motion and of every force: takes up", &
             "                      to five times as long", &
+            "  --no-switch         stop where a coordinate comes to its dead point; default: another joint variable", &
+            "                      is integrated in its place, and the summary says so", &
             "  --want LIST         driving_force, reaction, joint_variable, power (with energies), checks,", &
             "                      or all (default), with commas between; the rest is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced", &

@@ -3,7 +3,7 @@ module linkdyn_drive_forward
     use, intrinsic :: iso_fortran_env, only: error_unit, int64
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
-    use linkdyn_forward, only: forward_options, forward_run, method_name, method_rk4
+    use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, method_name, method_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_output_file, only: watch_interrupts, interrupt_noted
@@ -79,6 +79,7 @@ contains
         options%t_start = t_start
         options%solver = config%options%solver
         options%wants_reactions = config%wanted%reaction
+        options%switches = config%switches
         options%threads = config%options%threads
     end function options_of
 
@@ -155,6 +156,7 @@ contains
             call note_result("rejected_steps", to_text(i%n_rejected), output, status)
             call note_result("right_hand_sides", to_text(i%n_evaluation), output, status)
             call note_result("stopped", trim(run%reason), output, status)
+            call note_result("coordinates_integrated", coordinates_in_words(run), output, status)
         end associate
     end subroutine note_run
 
@@ -171,5 +173,6 @@ contains
             if (i%n_step > 0) write (unit, "(a)") "  steps            "//to_text(i%shortest_step)//" to " &
                 //to_text(i%longest_step)//" s"
         end associate
+        if (len(coordinates_in_words(run)) > 0) write (unit, "(a)") "  coordinates      "//coordinates_in_words(run)
     end subroutine print_statistics
 end module linkdyn_drive_forward

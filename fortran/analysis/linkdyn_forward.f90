@@ -4,40 +4,38 @@
 !> finished. Kinks of the laws are hit exactly. The states of a chunk are turned into forces afterwards, on all lanes,
 !> by the equations of inverse dynamics with the accelerations for unknowns. A run that cannot go on stops at its last
 !> good instant and says so.
+!>
+!> Where a coordinate comes to its dead point, another joint variable is integrated in its place: the run goes on in
+!> another phase. Results are told in the user's coordinates all the same.
 module linkdyn_forward
     use, intrinsic :: iso_fortran_env, only: int64
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
     use linkdyn_assembly_trail, only: sample_assembly, make_room
+    use linkdyn_builder, only: build_model
     use linkdyn_carried_assembly, only: keep_accepted
+    use linkdyn_coordinate_watch, only: dead_coordinate
+    use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at
-    use linkdyn_equations, only: build_equations, unknown_choice, solver_elimination
+    use linkdyn_forward_phase, only: forward_options, forward_phase, phase_box, plan_phase, enter_phase, release_phase
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
-    use linkdyn_forward_system, only: forward_system, build_forward_system, choose_unknowns
+    use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
-    use linkdyn_inverse, only: inverse_results, inverse_solver, run_prepared
+    use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
+    use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
     use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_motion, only: evaluate_loads
-    use linkdyn_scene, only: law_spec
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok
+    use linkdyn_scene, only: law_spec, scene_type, frame_link
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
-    public :: run_forward, run_ensemble, integrator_options, choose_method, method_name
+    public :: run_forward, run_ensemble, coordinates_in_words, integrator_options, choose_method, method_name
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
-
-    type :: forward_options
-        type(integrator_options) :: integrator
-        real(wp) :: t_start = 0                        !! [s]
-        integer :: stage_solver = 0                    !! of the right-hand side, which needs no reactions; 0: the fastest
-        integer :: solver = solver_elimination         !! of the forces at output instants
-        logical :: wants_reactions = .true.
-        integer :: threads = 1
-    end type forward_options
 
     !> Where the results of a chunk go; what is not associated is not computed.
     type :: forward_results
@@ -45,16 +43,23 @@ module linkdyn_forward
         real(wp), pointer :: qd(:, :) => null()        !! (n_q, n)
         real(wp), pointer :: work(:) => null()         !! (n) of the driving forces since the start [J]
         real(wp), pointer :: step(:) => null()         !! (n) last step before the instant [s]
+        integer, pointer :: stand_in(:, :) => null()   !! (n_q, n) joint variable integrated in a coordinate's place; 0: none
         type(inverse_results) :: forces                !! accelerations, forces, energies, closure, ... (n)
     end type forward_results
 
     !> A run under way.
     type :: forward_run
-        type(model_type), pointer :: model => null()
+        type(model_type), pointer :: own => null()     !! with the user's coordinates
+        type(model_type), pointer :: model => null()   !! with those integrated now
         type(forward_system), pointer :: system => null()
         type(integrator_type) :: integrator
-        type(inverse_solver) :: output                 !! equations at output instants
-        integer :: threads = 1                         !! for them
+        type(forward_options) :: options
+        type(phase_box), allocatable :: known(:)       !! phases planned so far, or refused; none: a member of an ensemble
+        integer :: phase = 1                           !! of them the one under way
+        integer, allocatable :: later_phase(:)         !! phases entered since the start
+        real(wp), allocatable :: entered_at(:)         !! [s]
+        integer :: step_entered = -1                   !! steps done when the phase was entered
+        integer :: dead_coordinate = 0                 !! that the run has stopped at; 0: none
         real(wp), allocatable :: y(:, :)               !! (lane, n)
         real(wp), allocatable :: kink(:)               !! instants at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
@@ -73,20 +78,23 @@ contains
         type(forward_options), intent(in) :: options
         type(forward_run), intent(inout) :: run
         type(status_type), intent(inout) :: status
-        type(unknown_choice) :: unknown
         real(wp) :: q(model%n_q), qd(model%n_q), rate(lanes, 13*model%n_q + 1)
         logical :: failed(lanes)
 
+        run%own => model
         run%model => model
+        run%options = options
         call check_options(options%integrator, status)
         if (.not. status%is_ok()) return
-        allocate (run%system)
-        call build_forward_system(model, options%stage_solver, run%system, status)
-        call choose_unknowns(model, unknown, status)
-        if (status%is_ok()) call build_equations(model, options%solver, options%wants_reactions, &
-                                                 run%output%equations, status, unknown)
+        allocate (run%known(1), run%later_phase(0), run%entered_at(0))
+        allocate (run%known(1)%phase)
+        associate (phase => run%known(1)%phase)
+            phase%model => model
+            phase%choice = spread(0, 1, model%n_q)
+            call plan_phase(model, options, phase, status)
+            run%system => phase%system
+        end associate
         if (.not. status%is_ok()) return
-        run%threads = max(1, options%threads)
         allocate (run%y(lanes, run%system%n))
         call scene_start(model, options%t_start, q, qd)
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
@@ -94,13 +102,30 @@ contains
         call run%system%evaluate(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed at its start: " &
-                      //failure_at(model, run%system%workspace%state, run%system%workspace%status(1), 1))
+                      //failure_at(model, run%system%workspace%state, run%system%workspace%status(1), 1) &
+                      //advice_at_start(model, run%system%workspace%status(1)))
             return
         end if
         call collect_kinks(model, run%kink)
         run%good_until = options%t_start
         call run%integrator%start(options%integrator, run%system, options%t_start, status)
     end subroutine start_forward
+
+    !> What to do where coordinates do not say how the mechanism moves.
+    function advice_at_start(model, status) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: status                  !! of the sample
+        character(len=:), allocatable :: text
+        integer :: j
+
+        text = ""
+        if (.not. model%is_planar .or. status /= sample_singular) return
+        do j = 1, model%n_joint
+            if (all(model%joint(j)%link /= frame_link) .or. coordinate_of(model, j, 1) > 0) cycle
+            text = " (expected another coordinate, one that moves there, such as joint "//quoted(model%joint(j)%name)//")"
+            return
+        end do
+    end function advice_at_start
 
     !> Go on through the output instants t, increasing, and fill their results; those beyond where the run stops are NaN.
     !>
@@ -115,38 +140,84 @@ contains
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         type(sample_assembly) :: assembly
         real(wp) :: work
-        integer :: i
+        integer :: i, first, phase
 
-        if (has_assemblies(run%model)) call make_room(run%model, size(t), assembly)
-        associate (m => run%model, n => size(t))
+        associate (m => run%own, n => size(t))
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n))
-            ! A sample that is not reached is computed from NaN, which flags it like any that fails.
-            q = ieee_value(1.0_wp, ieee_quiet_nan)
-            qd = q
-            qdd = q
-            force = ieee_value(1.0_wp, ieee_quiet_nan)
         end associate
-        call evaluate_loads(run%model, t, load)
+        ! A sample that is not reached is computed from NaN, which flags it like any that fails.
+        q = ieee_value(1.0_wp, ieee_quiet_nan)
+        qd = q
+        qdd = q
+        force = ieee_value(1.0_wp, ieee_quiet_nan)
+        call evaluate_loads(run%own, t, load)
         run%integrator%pause_at = pause_after(seconds)
+        results%forces%n_fallback = 0
         n_done = 0
+        first = 0
         do i = 1, size(t)
             if (.not. run%has_stopped) call go_to(run, t(i))
             if (run%integrator%is_paused) exit
+            if (first == 0 .or. phase /= run%phase) then
+                if (first > 0) call find_forces(first, i - 1)
+                first = i
+                phase = run%phase
+                if (has_assemblies(run%model)) call make_room(run%model, size(t) - i + 1, assembly)
+                if (phase > 1) allocate (assembly%counted, source=0*q(:, i:))
+            end if
             work = ieee_value(1.0_wp, ieee_quiet_nan)
             if (.not. run%has_stopped) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
-                call keep_accepted(run%model, run%system%assembly, i, assembly)
+                call keep_accepted(run%model, run%system%assembly, i - first + 1, assembly)
+                if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%y(1, run%system%layout%work)
             end if
             if (associated(results%work)) results%work(i) = work
             if (associated(results%step)) results%step(i) = run%integrator%last_step
+            call tell_coordinates(run, q(:, i), qd(:, i), i, results)
             n_done = i
         end do
-        call run_prepared(run%model, run%output, run%threads, q(:, :n_done), qd(:, :n_done), qdd(:, :n_done), &
-                          load(:, :, :n_done), results%forces, force(:, :n_done), known=assembly)
-        if (associated(results%q)) results%q = q
-        if (associated(results%qd)) results%qd = qd
+        if (first > 0) call find_forces(first, n_done)
+
+    contains
+
+        !> The forces of samples of one phase.
+        subroutine find_forces(first, last)
+            integer, intent(in) :: first, last
+            type(inverse_results) :: part
+
+            part = part_of_results(results%forces, first, last)
+            associate (here => run%known(phase)%phase)
+                call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), qd(:, first:last), &
+                                  qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
+                                  own=run%own)
+            end associate
+            results%forces%n_fallback = results%forces%n_fallback + part%n_fallback
+        end subroutine find_forces
     end subroutine advance_forward
+
+    !> A sample's coordinates as the user has them, and what was integrated in their place.
+    subroutine tell_coordinates(run, q, qd, i, results)
+        type(forward_run), intent(in) :: run
+        real(wp), intent(in) :: q(:), qd(:)            !! of the coordinates integrated (n_q)
+        integer, intent(in) :: i                       !! sample
+        type(forward_results), intent(inout) :: results
+        real(wp), dimension(size(q)) :: own_q, own_qd
+        integer :: k
+
+        own_q = q
+        own_qd = qd
+        associate (choice => run%known(run%phase)%phase%choice)
+            do k = 1, size(q)
+                if (choice(k) > 0 .and. .not. run%has_stopped) &
+                    call coordinate_now(run%own, run%model, run%system%workspace%state, k, own_q(k), own_qd(k))
+            end do
+            if (associated(results%q)) results%q(:, i) = own_q
+            if (associated(results%qd)) results%qd(:, i) = own_qd
+            if (associated(results%stand_in)) results%stand_in(:, i) = [( &
+                merge(run%own%joint(max(1, choice(k)))%first_variable + 1, 0, choice(k) > 0), k=1, size(q))]
+        end associate
+    end subroutine tell_coordinates
 
     !> Count of the system clock after some seconds from now.
     integer(int64) function pause_after(seconds) result(count)
@@ -167,22 +238,155 @@ contains
 
         do i = 1, size(run%kink)
             if (run%kink(i) <= run%integrator%t .or. run%kink(i) >= t) cycle
-            call run%integrator%advance(run%system, run%kink(i), run%y)
+            call advance_to(run, run%kink(i))
             if (run%integrator%is_paused) return
             call run%integrator%reset()
         end do
-        call run%integrator%advance(run%system, t, run%y)
+        call advance_to(run, t)
         run%good_until = run%integrator%good_until(1)
         run%has_stopped = run%integrator%failed(1)
         if (run%has_stopped) run%reason = reason_of_stop(run)
     end subroutine go_to
+
+    !> Integrate to t, from phase to phase. A run that cannot go on tries other coordinates, too.
+    subroutine advance_to(run, t)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: t
+
+        do
+            if (run%system%wants_rest .or. all(run%integrator%failed)) call change_phase(run)
+            if (all(run%integrator%failed) .or. run%integrator%t >= t) exit
+            call run%integrator%advance(run%system, t, run%y)
+            if (run%integrator%is_paused) return
+        end do
+    end subroutine advance_to
+
+    !> Exchange a coordinate that is near its dead point. If none can be had for it the run goes on as it is, until it
+    !> is at that point.
+    subroutine change_phase(run)
+        type(forward_run), intent(inout) :: run
+        logical :: is_new
+
+        run%system%wants_rest = .false.
+        if (.not. run%system%watch%is_on) return
+        call run%system%look_at(spread(run%integrator%good_until(1), 1, lanes), run%y)
+        is_new = .false.
+        ! A phase that has failed at its first step is no improvement.
+        if (run%options%switches .and. .not. (all(run%integrator%failed) .and. run%integrator%n_step == run%step_entered)) &
+            call find_better_phase(run, is_new)
+        if (is_new) return
+        run%system%watch%may_exchange = .false.
+        run%dead_coordinate = dead_coordinate(run%system%watch, all(run%integrator%failed))
+        if (run%dead_coordinate > 0) run%integrator%failed = .true.
+    end subroutine change_phase
+
+    subroutine find_better_phase(run, is_found)
+        type(forward_run), intent(inout) :: run
+        logical, intent(out) :: is_found
+        real(wp), parameter :: least_ratio = 1.5_wp    !! every exchange is an improvement, so that they come to an end
+        type(model_type), allocatable :: model(:)
+        type(scene_type) :: scene
+        type(status_type) :: status
+        integer, allocatable :: choices(:, :), phase(:), n_iterated(:)
+        integer :: i
+
+        associate (from => run%known(run%phase)%phase)
+            call list_choices(run%own, run%system%watch, from%choice, least_ratio, choices)
+        end associate
+        allocate (model(size(choices, 2)), phase(size(choices, 2)), n_iterated(size(choices, 2)))
+        n_iterated = huge(1)
+        do i = 1, size(choices, 2)
+            phase(i) = find_phase(run, choices(:, i))
+            if (run%known(phase(i))%phase%is_refused) cycle
+            call exchange_scene(run%own, choices(:, i), run%model, run%system%watch%state, scene)
+            call build_model(scene, model(i), status)
+            if (.not. status%is_ok()) cycle
+            n_iterated(i) = number_iterated(model(i))
+            if (n_iterated(i) == 0) exit               ! all in closed form
+        end do
+        is_found = .false.
+        do while (.not. is_found .and. any(n_iterated < huge(1)))
+            i = minloc(n_iterated, 1)
+            n_iterated(i) = huge(1)
+            call try_phase(run, phase(i), model(i), is_found)
+        end do
+    end subroutine find_better_phase
+
+    !> The number of a choice's phase, which is new if it was never looked for.
+    integer function find_phase(run, choice) result(number)
+        type(forward_run), intent(inout) :: run
+        integer, intent(in) :: choice(:)
+
+        do number = 1, size(run%known)
+            if (all(run%known(number)%phase%choice == choice)) return
+        end do
+        run%known = [run%known, phase_box()]
+        allocate (run%known(number)%phase)
+        run%known(number)%phase%choice = choice
+    end function find_phase
+
+    !> Go on in a phase, with a model that starts at the position reached.
+    subroutine try_phase(run, number, model, is_entered)
+        type(forward_run), intent(inout) :: run
+        integer, intent(in) :: number
+        type(model_type), intent(in) :: model
+        logical, intent(out) :: is_entered
+        real(wp), allocatable :: y(:, :)
+        type(status_type) :: status
+
+        associate (t => run%integrator%good_until(1), phase => run%known(number)%phase)
+            call enter_phase(run%own, run%options, run%known(run%phase)%phase, run%y, t, model, phase, y, is_entered, status)
+            phase%is_refused = .not. status%is_ok()
+            if (.not. is_entered) return
+            call move_alloc(y, run%y)
+            run%model => phase%model
+            run%system => phase%system
+            run%phase = number
+            run%step_entered = run%integrator%n_step
+            run%later_phase = [run%later_phase, number]
+            run%entered_at = [run%entered_at, t]
+            call run%integrator%exchange_system(run%system, status)
+        end associate
+    end subroutine try_phase
+
+    !> "slide of D until 0.251 s, then angle of A"; blank if no coordinate was exchanged.
+    function coordinates_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text
+        integer, parameter :: most = 4                 !! exchanges told one by one
+        integer :: i, n
+
+        text = ""
+        if (.not. allocated(run%later_phase)) return
+        n = size(run%later_phase)
+        if (n == 0) return
+        text = names_of(1)
+        do i = 1, n
+            if (i > most .and. i < n) cycle
+            if (i == n .and. n > most + 1) text = text//", ... ("//to_text(n)//" exchanges)"
+            text = text//" until "//to_text(run%entered_at(i))//" s, then "//names_of(run%later_phase(i))
+        end do
+
+    contains
+
+        function names_of(phase) result(names)
+            integer, intent(in) :: phase
+            character(len=:), allocatable :: names
+
+            names = choice_names(run%own, run%known(phase)%phase%choice)
+        end function names_of
+    end function coordinates_in_words
 
     function reason_of_stop(run) result(reason)
         type(forward_run), intent(in) :: run
         character(len=:), allocatable :: reason
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
-        if (run%system%workspace%status(1) /= sample_ok) then
+        if (run%dead_coordinate > 0) then
+            reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
+                     //" comes to its dead point"
+            if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+        else if (run%system%workspace%status(1) /= sample_ok) then
             reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
         else if (run%integrator%has_shrunk) then
             reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
@@ -221,11 +425,20 @@ contains
     !> Release what the run holds.
     subroutine finish_forward(run)
         type(forward_run), intent(inout) :: run
+        integer :: i
 
         call run%integrator%finish()
-        if (.not. associated(run%system)) return
-        call run%system%release()
-        deallocate (run%system)
+        if (allocated(run%known)) then
+            do i = 1, size(run%known)
+                call release_phase(run%known(i)%phase)
+                deallocate (run%known(i)%phase)
+            end do
+            deallocate (run%known)
+        else if (associated(run%system)) then
+            call run%system%release()
+            deallocate (run%system)
+        end if
+        nullify (run%system)
     end subroutine finish_forward
 
     !> A whole run: t are the output instants, increasing. A run that stops early is no error: see `run`.

@@ -6,7 +6,7 @@ module linkdyn_forward_block
         result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
-        result_closure, result_step
+        result_closure, result_step, result_stand_in
     implicit none (type, external)
     private
     public :: advance_block
@@ -33,6 +33,7 @@ contains
         call view_values(layout, result_qd, n, block, results%qd)
         call view_values(layout, result_work, n, block, results%work)
         call view_values(layout, result_step, n, block, results%step)
+        call view_values(layout, result_stand_in, n, block, results%stand_in)
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
         associate (forces => results%forces)

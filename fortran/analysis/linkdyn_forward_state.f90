@@ -1,12 +1,15 @@
 !> What forward dynamics integrates: for every free coordinate its value and rate, for every free pose position,
-!> quaternion, velocity and angular velocity; last the work of the driving forces.
+!> quaternion, velocity and angular velocity; the angles of coordinates that others stand in for, which count their
+!> turns; last the work of the driving forces.
 module linkdyn_forward_state
     use linkdyn_drives, only: law_on_lanes
-    use linkdyn_joint_motion, only: variables_of_relative, kind_spherical
+    use linkdyn_joint_motion, only: variables_of_relative, is_slide, kind_spherical
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_pose
+    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_planar_rates, only: planar_joint_rate
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
     use linkdyn_scene, only: law_none
@@ -24,6 +27,7 @@ module linkdyn_forward_state
         integer, allocatable :: rate(:)          !! its rate; of a pose the velocity, then the angular velocity; 0: driven (n_q)
         integer, allocatable :: quaternion(:)    !! w of a free pose, x y z follow; 0: driven (n_pose)
         integer, allocatable :: pose_step(:)     !! step of the kinematics that places the pose (n_pose)
+        integer, allocatable :: counted(:)       !! angle that a coordinate stands in for; 0: none (n_q)
         integer :: work = 0                      !! 0: not wanted
     end type state_layout
 
@@ -62,7 +66,8 @@ contains
         integer :: i, k
 
         allocate (layout%position(model%n_q), layout%rate(model%n_q), layout%quaternion(model%n_pose), &
-                  layout%pose_step(model%n_pose))
+                  layout%pose_step(model%n_pose), layout%counted(model%n_q))
+        layout%counted = 0
         layout%position = 0
         layout%rate = 0
         layout%quaternion = 0
@@ -91,6 +96,14 @@ contains
             layout%n = layout%n + 1
             layout%rate(k) = layout%n
         end do
+        do k = 1, model%n_q
+            associate (c => model%scene%coordinate(k))
+                if (c%for_joint == 0) cycle
+                if (is_slide(model%joint(c%for_joint)%kind, c%for_variable)) cycle
+            end associate
+            layout%n = layout%n + 1
+            layout%counted(k) = layout%n
+        end do
         layout%n = layout%n + 1
         layout%work = layout%n
     end subroutine plan_layout
@@ -116,11 +129,12 @@ contains
     end subroutine scene_start
 
     !> y from coordinates and their rates.
-    subroutine fill_start(model, layout, q, qd, y)
+    subroutine fill_start(model, layout, q, qd, y, counted)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: q(lanes, model%n_q), qd(lanes, model%n_q)
         real(wp), intent(out) :: y(lanes, layout%n)
+        real(wp), intent(in), optional :: counted(:)  !! what coordinates stand in for (n_q); absent: none does
         type(rpy_rotation) :: turn
         type(vec3) :: omega
         integer :: k, p
@@ -129,6 +143,7 @@ contains
         do k = 1, model%n_q
             if (layout%position(k) > 0) y(:, layout%position(k)) = q(:, k)
             if (layout%rate(k) > 0) y(:, layout%rate(k)) = qd(:, k)
+            if (layout%counted(k) > 0 .and. present(counted)) y(:, layout%counted(k)) = counted(k)
         end do
         do p = 1, model%n_pose
             if (layout%quaternion(p) == 0) cycle
@@ -160,6 +175,7 @@ contains
                 state%qd(:, k) = y(:, layout%rate(k))
                 state%qdd(:, k) = 0
             end if
+            if (layout%counted(k) > 0) state%counted(:, k) = y(:, layout%counted(k))
         end do
         do p = 1, model%n_pose
             state%by_quaternion(p) = layout%quaternion(p) > 0
@@ -168,11 +184,12 @@ contains
     end subroutine unpack_state
 
     !> dy/dt from y and the accelerations; the rate of the work is left alone.
-    subroutine pack_rates(model, layout, y, acceleration, rate)
+    subroutine pack_rates(model, layout, y, acceleration, state, rate)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: y(:, :)               !! (lane, n)
         real(wp), intent(in) :: acceleration(:, :)    !! (lane, n_q); of a pose those of velocity and angular velocity
+        type(kinematic_state), intent(in) :: state    !! of y
         real(wp), intent(inout) :: rate(:, :)         !! (lane, n)
         type(vec3) :: omega
         integer :: k, p
@@ -181,6 +198,8 @@ contains
             if (layout%rate(k) == 0) cycle
             if (layout%position(k) > 0) rate(:, layout%position(k)) = y(:, layout%rate(k))
             rate(:, layout%rate(k)) = acceleration(:, k)
+            if (layout%counted(k) > 0) &
+                rate(:, layout%counted(k)) = planar_joint_rate(model, state, model%scene%coordinate(k)%for_joint, level_velocity)
         end do
         do p = 1, model%n_pose
             if (layout%quaternion(p) == 0) cycle

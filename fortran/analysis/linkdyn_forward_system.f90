@@ -1,6 +1,8 @@
 !> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
 module linkdyn_forward_system
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
+    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, is_near_dead_point, dead_coordinate, &
+        may_be_near
     use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, solver_elimination, solver_reduced
@@ -26,7 +28,9 @@ module linkdyn_forward_system
         type(equation_workspace) :: workspace
         type(carried_assembly) :: assembly
         logical :: wants_work = .true.
+        type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
+        type(model_type), pointer :: motion_model => null()    !! with the coordinates that the law speaks of
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
         type(equations_type) :: inverse_equations
         type(equation_workspace) :: inverse_workspace
@@ -36,6 +40,8 @@ module linkdyn_forward_system
         procedure :: evaluate => evaluate_forward
         procedure :: accept => accept_forward
         procedure :: begin
+        procedure :: take_over
+        procedure :: look_at
         procedure :: release
     end type forward_system
 
@@ -53,15 +59,18 @@ contains
     end subroutine choose_unknowns
 
     !> Plan the equations of the stages.
-    subroutine build_forward_system(model, solver, system, status)
+    subroutine build_forward_system(model, solver, system, status, motion_model)
         type(model_type), intent(in), target :: model      !! must outlive the system
         integer, intent(in) :: solver                      !! of the stages; no reaction is computed there; 0: the fastest
         type(forward_system), intent(inout) :: system
         type(status_type), intent(inout) :: status
+        type(model_type), intent(in), target, optional :: motion_model  !! whose coordinates have the scene's motion; absent: model
         type(unknown_choice) :: unknown
         integer :: stage_solver
 
         system%model => model
+        system%motion_model => model
+        if (present(motion_model)) system%motion_model => motion_model
         call choose_unknowns(model, unknown, status)
         if (.not. status%is_ok()) return
         stage_solver = solver
@@ -74,8 +83,9 @@ contains
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         if (any(system%by_inverse)) then
-            call build_equations(model, solver_reduced, .false., system%inverse_equations, status)
-            if (status%is_ok()) call prepare_workspace(model, system%inverse_equations, system%inverse_workspace)
+            call build_equations(system%motion_model, solver_reduced, .false., system%inverse_equations, status)
+            if (status%is_ok()) &
+                call prepare_workspace(system%motion_model, system%inverse_equations, system%inverse_workspace)
         end if
     end subroutine build_forward_system
 
@@ -112,9 +122,36 @@ contains
         real(wp), intent(in) :: y(:, :)
 
         call begin_assembly(self%model, t, self%assembly)
-        if (any(self%by_inverse)) call begin_assembly(self%model, t, self%inverse_assembly)
+        if (any(self%by_inverse)) call begin_assembly(self%motion_model, t, self%inverse_assembly)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
     end subroutine begin
+
+    !> Go on at t where another system of the same mechanism stands: the model's start is that place.
+    subroutine take_over(self, other, t, y)
+        class(forward_system), intent(inout) :: self
+        type(forward_system), intent(in) :: other
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: y(:, :)
+
+        call begin_assembly(self%model, t, self%assembly)
+        self%inverse_assembly = other%inverse_assembly
+        self%inverse_time = -huge(1.0_wp)
+        self%wants_rest = .false.
+        self%watch%ratio = 0
+        self%watch%may_exchange = .true.
+        call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
+    end subroutine take_over
+
+    !> Compare the rates at an accepted state.
+    subroutine look_at(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+
+        call unpack_state(self%model, self%layout, t, y, self%watch%state)
+        call evaluate_assembled(self%model, t, self%assembly, self%watch%state)
+        call compare_rates(self%model, self%watch)
+    end subroutine look_at
 
     !> The mechanism has got to y: its assembly there is where the next steps set out from.
     subroutine accept_forward(self, t, y, is_accepted)
@@ -123,12 +160,27 @@ contains
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
 
-        if (.not. self%assembly%is_needed) return
-        call unpack_state(self%model, self%layout, t, y, self%assembly%state)
-        call accept_assembly(self%model, t, is_accepted, self%assembly)
-        if (.not. any(self%by_inverse)) return
-        call unpack_motion(self%model, t, self%inverse_assembly%state)
-        call accept_assembly(self%model, t, is_accepted, self%inverse_assembly)
+        if (self%assembly%is_needed) then
+            call unpack_state(self%model, self%layout, t, y, self%assembly%state)
+            call accept_assembly(self%model, t, is_accepted, self%assembly)
+        end if
+        if (self%inverse_assembly%is_needed) then
+            call unpack_motion(self%motion_model, t, self%inverse_assembly%state)
+            call accept_assembly(self%motion_model, t, is_accepted, self%inverse_assembly)
+        end if
+        if (.not. self%watch%is_on) return
+        if (self%assembly%is_needed) then
+            if (.not. may_be_near(self%model, self%assembly%state%plane)) then
+                self%watch%ratio = 0
+                return
+            end if
+        end if
+        call self%look_at(t, y)
+        if (self%watch%may_exchange) then
+            self%wants_rest = is_near_dead_point(self%watch)
+        else
+            self%wants_rest = dead_coordinate(self%watch, .false.) > 0
+        end if
     end subroutine accept_forward
 
     !> Coordinates of the scene's own motion at the instants of the lanes.
@@ -170,7 +222,7 @@ contains
                 end if
             end do
             call solve_equations(model, self%equations, workspace)
-            call pack_rates(model, self%layout, y, workspace%acceleration, rate)
+            call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
             call work_rate(self, rate(:, self%layout%work))
             failed = workspace%status /= sample_ok
             if (any(self%by_inverse)) failed = failed .or. self%inverse_workspace%status /= sample_ok
@@ -218,7 +270,7 @@ contains
         real(wp), intent(in) :: t(lanes)
 
         if (all(t == self%inverse_time)) return
-        associate (model => self%model, workspace => self%inverse_workspace)
+        associate (model => self%motion_model, workspace => self%inverse_workspace)
             call unpack_motion(model, t, workspace%state)
             workspace%load = self%workspace%load
             call evaluate_assembled(model, t, self%inverse_assembly, workspace%state)

@@ -14,17 +14,20 @@ module linkdyn_inverse
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_joint_rates, only: measure_joints, power_imbalance
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: link_position, link_rotation
+    use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, has_assemblies
+    use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
+    use linkdyn_planar_motion, only: level_given
+    use linkdyn_planar_pass, only: map_placed
+    use linkdyn_planar_rates, only: planar_joint_rate
     use linkdyn_pose, only: rates_of_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared
+    public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
 
     integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
@@ -150,7 +153,10 @@ contains
     !> them, and the driving forces that are known. With a trail the samples follow each other, and those of the last
     !> batch with the same trail: the assembly is then followed by continuity. A caller who knows the assembly of each
     !> sample gives it instead. Without either each sample is on the branch of the start.
-    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known)
+    !>
+    !> Where coordinates of the model stand in for those of another one, accelerations and transmission angles found are
+    !> told of that one's coordinates and dyads.
+    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
@@ -160,10 +166,11 @@ contains
         real(wp), intent(in), optional :: given_force(:, :)     !! (n_actuator, n), read where not unknown
         type(assembly_trail), intent(inout), optional :: trail
         type(sample_assembly), intent(in), optional :: known
+        type(model_type), intent(in), optional :: own           !! that other model; absent: no coordinate stands in
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
         integer :: n, n_block, n_thread, share, block, n_fallback
-        logical :: wants_rates, wants_world
+        logical :: wants_rates, wants_world, has_stand_ins
 
         n = size(q, 2)
         n_block = (n + lanes - 1)/lanes
@@ -171,6 +178,7 @@ contains
         share = max(1, min(largest_share, n_block/(2*n_thread)))
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world
+        has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
         n_fallback = 0
         if (has_assemblies(model)) then
             if (present(known)) then
@@ -207,6 +215,7 @@ contains
             type(probe_space), intent(inout) :: probe
             type(condition_space), intent(inout) :: condition
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap
+            real(wp) :: of_own(lanes, model%n_q)
 
             call gather(block, workspace)
             workspace%n_fallback = 0
@@ -223,8 +232,10 @@ contains
             if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
                 call measure_energy(model, workspace%state, kinetic, potential)
             if (associated(results%closure)) call measure_closure(model, workspace%state, gap)
+            if (has_stand_ins) call tell_accelerations(model, workspace, of_own)
             if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
             if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
+            if (has_stand_ins) workspace%acceleration = of_own
             call scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap)
         end subroutine run_block
 
@@ -253,15 +264,21 @@ contains
             real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :)
             type(probe_space), intent(in) :: probe
             real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap
-            real(wp) :: nan, transmission(lanes, model%n_dyad)
+            real(wp) :: nan
+            real(wp), allocatable :: transmission(:, :)
             integer :: lane, sample, i
             logical :: failed
 
             nan = ieee_value(1.0_wp, ieee_quiet_nan)
             if (associated(results%transmission_angle)) then
-                do i = 1, model%n_dyad
-                    transmission(:, i) = transmission_angle(workspace%state%plane%dyad(i))
-                end do
+                allocate (transmission(lanes, size(results%transmission_angle, 1)))
+                if (has_stand_ins) then
+                    call measure_dyads(own, workspace%state, transmission)
+                else
+                    do i = 1, model%n_dyad
+                        transmission(:, i) = transmission_angle(workspace%state%plane%dyad(i))
+                    end do
+                end if
             end if
             do lane = 1, min(lanes, n - (block - 1)*lanes)
                 sample = (block - 1)*lanes + lane
@@ -382,6 +399,65 @@ contains
             call add_columns(model, workspace%acceleration - workspace%state%qdd, workspace%state)
         call power_imbalance(model, workspace%state, workspace%load, driving_force, imbalance)
     end subroutine balance_power
+
+    !> Accelerations of the coordinates that others stand in for, from those found. Column 0 must be as it was.
+    subroutine tell_accelerations(model, workspace, acceleration)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(in) :: workspace
+        real(wp), intent(out) :: acceleration(:, :)    !! (lane, n_q)
+        integer :: i, k
+
+        acceleration = workspace%acceleration
+        do k = 1, model%n_q
+            associate (j => model%scene%coordinate(k)%for_joint)
+                if (j == 0) cycle
+                acceleration(:, k) = planar_joint_rate(model, workspace%state, j, level_given)
+                do i = 1, model%n_q
+                    acceleration(:, k) = acceleration(:, k) + (workspace%acceleration(:, i) - workspace%state%qdd(:, i)) &
+                                         *planar_joint_rate(model, workspace%state, j, i)
+                end do
+            end associate
+        end do
+    end subroutine tell_accelerations
+
+    !> Transmission angles of a model's dyads, its links having been placed otherwise.
+    subroutine measure_dyads(model, state, angle)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: angle(:, :)           !! (lane, n_dyad) [rad]
+        integer :: i
+
+        do i = 1, size(model%step)
+            if (is_dyad(model%step(i)%kind)) &
+                angle(:, model%step(i)%first) = transmission_angle(map_placed(model, model%step(i), state%plane))
+        end do
+    end subroutine measure_dyads
+
+    !> Results of some samples, as if there were no others.
+    function part_of_results(whole, first, last) result(part)
+        type(inverse_results), intent(in) :: whole
+        integer, intent(in) :: first, last             !! samples
+        type(inverse_results) :: part
+
+        if (associated(whole%driving_force)) part%driving_force => whole%driving_force(:, first:last)
+        if (associated(whole%reaction)) part%reaction => whole%reaction(:, :, first:last)
+        if (associated(whole%joint_variable)) part%joint_variable => whole%joint_variable(:, first:last)
+        if (associated(whole%joint_rate)) part%joint_rate => whole%joint_rate(:, first:last)
+        if (associated(whole%status)) part%status => whole%status(first:last)
+        if (associated(whole%rcond)) part%rcond => whole%rcond(first:last)
+        if (associated(whole%error)) part%error => whole%error(first:last)
+        if (associated(whole%driving_force_error)) part%driving_force_error => whole%driving_force_error(:, first:last)
+        if (associated(whole%reaction_error)) part%reaction_error => whole%reaction_error(:, :, first:last)
+        if (associated(whole%growth)) part%growth => whole%growth(first:last)
+        if (associated(whole%power_imbalance)) part%power_imbalance => whole%power_imbalance(first:last)
+        if (associated(whole%transmission_angle)) part%transmission_angle => whole%transmission_angle(:, first:last)
+        if (associated(whole%acceleration)) part%acceleration => whole%acceleration(:, first:last)
+        if (associated(whole%kinetic_energy)) part%kinetic_energy => whole%kinetic_energy(first:last)
+        if (associated(whole%potential_energy)) part%potential_energy => whole%potential_energy(first:last)
+        if (associated(whole%closure)) part%closure => whole%closure(first:last)
+        if (associated(whole%position)) part%position => whole%position(:, :, first:last)
+        if (associated(whole%rotation)) part%rotation => whole%rotation(:, :, :, first:last)
+    end function part_of_results
 
     !> Angular accelerations found for a pose become second derivatives of roll, pitch, yaw. What their rates alone
     !> give is in column 0 already, so the map is that of the rates.

@@ -8,7 +8,7 @@ module linkdyn_results
     use linkdyn_equations, only: solver_lapack, solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name
-    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name
     implicit none (type, external)
     private
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
@@ -20,7 +20,8 @@ module linkdyn_results
     public :: result_error, result_growth, result_power_imbalance, result_time
     public :: result_driving_force_error, result_reaction_error
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
-    public :: result_transmission_angle, result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
+    public :: result_transmission_angle, result_stand_in, result_q_error, result_qd_error, result_qdd_error, &
+        result_joint_rate_error
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -61,10 +62,11 @@ module linkdyn_results
     integer, parameter :: result_driving_force_error = 21   ! on demand
     integer, parameter :: result_reaction_error = 22
     integer, parameter :: result_transmission_angle = 23    ! of planar dyads
-    integer, parameter :: result_q_error = 24          ! of forward dynamics, on demand
-    integer, parameter :: result_qd_error = 25
-    integer, parameter :: result_qdd_error = 26
-    integer, parameter :: result_joint_rate_error = 27
+    integer, parameter :: result_stand_in = 24              ! of a planar forward run
+    integer, parameter :: result_q_error = 25          ! of forward dynamics, on demand
+    integer, parameter :: result_qd_error = 26
+    integer, parameter :: result_qdd_error = 27
+    integer, parameter :: result_joint_rate_error = 28
     ! ---- of what errors are estimated, and what the estimates are
     integer, parameter :: estimated(6) = [result_q, result_qd, result_qdd, result_driving_force, result_reaction, &
                                           result_joint_rate]
@@ -104,6 +106,7 @@ module linkdyn_results
         integer :: n_dim = 1
         integer :: dim(3) = [dim_sample, 0, 0]             !! of `dim_*`
         logical :: is_integer = .false.
+        character(len=label_len), allocatable :: flag(:)   !! what the integers 0, 1, ... mean
     end type variable_type
 
     !> Description of a run's results.
@@ -127,7 +130,7 @@ module linkdyn_results
 
     !> Values of a variable in their shape, the sample last; null if the layout does not have it.
     interface view_values
-        module procedure view_integers, view_reals_1, view_reals_2, view_reals_3
+        module procedure view_integers, view_integers_2, view_reals_1, view_reals_2, view_reals_3
     end interface view_values
 
 contains
@@ -325,7 +328,7 @@ contains
                     "transmission angle of the dyad, 0 at its dead points to pi/2", "rad", of=[dim_dyad])
             end if
         end associate
-        call add(layout, result_status, "status", "outcome of the sample", "1", is_integer=.true.)
+        call add(layout, result_status, "status", "outcome of the sample", "1", flag=sample_status_name)
         if (wanted%checks .or. wanted%errors) call add(layout, result_error, "error", &
             "relative error bound or estimate of the forces", "1")
         if (wanted%rcond) call add(layout, result_rcond, "rcond", &
@@ -343,6 +346,9 @@ contains
         type(layout_type), intent(inout) :: layout
 
         if (wanted%errors) call describe_run_errors(wanted, layout)
+        if (layout%planar) call add(layout, result_stand_in, "stand_in", &
+            "joint variable integrated in the place of the coordinate, which was near its dead point", "1", &
+            of=[dim_coordinate], flag=[character(len=label_len) :: "none", layout%dimension(dim_variable)%label])
         if (wanted%power) then
             call add(layout, result_kinetic_energy, "kinetic_energy", "kinetic energy of all links", "J")
             call add(layout, result_potential_energy, "potential_energy", &
@@ -373,14 +379,14 @@ contains
     end subroutine describe_run_errors
 
     !> Append one variable to the layout. Either one unit, or one for each entry of its last dimension.
-    subroutine add(layout, id, name, long_name, unit, of, units, is_integer)
+    subroutine add(layout, id, name, long_name, unit, of, units, flag)
         type(layout_type), intent(inout) :: layout
         integer, intent(in) :: id
         character(len=*), intent(in) :: name, long_name
         character(len=*), intent(in), optional :: unit       !! of the whole variable
         integer, intent(in), optional :: of(:)               !! dimensions after the sample
         character(len=*), intent(in), optional :: units(:)   !! along the last dimension
-        logical, intent(in), optional :: is_integer
+        character(len=*), intent(in), optional :: flag(:)    !! what its integers 0, 1, ... mean; absent: it is real
         type(variable_type) :: variable
         integer :: n
 
@@ -402,7 +408,8 @@ contains
             variable%entry_unit = units
             variable%units = distinct(variable%entry_unit)
         end if
-        if (present(is_integer)) variable%is_integer = is_integer
+        variable%is_integer = present(flag)
+        if (present(flag)) variable%flag = flag
         layout%variable = [layout%variable, variable]
     end subroutine add
 
@@ -461,6 +468,19 @@ contains
         place = variable_index(layout, id)
         if (place > 0) values(1:n) => block%of(place)%integer
     end subroutine view_integers
+
+    subroutine view_integers_2(layout, id, n, block, values)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: id              !! one of `result_*`
+        integer, intent(in) :: n               !! samples to be seen
+        type(block_type), intent(in), target :: block
+        integer, pointer, intent(out) :: values(:, :)  !! (width, n)
+        integer :: place
+
+        nullify (values)
+        place = variable_index(layout, id)
+        if (place > 0) values(1:samples_width(layout, layout%variable(place)), 1:n) => block%of(place)%integer
+    end subroutine view_integers_2
 
     subroutine view_reals_1(layout, id, n, block, values)
         type(layout_type), intent(in) :: layout

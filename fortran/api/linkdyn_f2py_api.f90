@@ -14,7 +14,7 @@ module linkdyn_f2py_api
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
-    use linkdyn_forward, only: forward_options, choose_method
+    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
     use linkdyn_model, only: model_type, dyad_names
@@ -379,13 +379,14 @@ contains
     end subroutine api_inverse
 
     !> Start a forward run. It goes on by api_advance and must be ended by api_finish.
-    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, want, has_errors, t_start, run_handle, code, &
-            message)
+    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, switches, want, has_errors, t_start, &
+            run_handle, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: method, solver
         integer(c_int), intent(in) :: threads
         real(c_double), intent(in) :: step, rtol, atol
+        integer(c_int), intent(in) :: switches             ! 1: coordinates are exchanged at their dead points
         character(len=*), intent(in) :: want               ! "all" or names with commas
         integer(c_int), intent(in) :: has_errors           ! 1: error estimates are wanted
         real(c_double), intent(in) :: t_start              ! [s]
@@ -411,6 +412,7 @@ contains
             options%integrator%rtol = rtol
             options%integrator%atol = atol
             options%t_start = t_start
+            options%switches = switches == 1
             options%threads = threads
             options%wants_reactions = wanted%reaction
             wanted%errors = has_errors == 1
@@ -441,54 +443,64 @@ contains
     end subroutine api_forward
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
-    subroutine api_advance(run_handle, n, t, seconds, n_values, values, sample_status, n_done, reached, statistics, stopped, &
-            code, message)
+    subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, &
+            stopped, coordinates, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: run_handle
-        integer(c_int), intent(in) :: n, n_values
+        integer(c_int), intent(in) :: n, n_values, n_numbers
         real(c_double), intent(in) :: t(n)                 ! instants of output, increasing [s]
         real(c_double), intent(in) :: seconds              ! of computing time, about
-        real(c_double), intent(inout) :: values(n_values)  ! variable after variable, n samples each
-        integer(c_int), intent(inout) :: sample_status(n)
+        real(c_double), intent(inout) :: values(n_values)  ! real variable after real variable, n samples each
+        integer(c_int), intent(inout) :: numbers(n_numbers)  ! the same of the whole numbers
         integer(c_int), intent(out) :: n_done
         real(c_double), intent(out) :: reached             ! [s]
         integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
+        character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(watched_run), pointer :: here
         type(status_type) :: status
         type(block_type) :: block
-        integer :: i, place, n_fallback
+        integer :: i, place, whole_place, n_fallback
 
         n_done = 0
         reached = 0
         statistics = 0
         stopped = ""
+        coordinates = ""
         call find_run(run_handle, here, status)
         if (status%code == 0) then
             call prepare_block(here%layout, n, block)
             place = 0
+            whole_place = 0
             do i = 1, size(block%of)
                 if (allocated(block%of(i)%real)) place = place + size(block%of(i)%real)
+                if (allocated(block%of(i)%integer)) whole_place = whole_place + size(block%of(i)%integer)
             end do
             call check_size("values", n_values, place, status)
+            call check_size("numbers", n_numbers, whole_place, status)
         end if
         if (status%code == 0) then
             call advance_watched(here, t, block, n_fallback, i, seconds)
             n_done = i
             place = 0
+            whole_place = 0
             do i = 1, size(block%of)
-                if (allocated(block%of(i)%integer)) sample_status(:n_done) = block%of(i)%integer(:n_done)
-                if (.not. allocated(block%of(i)%real)) cycle
-                values(place + 1:place + size(block%of(i)%real)) = block%of(i)%real
-                place = place + size(block%of(i)%real)
+                if (allocated(block%of(i)%integer)) then
+                    numbers(whole_place + 1:whole_place + size(block%of(i)%integer)) = block%of(i)%integer
+                    whole_place = whole_place + size(block%of(i)%integer)
+                else
+                    values(place + 1:place + size(block%of(i)%real)) = block%of(i)%real
+                    place = place + size(block%of(i)%real)
+                end if
             end do
             associate (integrator => here%run%integrator)
                 statistics = [integrator%n_step, integrator%n_rejected, integrator%n_evaluation]
             end associate
             reached = time_reached(here)
             if (here%run%has_stopped) stopped = here%run%reason
+            coordinates = coordinates_in_words(here%run)
         end if
         call report(status, code, message)
     end subroutine api_advance

@@ -34,6 +34,7 @@ module linkdyn_assembly_trail
         real(wp), allocatable :: branch(:, :)       !! (n_dyad, n)
         real(wp), allocatable :: q(:, :)            !! coordinates at which groups set out (n_q, n)
         real(wp), allocatable :: place(:, :, :)     !! of their links there (place_size, n_link, n)
+        real(wp), allocatable :: counted(:, :)      !! see `kinematic_state`; absent: no coordinate stands in (n_q, n)
     end type sample_assembly
 
     !> Where the motion stood last.
@@ -78,6 +79,7 @@ contains
         integer :: g, i
 
         if (model%n_dyad > 0) state%plane%branch(lane, :) = assembly%branch(:, sample)
+        if (allocated(assembly%counted)) state%counted(lane, :) = assembly%counted(:, sample)
         if (size(model%group) == 0) return
         state%group%start_q(lane, :) = assembly%q(:, sample)
         do g = 1, size(model%group)

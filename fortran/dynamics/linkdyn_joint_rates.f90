@@ -57,7 +57,8 @@ contains
     end subroutine measure_joints
 
     !> One joint variable and its rate. A coordinate is taken as it is: it counts turns. A measured angle does not; of
-    !> the values that it may have, the one nearest to `near` is taken.
+    !> the values that it may have, the one nearest to `near` is taken. Where one coordinate stands in for another, the
+    !> other still counts turns, and the one that stands in does not.
     !>
     !> Needs angular rates in world axes, except for coordinates and the slide of a leg.
     subroutine measure_variable(model, state, j, variable, near, value, rate)
@@ -66,23 +67,26 @@ contains
         integer, intent(in) :: j, variable
         real(wp), intent(in) :: near(lanes)                   !! [rad]; a slide does not look at it
         real(wp), intent(out) :: value(lanes), rate(lanes)    !! [m, rad], [m/s, rad/s]
+        real(wp) :: reference(lanes)
         integer :: k
 
+        reference = near
         k = coordinate_of(model, j, variable)
         if (k > 0) then
             value = state%q(:, k)
             rate = state%qd(:, k)
-            return
-        end if
-        if (model%is_planar) then
+            if (model%scene%coordinate(k)%for_joint == 0) return
+        else if (model%is_planar) then
             call measure_planar_variable(model, state, j, value, rate)
+            k = stand_in_of(model, j, variable)
+            if (k > 0) reference = state%counted(:, k)
         else if (model%joint(j)%leg > 0) then
             value = state%leg(model%joint(j)%leg)%length
             rate = state%leg(model%joint(j)%leg)%rate
         else
             call measure_in_space(model, state, j, variable, value, rate)
         end if
-        if (.not. is_slide(model%joint(j)%kind, variable)) value = value - two_pi*anint((value - near)/two_pi)
+        if (.not. is_slide(model%joint(j)%kind, variable)) value = value - two_pi*anint((value - reference)/two_pi)
     end subroutine measure_variable
 
     subroutine measure_in_space(model, state, j, variable, value, rate)
@@ -111,6 +115,18 @@ contains
             end associate
         end do
     end function coordinate_of
+
+    !> The coordinate that stands in for a joint's variable; 0 if none does.
+    pure integer function stand_in_of(model, j, variable) result(k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, variable
+
+        do k = model%n_q, 1, -1
+            associate (c => model%scene%coordinate(k))
+                if (c%for_joint == j .and. c%for_variable == variable) return
+            end associate
+        end do
+    end function stand_in_of
 
     !> Rate of every driven joint variable. Needs angular rates in world axes, except for the slide of a leg.
     subroutine actuator_rates(model, state, rate)

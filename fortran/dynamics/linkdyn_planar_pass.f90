@@ -21,7 +21,7 @@ module linkdyn_planar_pass
     use linkdyn_planar_point, only: carried, carry
     implicit none (type, external)
     private
-    public :: run_planar_step
+    public :: run_planar_step, map_placed
 
     !> A link hanging on a known link by a joint.
     type :: hanger
@@ -428,6 +428,44 @@ contains
             end do
         end associate
     end subroutine close_slides
+
+    !> The map of a dyad whose links were placed by another program of the same mechanism.
+    pure function map_placed(model, step, plane) result(map)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step            !! the dyad
+        type(planar_motion), intent(in) :: plane
+        type(dyad_map) :: map
+        type(hanger) :: h1, h2
+
+        h1 = hanger_of(model, step%joint(1), step%link(1))
+        h2 = hanger_of(model, step%joint(3), step%link(2))
+        select case (step%kind)
+        case (step_rrr)
+            map = map_rrr(arm_of(h1, 1), arm_of(h2, 2))
+        case (step_rrp)
+            map = map_rrp(arm_of(h1, 1), slide_axis(model, h2, plane))
+        case (step_rpr)
+            map = map_rpr((plane%position(h2%known) + hold_of(model, h2, plane)) &
+                          - (plane%position(h1%known) + hold_of(model, h1, plane)), &
+                          plane%rotation(h1%o).rotate.model%joint(step%joint(2))%frame(:2, 3, 1))
+        case (step_prp)
+            map = map_prp(slide_axis(model, h1, plane), slide_axis(model, h2, plane))
+        case default
+            map = map_ppr(slide_axis(model, h1, plane), &
+                          slide_axis(model, hanger_of(model, step%joint(2), step%link(2)), plane))
+        end select
+
+    contains
+
+        !> From the hinge on a known link to the inner hinge.
+        pure function arm_of(h, i) result(arm)
+            type(hanger), intent(in) :: h
+            integer, intent(in) :: i
+            type(vec2) :: arm
+
+            arm = plane%rotation(h%o).rotate.(inner_point(model, step, i) - own_point(model, h))
+        end function arm_of
+    end function map_placed
 
     !> The inner joint's marker on link 1 or 2 of the dyad, link axes.
     pure function inner_point(model, step, i) result(point)

@@ -11,7 +11,7 @@ module linkdyn_planar_rates
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
+    public :: measure_planar_joints, measure_planar_variable, planar_joint_rate, planar_actuator_rates, &
         planar_actuator_columns, planar_link_power, planar_work_columns
 
     real(wp), parameter :: origin(2) = 0
@@ -52,12 +52,13 @@ contains
         variable = atan2(x(1).cross.x(2), x(1).dot.x(2))
     end subroutine measure_planar_variable
 
-    !> Rate of a joint's variable; at level k for a unit rate of coordinate k.
+    !> Rate of a joint's variable; at level k for a unit rate of coordinate k; at the level of what is given its
+    !> acceleration (that of Coriolis is square to a slide).
     pure function planar_joint_rate(model, state, j, level) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: j
-        integer, intent(in) :: level      !! the velocity or a column
+        integer, intent(in) :: level      !! the velocity, what is given, or a column
         real(wp) :: rate(lanes)
         type(vec2) :: arm(2), gap
         integer :: side, o(2)

@@ -29,9 +29,14 @@ contains
 
         similar = model
         similar%gravity = scale*model%gravity
+        similar%scene%gravity = scale*model%scene%gravity
         do i = 1, model%n_link
             similar%link(i)%cog = scale*model%link(i)%cog
             similar%link(i)%inertia = scale**2*model%link(i)%inertia
+            ! A forward run may plan the scene once more, with other coordinates.
+            similar%scene%link(i)%cog = scale*model%scene%link(i)%cog
+            similar%scene%link(i)%inertia = scale**2*model%scene%link(i)%inertia
+            similar%scene%link(i)%start(:3) = scale*model%scene%link(i)%start(:3)
             do k = 1, size(model%scene%link(i)%marker)
                 similar%scene%link(i)%marker(k)%at = scale*model%scene%link(i)%marker(k)%at
             end do
@@ -42,6 +47,9 @@ contains
         do i = 1, model%n_joint
             similar%joint(i)%point = scale*model%joint(i)%point
             similar%joint(i)%frame = other_rounding(copy, model%joint(i)%frame)
+            do k = 1, size(model%scene%joint(i)%start)
+                if (is_slide(model%joint(i)%kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)
+            end do
         end do
         do i = 1, size(model%scene%spring)
             associate (spring => similar%scene%spring(i))

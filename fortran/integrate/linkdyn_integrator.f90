@@ -43,13 +43,14 @@ module linkdyn_integrator
         logical :: is_paused = .false.         !! `advance` came back before its end: call it again
         integer(int64) :: pause_at = huge(1_int64)    !! count of the system clock
         real(wp) :: last_step = 0, shortest_step = huge(1.0_wp), longest_step = 0
+        integer, private :: rejected_before = 0, evaluated_before = 0    !! by the systems exchanged
         integer(int64), private :: i_step = 0, n_span = 0    !! rk4: steps done, and in all, of the span under way
         real(wp), private :: span_start = 0
         type(rk4_workspace), private :: work
         type(ode_gsl), private :: gsl
         type(gbs_method), private :: gbs
     contains
-        procedure :: start, advance, reset, finish
+        procedure :: start, advance, reset, exchange_system, finish
     end type integrator_type
 
 contains
@@ -95,17 +96,63 @@ contains
         self%t = t
         self%good_until = t
         self%next_step = options%step
-        if (options%method == method_rk4) then
-            call self%work%prepare(system%n)
-        else if (options%method == method_gbs) then
-            call self%gbs%start(system%n, options%rtol, options%atol)
-        else
-            call self%gsl%start(trim(method_name(options%method)), system, options%step, options%rtol, options%atol, status)
-        end if
+        call prepare_method(self, system, status)
     end subroutine start
 
-    !> Go on to t_end exactly. A lane that cannot keeps its last good y. Where the clock says so, the way there is
-    !> interrupted between two steps; that changes nothing in the result.
+    subroutine prepare_method(self, system, status)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout), target :: system
+        type(status_type), intent(inout) :: status
+
+        associate (options => self%options)
+            if (options%method == method_rk4) then
+                call self%work%prepare(system%n)
+            else if (options%method == method_gbs) then
+                call self%gbs%start(system%n, options%rtol, options%atol)
+            else
+                call self%gsl%start(trim(method_name(options%method)), system, self%next_step, options%rtol, options%atol, status)
+            end if
+        end associate
+    end subroutine prepare_method
+
+    !> Go on with another system from the last good instant, where the old one may have failed. Equal steps stay those
+    !> that they were.
+    subroutine exchange_system(self, system, status)
+        class(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout), target :: system     !! must outlive the run
+        type(status_type), intent(inout) :: status
+
+        call count_work(self)
+        self%rejected_before = self%n_rejected
+        self%evaluated_before = self%n_evaluation
+        if (all(self%failed)) then
+            if (self%options%method == method_rk4) self%i_step = self%i_step - 1
+            self%t = self%good_until(1)
+        end if
+        self%failed = .false.
+        self%has_shrunk = .false.
+        self%n_short = 0
+        if (.not. (self%next_step > 0 .and. self%next_step <= huge(1.0_wp))) self%next_step = self%options%step
+        call prepare_method(self, system, status)
+    end subroutine exchange_system
+
+    !> Rejected steps and right-hand sides, which the adaptive methods count themselves.
+    subroutine count_work(self)
+        type(integrator_type), intent(inout) :: self
+
+        select case (self%options%method)
+        case (method_rk4)
+        case (method_gbs)
+            self%n_rejected = self%rejected_before + self%gbs%n_rejected
+            self%n_evaluation = self%evaluated_before + self%gbs%n_evaluation
+        case default
+            self%n_rejected = self%rejected_before + self%gsl%n_rejected()
+            self%n_evaluation = self%evaluated_before + self%gsl%n_evaluation()
+        end select
+    end subroutine count_work
+
+    !> Go on to t_end exactly. A lane that cannot keeps its last good y. Where the clock says so, or the system wants a
+    !> rest, the way there is interrupted between two steps; that changes nothing in the result.
     subroutine advance(self, system, t_end, y)
         class(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
@@ -158,6 +205,7 @@ contains
             if (all(self%failed)) return
             call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
             call note_step(self, h)
+            if (system%wants_rest) return
         end do
     end subroutine advance_rk4
 
@@ -201,14 +249,9 @@ contains
             ! A step cut short by t_end says nothing against the longer one proposed before.
             if (self%t >= t_end .and. self%last_step < self%next_step) h = max(h, self%next_step)
             self%next_step = h
+            if (system%wants_rest) exit
         end do
-        if (self%options%method == method_gbs) then
-            self%n_rejected = self%gbs%n_rejected
-            self%n_evaluation = self%gbs%n_evaluation
-        else
-            self%n_rejected = self%gsl%n_rejected()
-            self%n_evaluation = self%gsl%n_evaluation()
-        end if
+        call count_work(self)
     end subroutine advance_adaptive
 
     !> Has the caller's time run out?

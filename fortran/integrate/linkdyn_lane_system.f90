@@ -9,6 +9,7 @@ module linkdyn_lane_system
     !> dy/dt = f(t, y), `lanes` solutions side by side.
     type, abstract :: lane_system
         integer :: n = 0                                  !! components of y
+        logical :: wants_rest = .false.                   !! the integrator comes back to its caller after the step accepted
     contains
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: accept

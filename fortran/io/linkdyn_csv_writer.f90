@@ -5,7 +5,7 @@ module linkdyn_csv_writer
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, discard_output, open_text, write_text, close_text, finish_text
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width
-    use linkdyn_status, only: status_type, sample_status_name
+    use linkdyn_status, only: status_type
     implicit none (type, external)
     private
     public :: csv_writer, create_csv, put_csv, close_csv
@@ -68,12 +68,12 @@ contains
         write (number_form, "('(es', i0, '.', i0, 'e', i0, ')')") number_length, n_digit - 1, exponent_length
         length = 0
         do k = 1, size(layout%variable)
-            if (layout%variable(k)%is_integer) then
-                call append(sample_status_name(block%of(k)%integer(sample)))
-                cycle
-            end if
             width = samples_width(layout, layout%variable(k))
             do j = (sample - 1)*width + 1, sample*width
+                if (layout%variable(k)%is_integer) then
+                    call append(field(trim(layout%variable(k)%flag(block%of(k)%integer(j) + 1))))
+                    cycle
+                end if
                 write (number, number_form) block%of(k)%real(j)
                 call append(adjustl(number))
             end do
@@ -93,11 +93,16 @@ contains
 
     pure integer function longest_row(layout) result(length)
         type(layout_type), intent(in) :: layout
-        integer :: k
+        integer :: k, width
 
         length = 0
         do k = 1, size(layout%variable)
-            length = length + samples_width(layout, layout%variable(k))*(number_length + 1)
+            if (layout%variable(k)%is_integer) then
+                width = 2*len(layout%variable(k)%flag) + 2   ! all quotes, in quotes
+            else
+                width = number_length
+            end if
+            length = length + samples_width(layout, layout%variable(k))*(width + 1)
         end do
     end function longest_row
 

@@ -4,7 +4,6 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, joint_kind_name
-    use linkdyn_status, only: sample_status_name
     implicit none (type, external)
     private
     public :: scene_as_json, layout_as_json, dataset_as_json
@@ -58,7 +57,7 @@ contains
         do i = 1, size(layout%variable)
             text = text//separator(i)//variable_object(layout, layout%variable(i))
         end do
-        text = text//'],'//pair("status", strings(sample_status_name))//"}"
+        text = text//"]}"
     end function layout_as_json
 
     function link_object(link, name) result(text)
@@ -135,7 +134,9 @@ contains
 
         text = "{"//pair("name", string(variable%name))//","//pair("long_name", string(variable%long_name))//","// &
             pair("units", string(variable%units))//","//pair("is_integer", logical_value(variable%is_integer))//","// &
-            pair("dims", strings(layout%dimension(variable%dim(:variable%n_dim))%name))//"}"
+            pair("dims", strings(layout%dimension(variable%dim(:variable%n_dim))%name))
+        if (variable%is_integer) text = text//","//pair("flags", strings(variable%flag))
+        text = text//"}"
     end function variable_object
 
     function named(name, unit) result(text)

@@ -9,7 +9,7 @@ module linkdyn_netcdf_writer
     use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, writing_failed
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, &
         variable_index, result_time, dim_sample, n_dimension
-    use linkdyn_status, only: status_type, n_sample_status, sample_status_name
+    use linkdyn_status, only: status_type
     use netcdf, only: nf90_create, nf90_def_dim, nf90_def_var, nf90_def_var_deflate, nf90_def_var_fill, nf90_put_att, &
         nf90_put_var, nf90_close, nf90_strerror, nf90_netcdf4, nf90_clobber, nf90_char, nf90_double, &
         nf90_int, nf90_global, nf90_noerr, nf90_unlimited
@@ -183,7 +183,7 @@ contains
         call check(nf90_put_att(writer%id, id, "units", trim(variable%units)), writer, status)
         if (len(companions(layout, variable)) > 0) &
             call check(nf90_put_att(writer%id, id, "coordinates", companions(layout, variable)), writer, status)
-        if (variable%is_integer) call put_flags(writer, id, status)
+        if (variable%is_integer) call put_flags(writer, id, variable%flag, status)
     end subroutine define_variable
 
     !> Variables that say more about the entries of this one (CF's `coordinates`): the time, the units.
@@ -215,19 +215,23 @@ contains
         if (n_sample > 0) length = min(length, n_sample)
     end function chunk_length
 
-    !> Codes of the samples and their names.
-    subroutine put_flags(writer, id, status)
+    !> What the integers of a variable mean. CF parts the meanings by blanks.
+    subroutine put_flags(writer, id, flag, status)
         type(netcdf_writer), intent(in) :: writer
         integer, intent(in) :: id
+        character(len=*), intent(in) :: flag(:)
         type(status_type), intent(inout) :: status
         character(len=:), allocatable :: meanings
-        integer :: i
+        integer :: i, k
 
         meanings = ""
-        do i = 0, n_sample_status - 1
-            meanings = meanings//" "//trim(sample_status_name(i))
+        do i = 1, size(flag)
+            meanings = meanings//" "
+            do k = 1, len_trim(flag(i))
+                meanings = meanings//merge("_", flag(i)(k:k), flag(i)(k:k) == " ")
+            end do
         end do
-        call check(nf90_put_att(writer%id, id, "flag_values", [(i, i=0, n_sample_status - 1)]), writer, status)
+        call check(nf90_put_att(writer%id, id, "flag_values", [(i, i=0, size(flag) - 1)]), writer, status)
         call check(nf90_put_att(writer%id, id, "flag_meanings", meanings(2:)), writer, status)
     end subroutine put_flags
 

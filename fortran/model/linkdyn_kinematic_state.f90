@@ -22,6 +22,8 @@ module linkdyn_kinematic_state
         logical :: world_rates = .true.                       !! angular rates in world axes of every link, also where no step needs them
         ! ---- INPUT
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :) !! coordinates, rates, accelerations    (lane, n_q)
+        real(wp), allocatable :: counted(:, :)                !! about what a coordinate stands in for: an angle knows its turns
+                                                              !!                                      (lane, n_q)
         logical, allocatable :: by_quaternion(:)              !! a pose comes as quaternion: its last three q are not read, (n_pose)
                                                               !! of qd and qdd they are angular rates in world axes
         real(wp), allocatable :: quaternion(:, :, :)          !! w x y z of such a pose               (lane, 4, n_pose)
@@ -58,12 +60,14 @@ contains
 
         state%n_column = n_column
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
-            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), state%slide(lanes, model%n_joint))
+            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), state%slide(lanes, model%n_joint), &
+                      state%counted(lanes, n_q))
             allocate (state%by_quaternion(model%n_pose), state%quaternion(lanes, 4, model%n_pose))
             state%by_quaternion = .false.
             state%q = 0
             state%qd = 0
             state%qdd = 0
+            state%counted = 0
             state%slide = 0
             if (size(model%group) > 0) call prepare_groups(model, n_column, state%group)
             if (model%is_planar) then

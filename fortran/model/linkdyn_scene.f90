@@ -115,6 +115,8 @@ module linkdyn_scene
         integer :: joint = 0
         integer :: variable = 0                   !! variable of the joint (1..3), or component of the pose (1..6)
         integer :: link = 0
+        integer :: for_joint = 0                  !! joint whose variable it stands in for, in part of a forward run; 0: none
+        integer :: for_variable = 0               !! that variable
         real(wp) :: start_position = 0            !! at t = 0, for forward dynamics and for choosing the branch
         real(wp) :: start_velocity = 0
         logical :: has_start = .false.

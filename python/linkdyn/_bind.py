@@ -230,6 +230,20 @@ def inverse(
     check(*_api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"]))
 
 
+class _Row:
+    """Room for all results of one dtype, one after the other as the engine fills them."""
+
+    def __init__(self, n: int, kind: type, shapes: dict[str, tuple[tuple[int, ...], type]]) -> None:
+        self._shapes = {name: (n, *shape) for name, (shape, of) in shapes.items() if of is kind}
+        self._ends = np.cumsum([int(np.prod(shape)) for shape in self._shapes.values()])
+        self.values = np.empty(self._ends[-1], dtype=kind)
+
+    def take(self, name: str) -> NDArray[Any]:
+        """One of them in its shape."""
+        i = list(self._shapes).index(name)
+        return self.values[self._ends[i - 1] if i > 0 else 0 : self._ends[i]].reshape(self._shapes[name])
+
+
 class Run:
     """A forward run under way.
 
@@ -239,6 +253,8 @@ class Run:
         Of the scene, which must stay open.
     settings
         step [s], rtol, atol.
+    switch
+        Exchange coordinates at their dead points.
     error
         Estimate errors too.
     t_start
@@ -252,30 +268,33 @@ class Run:
         solver: str,
         threads: int,
         settings: tuple[float, float, float],
+        switch: bool,
         want: str,
         error: bool,
         t_start: float,
     ) -> None:
         self._handle, code, message = _api.api_forward(
-            handle, method, solver, threads, *settings, want, int(error), t_start
+            handle, method, solver, threads, *settings, int(switch), want, int(error), t_start
         )
         check(code, message)
         self.statistics = np.zeros(3, dtype=np.intc)
         """Steps, rejected steps, right-hand sides."""
         self.stopped = ""
         """Why the run stopped early; empty if it did not."""
+        self.coordinates = ""
+        """Which coordinates were integrated when; empty if none was exchanged."""
         self.reached = t_start
         """Instant [s] at which the work stands: the mean of the run and of what estimates its errors."""
 
     def advance(
-        self, t: Floats, shapes: dict[str, tuple[int, ...]], seconds: float
+        self, t: Floats, shapes: dict[str, tuple[tuple[int, ...], type]], seconds: float
     ) -> tuple[int, dict[str, NDArray[Any]]]:
         """Go on through some instants of output [s], for about so many seconds of computing.
 
         Parameters
         ----------
         shapes
-            Shapes of one sample of the real results by name, in the order of the engine's description.
+            Shape of one sample and dtype of the results by name, in the order of the engine's description.
 
         Returns
         -------
@@ -284,17 +303,14 @@ class Run:
         arrays
             Their results by name.
         """
-        sizes = [len(t) * int(np.prod(shape)) for shape in shapes.values()]
-        values = np.empty(sum(sizes))
-        status = np.zeros(len(t), dtype=np.intc)
-        n_done, self.reached, self.statistics, stopped, code, message = _api.api_advance(
-            self._handle, t, seconds, values, status
+        rows = {kind: _Row(len(t), kind, shapes) for kind in (np.float64, np.intc)}
+        n_done, self.reached, self.statistics, stopped, coordinates, code, message = _api.api_advance(
+            self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values
         )
         check(code, message)
         self.stopped = stopped.decode("utf-8", errors="replace").strip()
-        parts = np.split(values, np.cumsum(sizes)[:-1])
-        arrays = {name: part.reshape(len(t), *shape)[:n_done] for (name, shape), part in zip(shapes.items(), parts)}
-        return n_done, arrays | {"status": status[:n_done]}
+        self.coordinates = coordinates.decode("utf-8", errors="replace").strip()
+        return n_done, {name: rows[kind].take(name)[:n_done] for name, (shape, kind) in shapes.items()}
 
     def finish(self) -> None:
         """Give back what the run holds."""

@@ -65,8 +65,8 @@ def to_dataset(
     for variable in schema["variables"]:
         attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
         if variable["is_integer"]:
-            attributes["flag_values"] = np.arange(len(schema["status"]), dtype=np.intc)
-            attributes["flag_meanings"] = " ".join(schema["status"])
+            attributes["flag_values"] = np.arange(len(variable["flags"]), dtype=np.intc)
+            attributes["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in variable["flags"])
         target = coordinates if variable["name"] == "time" else variables
         target[variable["name"]] = (variable["dims"], arrays[variable["name"]], attributes)
     return xr.Dataset(variables, coordinates, run_attributes(scene, scene_text, solver))

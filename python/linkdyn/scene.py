@@ -295,6 +295,7 @@ class Scene:
         threads: int = 1,
         progress: bool | None = None,
         error: bool = False,
+        switch: bool = True,
     ) -> xr.Dataset:
         """Motion and joint reactions from the laws of the scene's actuators, from the scene's start on.
 
@@ -319,6 +320,10 @@ class Scene:
         error
             Also the error that the run has gathered since its start, estimated: "q_error", "qd_error", "qdd_error",
             "driving_force_error", "reaction_error", "joint_rate_error". Takes up to five times as long.
+        switch
+            Let another joint variable be integrated where a coordinate of a planar mechanism comes to its dead point.
+            The results stay in the scene's coordinates; "stand_in" and ``attrs["coordinates_integrated"]`` say what was
+            integrated when. False: the run stops there.
 
         Returns
         -------
@@ -344,7 +349,7 @@ class Scene:
         schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True, error=bool(error))
         settings = (float(step), float(rtol), float(atol))
         kind = (str(method), str(solver), _count("threads", threads))
-        run = _bind.Run(self._handle, *kind, settings, wanted, bool(error), float(instants[0]))
+        run = _bind.Run(self._handle, *kind, settings, bool(switch), wanted, bool(error), float(instants[0]))
         try:
             return self._follow(run, instants, schema, str(method), str(solver), progress)
         finally:
@@ -360,7 +365,7 @@ class Scene:
         progress: bool | None,
     ) -> xr.Dataset:
         """Through all instants of output, with an ear for interrupts."""
-        shapes = {name: shape for name, (shape, kind) in result_shapes(schema, True).items() if kind is np.float64}
+        shapes = result_shapes(schema, True)
         parts: list[dict[str, NDArray[Any]]] = []
         n_done = 0
 
@@ -369,6 +374,7 @@ class Scene:
             data = to_dataset(schema, arrays, self.description, self.text, solver)
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics))), "stopped": run.stopped}
+            data.attrs["coordinates_integrated"] = run.coordinates
             return data
 
         sign = Progress(progress)

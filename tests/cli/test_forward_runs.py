@@ -62,7 +62,7 @@ def test_interrupt_leaves_a_file_up_to_there(tmp_path, number, status):
 def test_a_stopped_run_keeps_its_file(tmp_path):
     changes = {"frame.markers.J1": [14.5, 0.0], "coordinate.J1.start": 2.6, "coordinate.J1.motion": None}
     scene = changed(tmp_path, "fourbar", changes | {"actuator.J1.law": {"type": "constant", "value": 0.0}})
-    result = forward(tmp_path, scene, "--until", 10, "-o", "run.nc", "-q", "--method", "rk4")
+    result = forward(tmp_path, scene, "--until", 10, "-o", "run.nc", "-q", "--method", "rk4", "--no-switch")
     assert result.returncode == STOPPED
     assert result.stderr.startswith(f"{scene}: stopped at t = ") and result.stderr.count("\n") == 1
     with xr.open_dataset(tmp_path / "run.nc") as run:

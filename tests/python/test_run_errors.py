@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from linkdyn.cli import executable, quadruple_twin
+from test_coordinate_switch import slider_crank as crank_scene
+from test_coordinate_switch import with_coordinates
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -130,6 +132,19 @@ def test_similar_mechanisms_move_alike(name: str, tmp_path: Path) -> None:
         assert largest == 0 or float(run[f"{quantity}_error"].max()) > 0, quantity
 
 
+def test_coordinates_exchanged_on_the_way() -> None:
+    """A piston that drives the crank through its dead centres: companions exchange coordinates as the run does."""
+    scene, t = linkdyn.Scene(with_coordinates(crank_scene(), ("D",))), np.linspace(0.0, 0.25, 26)
+    exact = scene.forward(t=t, rtol=1e-14, atol=1e-14)
+    for method, tolerance in (("rk8pd", 1e-5), ("rkf45", 1e-8), ("msbdf", 1e-7), ("gbs", 1e-9)):
+        run = scene.forward(t=t, method=method, rtol=tolerance, atol=tolerance, error=True)
+        assert "then angle of A" in run.attrs["coordinates_integrated"]
+        for name in ("q", "qd", "reaction"):
+            error, estimate = np.abs(run[name] - exact[name]).values, run[f"{name}_error"].values
+            assert np.all(error <= estimate + 1e-11 * np.abs(exact[name]).max().item()), (method, name)
+        assert float(run.q_error.max()) < 100 * float(np.abs(run.q - exact.q).max())
+
+
 def test_the_run_stays_what_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """Results are those of a run without estimates; pieces and pauses change nothing in either."""
     scene, t = example("fourbar_constant_torque"), np.linspace(0.0, 3.0, 31)
@@ -150,7 +165,7 @@ def test_a_stop_leaves_what_was_known() -> None:
     """From where the run stops there is neither value nor error."""
     changes = {"frame.markers.J1": [14.5, 0.0], "coordinate.J1.start": 2.6, "coordinate.J1.motion": None}
     scene = example("fourbar", changes | {"actuator.J1.law": {"type": "constant", "value": 0.0}})
-    run = scene.forward(10.0, method="rk4", step=1e-2, error=True)
+    run = scene.forward(10.0, method="rk4", step=1e-2, error=True, switch=False)
     assert run.attrs["stopped"].startswith("stopped at t = ")
     good = np.isfinite(run.q.values[:, 0])
     assert good[0] and not good[-1]

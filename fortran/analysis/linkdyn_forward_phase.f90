@@ -1,0 +1,109 @@
+!> A part of a forward run in which the same coordinates are integrated: its model, its equations.
+module linkdyn_forward_phase
+    use linkdyn_coordinate_watch, only: prepare_watch
+    use linkdyn_equations, only: build_equations, unknown_choice, solver_elimination
+    use linkdyn_exchange, only: coordinate_now, is_same_place
+    use linkdyn_forward_state, only: fill_start
+    use linkdyn_forward_system, only: forward_system, build_forward_system, choose_unknowns
+    use linkdyn_integrator, only: integrator_options, method_rk4
+    use linkdyn_inverse, only: inverse_solver
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_status, only: status_type
+    implicit none (type, external)
+    private
+    public :: forward_options, forward_phase, phase_box, plan_phase, enter_phase, release_phase
+
+    type :: forward_options
+        type(integrator_options) :: integrator
+        real(wp) :: t_start = 0                        !! [s]
+        integer :: stage_solver = 0                    !! of the right-hand side, which needs no reactions; 0: the fastest
+        integer :: solver = solver_elimination         !! of the forces at output instants
+        logical :: wants_reactions = .true.
+        logical :: switches = .true.                   !! a coordinate at its dead point is exchanged for another joint variable
+        integer :: threads = 1
+    end type forward_options
+
+    type :: forward_phase
+        integer, allocatable :: choice(:)              !! joint whose variable stands in for a coordinate; 0: none does (n_q)
+        type(model_type), pointer :: model => null()
+        logical :: owns_model = .false.                !! else it is the user's
+        logical :: is_refused = .false.                !! it cannot be planned
+        type(forward_system), pointer :: system => null()
+        type(inverse_solver) :: output                 !! equations at output instants
+    end type forward_phase
+
+    type :: phase_box
+        type(forward_phase), pointer :: phase => null()
+    end type phase_box
+
+contains
+
+    !> Equations of the stages and of the output, for the phase's model.
+    subroutine plan_phase(own, options, phase, status)
+        type(model_type), intent(in), target :: own    !! with the user's coordinates; must outlive the phase
+        type(forward_options), intent(in) :: options
+        type(forward_phase), intent(inout) :: phase
+        type(status_type), intent(inout) :: status
+        type(unknown_choice) :: unknown
+
+        allocate (phase%system)
+        call build_forward_system(phase%model, options%stage_solver, phase%system, status, own)
+        call choose_unknowns(phase%model, unknown, status)
+        if (status%is_ok()) call build_equations(phase%model, options%solver, options%wants_reactions, &
+                                                 phase%output%equations, status, unknown)
+        if (.not. status%is_ok()) return
+        call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
+        phase%system%watch%may_exchange = options%switches
+        phase%system%watch%has_equal_steps = options%integrator%method == method_rk4
+    end subroutine plan_phase
+
+    !> Bring a phase to where another one stands, by a model planned for that place.
+    !>
+    !> **Errors**: what the equations refuse. `fits` is false if the links do not come to the same place.
+    subroutine enter_phase(own, options, from, y_from, t, model, phase, y, fits, status)
+        type(model_type), intent(in), target :: own
+        type(forward_options), intent(in) :: options
+        type(forward_phase), intent(in) :: from
+        real(wp), intent(in) :: y_from(:, :)           !! (lane, n)
+        real(wp), intent(in) :: t                      !! [s]
+        type(model_type), intent(in) :: model
+        type(forward_phase), intent(inout) :: phase
+        real(wp), allocatable, intent(out) :: y(:, :)
+        logical, intent(out) :: fits
+        type(status_type), intent(inout) :: status
+        real(wp) :: counted(own%n_q), rate
+        integer :: k
+
+        fits = .false.
+        if (.not. phase%owns_model) allocate (phase%model)
+        phase%owns_model = .true.
+        phase%model = model
+        if (.not. associated(phase%system)) call plan_phase(own, options, phase, status)
+        if (.not. status%is_ok()) return
+        do k = 1, own%n_q
+            call coordinate_now(own, from%model, from%system%watch%state, k, counted(k), rate)
+        end do
+        associate (start => model%scene%coordinate, system => phase%system)
+            system%model => phase%model
+            allocate (y(lanes, system%n))
+            call fill_start(model, system%layout, spread(start%start_position, 1, lanes), &
+                            spread(start%start_velocity, 1, lanes), y, counted)
+            y(:, system%layout%work) = y_from(:, from%system%layout%work)
+            call system%take_over(from%system, t, y)
+            call system%look_at(spread(t, 1, lanes), y)
+            fits = is_same_place(model, system%watch%state, from%system%watch%state)
+        end associate
+    end subroutine enter_phase
+
+    subroutine release_phase(phase)
+        type(forward_phase), intent(inout) :: phase
+
+        if (associated(phase%system)) then
+            call phase%system%release()
+            deallocate (phase%system)
+        end if
+        if (phase%owns_model) deallocate (phase%model)
+    end subroutine release_phase
+end module linkdyn_forward_phase

@@ -1,0 +1,405 @@
+"""Forward runs through the dead points of their own coordinates: the same motion as with coordinates that have none."""
+
+from __future__ import annotations
+
+import copy
+import csv
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import linkdyn
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = ROOT / "examples"
+TIGHT = {"rtol": 1e-13, "atol": 1e-13}
+
+
+def description(path: str) -> dict:
+    return tomllib.loads((EXAMPLES / path).read_text())
+
+
+def with_coordinates(given: dict, joints: tuple[str, ...], turns: float = 0.0) -> dict:
+    """The scene with other joints for coordinates, starting as it does: the links' start says on which assembly."""
+    scene = linkdyn.Scene(given)
+    q = np.array([[float(c["start"]["position"]) for c in given["coordinate"]]])
+    qd = np.array([[float(c["start"].get("velocity", 0.0)) for c in given["coordinate"]]])
+    poses = scene.poses(q)
+    free = copy.deepcopy(given)
+    for link, position, turn in zip(free["link"], poses.position[0], poses.rotation[0]):
+        link["start"] = {"position": [float(x) for x in position[:2]], "angle": float(np.arctan2(turn[1, 0], turn[0, 0]))}
+    for joint in free["joint"]:
+        joint.pop("branch", None)
+    # As many actuators as coordinates, or there is no inverse dynamics.
+    measured = given | {"actuator": [{"joint": c["joint"]} for c in given["coordinate"]]}
+    start = linkdyn.Scene(measured).inverse(q=q, qd=qd, qdd=0 * q)
+    kind = {joint["name"]: "slide" if joint["type"] == "prismatic" else "angle" for joint in given["joint"]}
+    free["coordinate"] = [
+        {
+            "joint": joint,
+            "start": {
+                "position": float(start.joint_variable.sel(variable=f"{joint}.{kind[joint]}")[0]) + 2 * np.pi * turns,
+                "velocity": float(start.joint_rate.sel(variable=f"{joint}.{kind[joint]}")[0]),
+            },
+        }
+        for joint in joints
+    ]
+    return free
+
+
+def slider_crank(torque: float = 0.0) -> dict:
+    """The example, its crank free, at 40 rad/s: it turns fully at 0.1 to 0.2 s a turn."""
+    given = description("slider_crank/scene.toml")
+    given["coordinate"] = [{"joint": "A", "start": {"position": 1.7, "velocity": 40.0}}]
+    given["actuator"] = [{"joint": "A", "law": {"type": "constant", "value": torque}}]
+    given["load"] = [{"on": "piston.face", "force": [{"law": "harmonic", "mean": -4.0, "amplitude": 40.0, "frequency": 10.0}, 0.0]}]
+    return given
+
+
+def triple_rocker() -> dict:
+    """No joint turns fully: every joint variable has dead points."""
+    given = description("fourbar_constant_torque/scene.toml")
+    given["frame"]["markers"]["J1"] = [18.0, 0.0]
+    given["coordinate"] = [{"joint": "J1", "start": {"position": 2.2, "velocity": 1.5}}]
+    given["actuator"] = [{"joint": "J1", "law": {"type": "constant", "value": 0.0}}]
+    given["spring"] = []
+    return given
+
+
+def five_bar() -> dict:
+    """Two freedoms; the rods in the middle come to be stretched now and then."""
+    bar = {"mass": 1.0, "inertia": 0.1}
+    return {
+        "space": "planar",
+        "gravity": [0.0, -2.0],
+        "frame": {"markers": {"A": [0.0, 0.0], "E": [1.5, 0.0]}},
+        "link": [
+            {"name": "left", "markers": {"A": [0.0, 0.0], "B": [0.5, 0.0]}, "cog": [0.25, 0.0], **bar},
+            {"name": "rod", "markers": {"B": [0.0, 0.0], "C": [1.0, 0.0]}, "cog": [0.5, 0.05], **bar},
+            {"name": "bar", "markers": {"D": [0.0, 0.0], "C": [0.9, 0.0]}, "cog": [0.45, 0.0], **bar},
+            {"name": "right", "markers": {"E": [0.0, 0.0], "D": [0.6, 0.0]}, "cog": [0.3, 0.0], **bar},
+        ],
+        "joint": [
+            {"name": "A", "type": "revolute", "between": ["frame.A", "left.A"]},
+            {"name": "B", "type": "revolute", "between": ["left.B", "rod.B"]},
+            {"name": "C", "type": "revolute", "between": ["rod.C", "bar.C"], "branch": 1},
+            {"name": "D", "type": "revolute", "between": ["bar.D", "right.D"]},
+            {"name": "E", "type": "revolute", "between": ["frame.E", "right.E"]},
+        ],
+        "coordinate": [
+            {"joint": "A", "start": {"position": 1.0, "velocity": 4.0}},
+            {"joint": "E", "start": {"position": 0.8, "velocity": -1.0}},
+        ],
+        "actuator": [{"joint": "E", "law": {"type": "spring-damper", "stiffness": 15.0, "damping": 0.2, "rest": 0.8}}],
+        "time": {"end": 4.0},
+    }
+
+
+def gap(ours: xr.DataArray, theirs: xr.DataArray) -> float:
+    """Largest difference, relative to the largest value."""
+    return float(abs(ours - theirs).max() / abs(theirs).max())
+
+
+def angles_apart(run: xr.Dataset, other: xr.Dataset) -> float:
+    """Largest difference of joint variables, angles but for turns."""
+    apart = (run.joint_variable - other.joint_variable).values
+    is_angle = (run["variable_unit"] == "rad").values
+    apart[:, is_angle] -= 2 * np.pi * np.round(apart[:, is_angle] / (2 * np.pi))
+    return float(np.abs(apart).max())
+
+
+def assert_alike(run: xr.Dataset, other: xr.Dataset, part: float) -> None:
+    """Everything that does not depend on the coordinates."""
+    assert run.attrs["stopped"] == other.attrs["stopped"] == ""
+    assert angles_apart(run, other) < part
+    for name in ("joint_rate", "reaction", "kinetic_energy", "potential_energy"):
+        assert gap(run[name], other[name]) < part, name
+    if abs(other.driving_force).max() > 0:
+        for name in ("driving_force", "driving_speed", "driving_power", "work"):
+            assert gap(run[name], other[name]) < part, name
+    # Sums of a dozen terms of which the largest is 1, in the place of the coordinates that were exchanged too.
+    assert abs(run.power_imbalance).max() < 1e-12
+    assert run.closure.max() < 1e-14 * 20
+
+
+def coordinate_of(run: xr.Dataset, k: int) -> str:
+    return str(run.coordinate.values[k])
+
+
+METHODS = {
+    # Tolerances a factor of 100, steps a factor of 4 apart, and by what the error must fall at least: a little less than
+    # in proportion, and than with order 4.
+    "rk8pd": ({"rtol": 1e-8, "atol": 1e-8}, {"rtol": 1e-10, "atol": 1e-10}, 30.0),
+    "rkf45": ({"rtol": 1e-8, "atol": 1e-8}, {"rtol": 1e-10, "atol": 1e-10}, 30.0),
+    "gbs": ({"rtol": 1e-8, "atol": 1e-8}, {"rtol": 1e-10, "atol": 1e-10}, 30.0),
+    "msbdf": ({"rtol": 1e-6, "atol": 1e-6}, {"rtol": 1e-8, "atol": 1e-8}, 10.0),
+    "rk4": ({"step": 4e-4}, {"step": 1e-4}, 4.0**3.8),
+}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_slider_crank_by_its_piston(method: str) -> None:
+    """Many turns with the piston's slide for coordinate are those of the free crank, and as exact."""
+    given = slider_crank(torque=1.0)
+    t = np.linspace(0.0, 1.0, 101)
+    crank, piston = linkdyn.Scene(given), linkdyn.Scene(with_coordinates(given, ("D",)))
+    exact = crank.forward(t=t, **TIGHT)
+    assert exact.q.values[-1, 0] - exact.q.values[0, 0] > 2 * np.pi * 6
+    coarse, fine, least = METHODS[method]
+    errors = []
+    for settings in (coarse, fine):
+        run = piston.forward(t=t, method=method, **settings)
+        usual = crank.forward(t=t, method=method, **settings)
+        assert run.attrs["coordinates_integrated"].startswith("slide of D until ")
+        assert run.attrs["coordinates_integrated"].endswith(" s, then angle of A")
+        # Tolerances are relative to other numbers for a tenth of a turn.
+        allowed = 5 * gap(usual.joint_rate, exact.joint_rate) + 1e-11
+        errors.append(gap(run.joint_rate, exact.joint_rate))
+        assert errors[-1] < allowed
+        assert_alike(run, exact, 100 * allowed)
+    assert errors[0] > least * errors[1]
+
+
+def test_coordinates_stay_the_users() -> None:
+    """q, qd, qdd are the piston's; `stand_in` names what was integrated."""
+    given = slider_crank(torque=1.0)
+    t = np.linspace(0.0, 0.5, 501)
+    run = linkdyn.Scene(with_coordinates(given, ("D",))).forward(t=t, **TIGHT)
+    crank = linkdyn.Scene(given).forward(t=t, **TIGHT)
+    assert coordinate_of(run, 0) == "D"
+    np.testing.assert_allclose(run.q.values[:, 0], crank.joint_variable.sel(variable="D.slide"), rtol=0, atol=1e-11)
+    np.testing.assert_allclose(run.qd.values[:, 0], crank.joint_rate.sel(variable="D.slide"), rtol=0, atol=1e-9)
+    # The piston's acceleration by the crank's: x'' from x(q), differentiated by hand.
+    q, qd, qdd = (crank[name].values[:, 0] for name in ("q", "qd", "qdd"))
+    s, c, h, l = 0.08 * np.sin(q) - 0.02, 0.08 * np.cos(q), 0.3, 0.3
+    root = np.sqrt(h**2 - s**2)
+    first = -0.08 * np.sin(q) - s * c / root
+    second = -c - (c**2 - s * 0.08 * np.sin(q)) / root - s**2 * c**2 / root**3
+    np.testing.assert_allclose(run.qdd.values[:, 0], first * qdd + second * qd**2, rtol=0, atol=1e-8 * abs(run.qdd).max().item())
+    meanings = run.stand_in.attrs["flag_meanings"].split()
+    assert {meanings[i] for i in run.stand_in.values.ravel()} == {"none", "A.angle"}
+    assert np.all(np.diff(run.stand_in.values[:, 0]) >= 0)
+    # The dyad of the piston's scene is crank and rod, whatever is integrated: the angle between them.
+    angle = run.joint_variable.sel(variable="B.angle").values
+    np.testing.assert_allclose(np.sin(run.transmission_angle.values[:, 0]), abs(np.sin(angle)), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "rkf45"])
+def test_energy_through_dozens_of_exchanges(method: str) -> None:
+    """Every coordinate comes to its dead points; what energy is lost is the integrator's."""
+    scene = linkdyn.Scene(triple_rocker())
+    t = np.linspace(0.0, 60.0, 301)
+    drift = []
+    for tolerance in (1e-8, 1e-10):
+        run = scene.forward(t=t, method=method, rtol=tolerance, atol=tolerance)
+        assert run.attrs["stopped"] == ""
+        assert int(run.attrs["coordinates_integrated"].split("(")[1].split()[0]) > 24
+        assert abs(run.power_imbalance).max() < 1e-12
+        energy = run.kinetic_energy + run.potential_energy
+        drift.append(float(abs(energy - energy[0]).max() / run.kinetic_energy.max()))
+    assert drift[0] < 1e4 * 1e-8
+    assert drift[1] < 0.1 * drift[0]
+
+
+def test_against_reference() -> None:
+    """The 50-digit solution of the four-bar, with the follower for coordinate, whose dead points the crank turns through."""
+    reference = json.loads((ROOT / "tests" / "reference" / "forward.json").read_text())["fourbar_constant_torque"]
+    states = reference["states"]
+    scene = linkdyn.Scene(with_coordinates(description(reference["scene"]), ("J4",)))
+    run = scene.forward(t=[0.0, *(float(state["t"]) for state in states)], rtol=1e-14, atol=1e-14)
+    assert run.attrs["coordinates_integrated"].endswith("then angle of J1")
+    for i, state in enumerate(states, start=1):
+        turns = (run.joint_variable.sel(variable="J1.angle").values[i] - float(state["q"][0])) / (2 * np.pi)
+        # As where the crank is the coordinate, times ten for the rate at which the exchange happens.
+        assert abs(turns - round(turns)) * 2 * np.pi < 1e-10
+        rate = float(state["qd"][0])
+        assert abs(run.joint_rate.sel(variable="J1.angle").values[i] - rate) < 1e-10 * abs(rate)
+        reactions = np.array([[float(x) for x in state["reaction"][joint]] for joint in run.joint.values])
+        assert np.abs(run.reaction.values[i] - reactions).max() < 1e-9 * np.abs(reactions).max()
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs"])
+def test_only_the_bad_one_of_two_is_exchanged(method: str) -> None:
+    """Where the rods of a five-bar are stretched its cranks depend on each other: one of them is kept, and the drive on it."""
+    given = five_bar()
+    t = np.linspace(0.0, 4.0, 201)
+    run = linkdyn.Scene(given).forward(t=t, method=method, rtol=1e-12, atol=1e-12)
+    assert np.any(run.stand_in.sel(coordinate="A") > 0)
+    assert np.all(run.stand_in.sel(coordinate="E") == 0)
+    other = linkdyn.Scene(with_coordinates(given, ("B", "C"))).forward(t=t, **TIGHT)
+    # Errors of 1e-12 a step grow a thousandfold in chaotic motion of 4 s.
+    assert_alike(run, other, 1e-8)
+
+
+def test_driven_coordinates_are_kept() -> None:
+    """The left crank follows its law; it is the right one that is exchanged for the rods' joint."""
+    given = five_bar()
+    given["coordinate"][0] |= {"driven": True, "motion": {"law": "constant-rate", "start": 1.0, "rate": 4.0}}
+    given["actuator"].append({"joint": "A"})
+    t = np.linspace(0.0, 4.0, 201)
+    run = linkdyn.Scene(given).forward(t=t, **TIGHT)
+    assert np.all(run.stand_in.sel(coordinate="A") == 0)
+    assert np.any(run.stand_in.sel(coordinate="E") > 0)
+    np.testing.assert_allclose(run.q.sel(coordinate="A"), 1.0 + 4.0 * t, rtol=1e-14)
+    free = copy.deepcopy(given)
+    exchanged = with_coordinates(five_bar(), ("A", "C"))
+    free |= {key: exchanged[key] for key in ("link", "joint")}
+    free["coordinate"] = [given["coordinate"][0], exchanged["coordinate"][1]]
+    other = linkdyn.Scene(free).forward(t=t, **TIGHT)
+    assert_alike(run, other, 1e-8)
+    energy = run.kinetic_energy + run.potential_energy - run.work
+    assert abs(energy - energy[0]).max() < 1e-9 * run.kinetic_energy.max()
+
+
+def test_turns_are_counted() -> None:
+    """A spring at a coordinate that started three turns further on stays there while others stand in for the coordinate."""
+    t = np.linspace(0.0, 12.0, 241)
+    runs = []
+    for turns in (0, 3):
+        given = with_coordinates(triple_rocker(), ("J4",), turns)
+        rest = given["coordinate"][0]["start"]["position"]
+        given["actuator"] = [{"joint": "J4", "law": {"type": "spring-damper", "stiffness": 2e4, "damping": 10.0, "rest": rest}}]
+        runs.append(linkdyn.Scene(given).forward(t=t, **TIGHT))
+    assert np.any(runs[1].stand_in > 0)
+    assert np.any(np.diff((runs[1].stand_in.values[:, 0] > 0).astype(int)) < 0)    # it comes back
+    np.testing.assert_allclose(runs[1].q.values - 6 * np.pi, runs[0].q.values, rtol=0, atol=1e-7)
+    assert gap(runs[1].driving_force, runs[0].driving_force) < 1e-7
+    for run in runs:
+        energy = run.kinetic_energy + run.potential_energy - run.work
+        assert abs(energy - energy[0]).max() < 1e-9 * run.kinetic_energy.max()
+
+
+def test_a_stand_in_counts_no_turns() -> None:
+    """A spring on a joint that is no coordinate is at the angle nearest to its rest, also while that joint stands in."""
+    given = slider_crank()
+    given["spring"] = [{"name": "spring", "joint": "A", "stiffness": 3.0, "rest": 0.5}]
+    given |= {"actuator": [], "load": [], "time": {"end": 0.5}}
+    t = np.linspace(0.0, 0.5, 101)
+    # The spring jumps where the angle is half a turn off its rest, so that only loose tolerances get there.
+    runs = [linkdyn.Scene(with_coordinates(given, (joint,))).forward(t=t, rtol=1e-8, atol=1e-8) for joint in ("D", "B")]
+    assert runs[0].attrs["coordinates_integrated"].endswith("then angle of A")
+    assert runs[1].attrs["coordinates_integrated"] == ""
+    assert angles_apart(*runs) < 1e-4
+
+
+def test_inverse_of_forward() -> None:
+    """Inverse dynamics of the motion found gives the driving forces and reactions back, by coordinates without dead points."""
+    given = with_coordinates(slider_crank(torque=1.0), ("D",))
+    run = linkdyn.Scene(given).forward(t=np.linspace(0.0, 0.4, 41), **TIGHT)
+    crank = slider_crank(torque=1.0)
+    motion = linkdyn.Scene(crank).forward(t=run.time.values, **TIGHT)
+    q = run.joint_variable.sel(variable="A.angle").values[:, None]
+    qd = run.joint_rate.sel(variable="A.angle").values[:, None]
+    crank["actuator"] = [{"joint": "A"}]
+    inverse = linkdyn.Scene(crank).inverse(q=q, qd=qd, qdd=motion.qdd.values, t=run.time.values)
+    assert gap(run.reaction, inverse.reaction) < 1e-8
+    assert abs(inverse.driving_force - 1.0).max() < 1e-6
+
+
+def test_round_trip_in_own_coordinates() -> None:
+    """q, qd, qdd of the exchanged samples, put into the scene's own inverse dynamics: until the first dead point."""
+    given = with_coordinates(slider_crank(torque=1.0), ("D",))
+    t = np.linspace(0.0, 0.03, 301)
+    run = linkdyn.Scene(given).forward(t=t, **TIGHT)
+    slide = given | {"actuator": [{"joint": "A"}]}
+    inverse = linkdyn.Scene(slide).inverse(q=run.q.values, qd=run.qd.values, qdd=run.qdd.values, t=t)
+    exchanged = run.stand_in.values[:, 0] > 0
+    turned = np.flatnonzero(run.qd.values[:, 0] * run.qd.values[0, 0] < 0)[0]
+    # The piston is within 1e-3 of its own dead point in between, where its coordinate says little.
+    compared = exchanged & (np.arange(len(t)) < turned) & (abs(np.sin(run.transmission_angle.values[:, 0])) > 0.03)
+    assert compared.sum() > 3
+    reaction = run.reaction.values[compared]
+    assert np.abs(inverse.reaction.values[compared] - reaction).max() < 1e-5 * np.abs(reaction).max()
+
+
+def test_change_points_are_no_dead_points() -> None:
+    """A parallelogram through its change points, and one that is not quite: its crank stays the coordinate."""
+    for longer in (0.0, 1e-4, 1e-2):
+        bar = {"mass": 1.0, "cog": [0.5, 0.0], "inertia": 1 / 12}
+        joints = [("J1", "frame.J1", "crank.J1"), ("J2", "crank.J2", "coupler.J2"), ("J3", "coupler.J3", "follower.J3"),
+                  ("J4", "frame.J4", "follower.J4")]
+        given = {
+            "space": "planar",
+            "gravity": [0.0, -9.81],
+            "frame": {"markers": {"J1": [0.0, 0.0], "J4": [2.0, 0.0]}},
+            "link": [
+                {"name": "crank", "markers": {"J1": [0.0, 0.0], "J2": [1.0, 0.0]}, **bar},
+                {"name": "coupler", "markers": {"J2": [0.0, 0.0], "J3": [2.0, 0.0]}, **bar, "start": {"angle": 0.0}},
+                {"name": "follower", "markers": {"J4": [0.0, 0.0], "J3": [1.0 + longer, 0.0]}, **bar},
+            ],
+            "joint": [{"name": name, "type": "revolute", "between": [one, two]} for name, one, two in joints],
+            "coordinate": [{"joint": "J1", "start": {"position": 1.0, "velocity": 9.0}}],
+            "time": {"end": 2.0},
+        }
+        run = linkdyn.Scene(given).forward(t=np.linspace(0.0, 2.0, 101), rtol=1e-10, atol=1e-10)
+        assert run.attrs["stopped"] == ""
+        assert run.q.values[-1, 0] - run.q.values[0, 0] > 2 * np.pi
+        assert run.attrs["coordinates_integrated"] == ""
+
+
+def test_switching_can_be_forbidden() -> None:
+    scene = linkdyn.Scene(with_coordinates(slider_crank(), ("D",)))
+    run = scene.forward(t=np.linspace(0.0, 0.1, 11), switch=False)
+    assert run.attrs["stopped"].endswith("s: coordinate 'D' comes to its dead point")
+    assert np.all(run.stand_in == 0)
+    assert np.isnan(run.q.values[-1, 0])
+
+
+def test_pauses_change_nothing() -> None:
+    """A run that comes back every 50 microseconds, in the midst of phases too, gives the same numbers."""
+    from linkdyn import _bind
+    from linkdyn.results import result_shapes
+
+    scene = linkdyn.Scene(triple_rocker())
+    t = np.linspace(0.0, 6.0, 31)
+    whole = scene.forward(t=t)
+    assert np.any(whole.stand_in > 0)
+    shapes = result_shapes(_bind.describe_results(scene._handle, "elimination", "", True, is_forward=True), True)
+    run = _bind.Run(scene._handle, "rk8pd", "elimination", 1, (1e-3, 1e-9, 1e-9), True, "", False, 0.0)
+    parts, n_done, n_call = [], 0, 0
+    while n_done < len(t):
+        n, arrays = run.advance(t[n_done:], shapes, 5e-5)
+        parts.append(arrays)
+        n_done += n
+        n_call += 1
+    run.finish()
+    assert n_call > 60
+    for name in shapes:
+        np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), whole[name].values, err_msg=name)
+    assert run.coordinates == whole.attrs["coordinates_integrated"]
+
+
+def test_start_at_a_dead_point_is_refused() -> None:
+    """The piston at the end of its stroke does not say how fast the crank turns, nor where to."""
+    given = with_coordinates(slider_crank(), ("D",))
+    given["frame"]["markers"]["rail"] = [0.0, 0.0]
+    given["coordinate"][0]["start"] = {"position": 0.38, "velocity": 0.0}
+    with pytest.raises(linkdyn.InputError, match="at a dead point.*expected another coordinate.*'A'"):
+        linkdyn.Scene(given).forward(0.1)
+
+
+def test_files_and_summary_tell(tmp_path: Path) -> None:
+    """The executable's summary, netCDF and CSV name the joints."""
+    given = with_coordinates(slider_crank(), ("D",))
+    scene = tmp_path / "piston.toml"
+    scene.write_text(linkdyn.Scene(given).text)
+    import subprocess
+
+    def run(*options: str) -> str:
+        command = ["linkdyn", "forward", str(scene), "--until", "0.1", "--samples", "11", *options]
+        return subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path).stdout
+
+    assert "  coordinates      slide of D until 0.0" in run()
+    with xr.open_dataset(tmp_path / "piston.nc") as data:
+        python = linkdyn.Scene(given).forward(t=np.linspace(0.0, 0.1, 11))
+        assert data.attrs["coordinates_integrated"] == python.attrs["coordinates_integrated"]
+        np.testing.assert_array_equal(data.stand_in.values, python.stand_in.values)
+        assert data.stand_in.attrs["flag_meanings"] == python.stand_in.attrs["flag_meanings"]
+        assert data.stand_in.dims == python.stand_in.dims
+    run("--csv")
+    rows = list(csv.DictReader((tmp_path / "piston.csv").open()))
+    assert [row["stand_in D"] for row in rows][:1] + [row["stand_in D"] for row in rows][-1:] == ["none", "A.angle"]
