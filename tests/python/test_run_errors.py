@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 import xarray as xr
 from linkdyn.cli import executable, quadruple_twin
-from test_coordinate_switch import slider_crank as crank_scene
-from test_coordinate_switch import with_coordinates
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
-sys.path.insert(0, str(ROOT / "tests" / "hard"))
+sys.path[:0] = [str(ROOT / "tests" / "hard"), str(ROOT / "tests" / "python")]
 
 from cases import slider_crank  # noqa: E402
+from test_coordinate_switch import slider_crank as free_crank  # noqa: E402
+from test_coordinate_switch import with_coordinates  # noqa: E402
 from twin import QUANTITIES, quadruple_run, run_ratios  # noqa: E402
 
 REFERENCES = json.loads((ROOT / "tests" / "reference" / "forward.json").read_text())
@@ -134,7 +134,7 @@ def test_similar_mechanisms_move_alike(name: str, tmp_path: Path) -> None:
 
 def test_coordinates_exchanged_on_the_way() -> None:
     """A piston that drives the crank through its dead centres: companions exchange coordinates as the run does."""
-    scene, t = linkdyn.Scene(with_coordinates(crank_scene(), ("D",))), np.linspace(0.0, 0.25, 26)
+    scene, t = linkdyn.Scene(with_coordinates(free_crank(), ("D",))), np.linspace(0.0, 0.25, 26)
     exact = scene.forward(t=t, rtol=1e-14, atol=1e-14)
     for method, tolerance in (("rk8pd", 1e-5), ("rkf45", 1e-8), ("msbdf", 1e-7), ("gbs", 1e-9)):
         run = scene.forward(t=t, method=method, rtol=tolerance, atol=tolerance, error=True)
