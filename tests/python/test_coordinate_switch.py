@@ -369,7 +369,8 @@ def test_pauses_change_nothing() -> None:
     run.finish()
     assert n_call > 60
     for name in shapes:
-        np.testing.assert_array_equal(np.concatenate([part[name] for part in parts]), whole[name].values, err_msg=name)
+        # A sample's place among those computed side by side shows in the last place of a sum, such as the energy.
+        np.testing.assert_allclose(np.concatenate([part[name] for part in parts]), whole[name].values, 1e-15, 0, err_msg=name)
     assert run.coordinates == whole.attrs["coordinates_integrated"]
 
 
