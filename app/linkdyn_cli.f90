@@ -23,8 +23,8 @@ module linkdyn_cli
     character(len=11), parameter :: common_option(10) = [character(len=11) :: &
         "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
     character(len=11), parameter :: inverse_option(12) = [character(len=11) :: common_option, "--error", "--states"]
-    character(len=11), parameter :: forward_option(17) = [character(len=11) :: common_option, &
-        "--method", "--step", "--rtol", "--atol", "--until", "--samples", "--no-switch"]
+    character(len=11), parameter :: forward_option(18) = [character(len=11) :: common_option, &
+        "--error", "--method", "--step", "--rtol", "--atol", "--until", "--samples", "--no-switch"]
     character(len=12), parameter :: sweep_option(12) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
         "--sheet", "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
     character(len=11), parameter :: study_option(7) = [character(len=11) :: "--output", "--no-output", "--until", "--quiet", &
@@ -207,7 +207,7 @@ contains
             call refuse("--sheet: the sizing sheet is drawn by the Python package (expected the command linkdyn that it installs)")
             return
         end if
-        if (config%command /= command_inverse .and. any(["--error ", "--states"] == option)) then
+        if (config%command /= command_inverse .and. option == "--states") then
             call refuse(quoted(option)//": unknown option (expected with linkdyn inverse)")
             return
         end if
@@ -423,6 +423,8 @@ contains
             "  --method NAME       rk8pd (default), rkf45, gbs (many digits), msbdf (stiff scenes), rk4 (fixed step)", &
             "  --step H            fixed step, or the first one tried, in s; default 0.001", &
             "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9", &
+            "  --error             also estimate the error that the run gathers, of the motion and of every force: takes up", &
+            "                      to five times as long", &
             "  --no-switch         stop where a coordinate comes to its dead point; default: another joint variable", &
             "                      is integrated in its place, and the summary says so", &
             "  --want LIST         driving_force, reaction, joint_variable, power (with energies), checks,", &

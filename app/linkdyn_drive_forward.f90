@@ -3,19 +3,19 @@ module linkdyn_drive_forward
     use, intrinsic :: iso_fortran_env, only: error_unit, int64
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
-    use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward, &
-        coordinates_in_words, method_name
+    use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, method_name, method_rk4
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, dyad_names
-    use linkdyn_forward_block, only: advance_block
+    use linkdyn_model, only: model_type
     use linkdyn_output_file, only: watch_interrupts, interrupt_noted
-    use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block
+    use linkdyn_results, only: block_type, prepare_block
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
     use linkdyn_terminal, only: progress_type, start_progress, show_share, end_progress, seconds_since
     use linkdyn_text, only: to_text
+    use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &
+        time_reached
     implicit none (type, external)
     private
     public :: drive_forward
@@ -32,8 +32,7 @@ contains
         integer, intent(in) :: unit                  !! for the summary
         integer, intent(out) :: exit_status
         type(model_type), target :: model
-        type(forward_run) :: run
-        type(layout_type) :: layout
+        type(watched_run), target :: watched
         type(output_type) :: output
         type(summary_type) :: summary
         type(status_type) :: status
@@ -43,33 +42,32 @@ contains
         exit_status = exit_bad_input
         call load_model(config%scene, .false., model, status)
         if (status%is_ok()) call choose_times(config, model, t, status)
-        if (status%is_ok()) call start_forward(model, options_of(config, t(1)), run, status)
+        if (status%is_ok()) call start_watched(model, options_of(config, t(1)), config%wanted, watched, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, config%wanted, .true., layout, is_forward=.true., dyad=dyad_names(model))
-            call open_results(config, model, layout, size(t), output, status, may_end_early=.true.)
+            call open_results(config, model, watched%layout, size(t), output, status, may_end_early=.true.)
         else if (index(status%message, config%scene//":") /= 1) then
             status%message = config%scene//": "//trim(status%message)
         end if
-        if (status%is_ok()) call run_blocks(config, run, layout, t, output, summary, seconds, status)
+        if (status%is_ok()) call run_blocks(config, watched, t, output, summary, seconds, status)
         if (.not. status%is_ok()) then
-            call finish_forward(run)
+            call finish_watched(watched)
             write (error_unit, "(a)") trim(status%message)
             return
         end if
         if (.not. config%quiet) then
-            call print_summary(model%scene, layout, summary, config%solver, config%options%threads, seconds, output%name, &
-                               unit)
-            call print_statistics(run, unit)
+            call print_summary(model%scene, watched%layout, summary, config%solver, config%options%threads, seconds, &
+                               output%name, unit)
+            call print_statistics(watched%run, unit)
         end if
         exit_status = exit_done
-        if (run%has_stopped) then
-            write (error_unit, "(a)") trim(config%scene)//": "//trim(run%reason)
+        if (watched%run%has_stopped) then
+            write (error_unit, "(a)") trim(config%scene)//": "//trim(watched%run%reason)
         else if (summary%n_failed > 0) then
             write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
         end if
-        if (summary%n_failed > 0 .or. run%has_stopped) exit_status = exit_samples_failed
+        if (summary%n_failed > 0 .or. watched%run%has_stopped) exit_status = exit_samples_failed
         if (interrupt_noted() > 0) exit_status = exit_of_signal + interrupt_noted()
-        call finish_forward(run)
+        call finish_watched(watched)
     end subroutine drive_forward
 
     function options_of(config, t_start) result(options)
@@ -108,10 +106,9 @@ contains
         t(n) = last
     end subroutine choose_times
 
-    subroutine run_blocks(config, run, layout, t, output, summary, seconds, status)
+    subroutine run_blocks(config, watched, t, output, summary, seconds, status)
         type(command_line), intent(in) :: config
-        type(forward_run), intent(inout) :: run
-        type(layout_type), intent(in) :: layout
+        type(watched_run), intent(inout) :: watched
         real(wp), intent(in) :: t(:)                  !! instants [s]
         type(output_type), intent(inout) :: output
         type(summary_type), intent(out) :: summary
@@ -122,8 +119,8 @@ contains
         integer(int64) :: start
         integer :: first, n, n_done, n_fallback
 
-        call prepare_block(layout, min(block_length, size(t)), block)
-        call start_summary(layout, summary)
+        call prepare_block(watched%layout, min(block_length, size(t)), block)
+        call start_summary(watched%layout, summary)
         call start_progress(config%quiet, progress)
         seconds = 0
         first = 1
@@ -131,19 +128,19 @@ contains
         do while (first <= size(t))
             n = min(block_length, size(t) - first + 1)
             call system_clock(start)
-            call advance_block(run, layout, t(first:first + n - 1), block, n_fallback, n_done, breath)
+            call advance_watched(watched, t(first:first + n - 1), block, n_fallback, n_done, breath)
             seconds = seconds + seconds_since(start)
-            if (n_done > 0) call put_results(layout, block, first, n_done, output, status)
+            if (n_done > 0) call put_results(watched%layout, block, first, n_done, output, status)
             if (.not. status%is_ok()) exit
-            call add_to_summary(layout, block, n_done, n_fallback, summary)
+            call add_to_summary(watched%layout, block, n_done, n_fallback, summary)
             first = first + n_done
-            call show_share((run%integrator%t - t(1))/(t(size(t)) - t(1)), progress)
+            call show_share((time_reached(watched) - t(1))/(t(size(t)) - t(1)), progress)
             if (interrupt_noted() == 0 .or. first > size(t)) cycle
-            call interrupt_forward(run)
+            call interrupt_watched(watched)
             exit
         end do
         call end_progress(progress)
-        call note_run(run, output, status)
+        call note_run(watched%run, output, status)
         call close_results(output, status)
     end subroutine run_blocks
 
@@ -171,6 +168,8 @@ contains
         associate (i => run%integrator)
             write (unit, "(a)") "  integrator       "//trim(method_name(i%options%method))//", "//to_text(i%n_step) &
                 //" steps, "//to_text(i%n_rejected)//" rejected, "//to_text(i%n_evaluation)//" right-hand sides"
+            if (i%options%method /= method_rk4) write (unit, "(a)") "  tolerance        "//to_text(i%options%rtol) &
+                //" relative, "//to_text(i%options%atol)//" absolute, in a step"
             if (i%n_step > 0) write (unit, "(a)") "  steps            "//to_text(i%shortest_step)//" to " &
                 //to_text(i%longest_step)//" s"
         end associate

@@ -3,8 +3,9 @@
 module linkdyn_summary
     use linkdyn_inverse, only: solver_name, solver_reduced
     use linkdyn_kinds, only: wp
-    use linkdyn_results, only: layout_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
-        result_time, result_driving_force, result_reaction, result_status
+    use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
+        result_time, result_driving_force, result_reaction, result_status, variable_index, samples_width, label_of_value, &
+        estimated, estimate_of
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: sample_ok, sample_status_name
     use linkdyn_text, only: to_text
@@ -20,6 +21,14 @@ module linkdyn_summary
         logical :: is_set = .false.
     end type peak_type
 
+    !> The largest estimated error of one kind of result in one unit.
+    type :: error_peak_type
+        integer :: place = 0, place_of_error = 0    !! of the variable and of its error in the layout
+        character(len=label_len) :: unit = ""
+        type(peak_type) :: error                 !! `place`: of the value in a sample
+        real(wp) :: largest = 0                  !! value
+    end type error_peak_type
+
     !> Figures gathered block by block.
     type :: summary_type
         integer :: n_sample = 0
@@ -31,6 +40,7 @@ module linkdyn_summary
         type(peak_type), allocatable :: lowest(:), highest(:)   !! driving force (n_actuator)
         real(wp), allocatable :: sum_of_squares(:)              !! (n_actuator)
         type(peak_type) :: force, moment                        !! largest reaction, its square
+        type(error_peak_type), allocatable :: worst(:)          !! none: no errors were estimated
     end type summary_type
 
 contains
@@ -38,12 +48,33 @@ contains
     subroutine start_summary(layout, summary)
         type(layout_type), intent(in) :: layout
         type(summary_type), intent(out) :: summary
+        integer :: i
 
         allocate (summary%lowest(layout%dimension(dim_actuator)%size))
         allocate (summary%highest(layout%dimension(dim_actuator)%size))
         allocate (summary%sum_of_squares(layout%dimension(dim_actuator)%size))
         summary%sum_of_squares = 0
+        allocate (summary%worst(0))
+        do i = 1, size(estimate_of)
+            call add_worst(layout, variable_index(layout, estimated(i)), variable_index(layout, estimate_of(i)), summary%worst)
+        end do
     end subroutine start_summary
+
+    !> A place for the largest error of a result in each of its units.
+    subroutine add_worst(layout, place, place_of_error, worst)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: place, place_of_error    !! in the layout; 0: not there
+        type(error_peak_type), allocatable, intent(inout) :: worst(:)
+        integer :: i
+
+        if (place == 0 .or. place_of_error == 0) return
+        associate (unit => layout%variable(place)%entry_unit)
+            do i = 1, size(unit)
+                if (any(unit(:i - 1) == unit(i))) cycle
+                worst = [worst, error_peak_type(place, place_of_error, unit(i))]
+            end do
+        end associate
+    end subroutine add_worst
 
     !> Take a block in. Failed samples count as such and nowhere else.
     subroutine add_to_summary(layout, block, n, n_fallback, summary)
@@ -79,6 +110,9 @@ contains
                     summary%sum_of_squares(k) = summary%sum_of_squares(k) + force(k, i)**2
                 end do
             end if
+            do k = 1, size(summary%worst)
+                call note_errors(layout, block, i, time(i), summary%worst(k))
+            end do
             if (.not. summary%has_reaction) cycle
             do k = 1, size(reaction, 2)
                 call raise_peak(sum(reaction(:n_force, k, i)**2), time(i), k, summary%force)
@@ -86,6 +120,35 @@ contains
             end do
         end do
     end subroutine add_to_summary
+
+    !> Errors of one kind and unit in a sample.
+    subroutine note_errors(layout, block, sample, time, worst)
+        type(layout_type), intent(in) :: layout
+        type(block_type), intent(in) :: block
+        integer, intent(in) :: sample
+        real(wp), intent(in) :: time
+        type(error_peak_type), intent(inout) :: worst
+        integer :: i, n, before
+
+        associate (variable => layout%variable(worst%place), value => block%of(worst%place)%real, &
+                   error => block%of(worst%place_of_error)%real)
+            n = samples_width(layout, variable)
+            before = (sample - 1)*n
+            do i = 1, n
+                if (unit_of(variable, i) /= worst%unit) cycle
+                worst%largest = max(worst%largest, abs(value(before + i)))
+                call raise_peak(error(before + i), time, i, worst%error)
+            end do
+        end associate
+    end subroutine note_errors
+
+    pure function unit_of(variable, item) result(unit)
+        type(variable_type), intent(in) :: variable
+        integer, intent(in) :: item                  !! of the values of a sample
+        character(len=label_len) :: unit
+
+        unit = variable%entry_unit(1 + modulo(item - 1, size(variable%entry_unit)))
+    end function unit_of
 
     !> Add the figures of later samples to those of all before them.
     subroutine join_summaries(part, whole)
@@ -107,6 +170,10 @@ contains
         end do
         call join(part%force, whole%force)
         call join(part%moment, whole%moment)
+        do k = 1, size(whole%worst)
+            call join(part%worst(k)%error, whole%worst(k)%error)
+            whole%worst(k)%largest = max(whole%worst(k)%largest, part%worst(k)%largest)
+        end do
     contains
         subroutine join(later, peak)
             type(peak_type), intent(in) :: later
@@ -148,6 +215,7 @@ contains
             write (unit, "(a)") ""
             write (unit, "(a)") "  no reactions: the solver does without them"
         end if
+        if (size(summary%worst) > 0) call print_errors(layout, summary%worst, unit)
         write (unit, "(a)") ""
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
         if (summary%n_fallback > 0) write (unit, "(a)") "  dense solver     took over "// &
@@ -199,6 +267,47 @@ contains
                 right(significant(sqrt(summary%sum_of_squares(k)/n_solved)), number_width)
         end do
     end subroutine print_forces
+
+    !> The largest estimated errors with their places; which of them is the worst beside the largest value of its kind.
+    subroutine print_errors(layout, worst, unit)
+        type(layout_type), intent(in) :: layout
+        type(error_peak_type), intent(in) :: worst(:)
+        integer, intent(in) :: unit
+        integer, parameter :: name_width = 24, number_width = 12, time_width = 10
+        character(len=:), allocatable :: mark
+        real(wp) :: relative(size(worst))
+        integer :: i
+
+        relative = worst%error%value/max(worst%largest, tiny(1.0_wp))
+        write (unit, "(a)") ""
+        write (unit, "(a)") "  "//left("estimated error", name_width)//right("largest", number_width)// &
+            right("of at most", number_width)//right("at t [s]", time_width)//"  of"
+        do i = 1, size(worst)
+            if (.not. worst(i)%error%is_set) cycle
+            mark = ""
+            if (i == maxloc(relative, 1)) mark = "  (the worst)"
+            associate (variable => layout%variable(worst(i)%place))
+                write (unit, "(a)") "  "//left(trim(variable%name)//" ["//trim(worst(i)%unit)//"]", name_width)// &
+                    right(rounded(worst(i)%error%value), number_width)//right(significant(worst(i)%largest), number_width)// &
+                    right(significant(worst(i)%error%time), time_width)//"  "// &
+                    label_of_value(layout, variable, worst(i)%error%place)//mark
+            end associate
+        end do
+    end subroutine print_errors
+
+    !> An error: two digits say it all.
+    pure function rounded(value) result(text)
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+        character(len=10) :: buffer
+
+        if (.not. value <= huge(value)) then
+            text = "infinite"
+            return
+        end if
+        write (buffer, "(es10.1)") value
+        text = trim(adjustl(buffer))
+    end function rounded
 
     !> "none", or how many and where first.
     function failure_text(summary) result(text)

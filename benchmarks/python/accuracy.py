@@ -1,4 +1,4 @@
-"""Regenerate docs/accuracy.md: hard cases against the quadruple twin, error estimates, studies.
+"""Regenerate docs/accuracy.md: hard cases against the quadruple twin, error estimates, forward runs, studies.
 
 Usage: accuracy.py [--no-studies]; needs linkdyn installed and linkdyn-real128 beside it (`make accuracy` sees to both).
 The tables stand between markers in the document, the pictures beside it.
@@ -21,6 +21,7 @@ import numpy as np  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / "hard"), str(ROOT / "benchmarks" / "python")]
 
+from accuracy_runs import draw_runs, measure_runs, runs_table  # noqa: E402
 from bench_inverse import COLOURS, finish, put_between  # noqa: E402
 from cases import Case, examples, hard_cases  # noqa: E402
 from linkdyn.cli import quadruple_twin  # noqa: E402
@@ -161,7 +162,7 @@ def studies(folder: Path) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--no-studies", action="store_true", help="hard cases and estimates only")
+    parser.add_argument("--no-studies", action="store_true", help="all but the studies")
     given = parser.parse_args()
     program = quadruple_twin()
     if program is None:
@@ -174,6 +175,9 @@ def main() -> None:
     put_between(DOCUMENT, "cost", cost_table())
     draw_histogram(result, folder / "estimates.png")
     draw_families(result, folder / "families.png")
+    runs = measure_runs(program)
+    put_between(DOCUMENT, "runs", runs_table(runs))
+    draw_runs(runs, folder / "runs.png")
     if not given.no_studies:
         put_between(DOCUMENT, "studies", studies(folder))
     print(estimate_table(result))

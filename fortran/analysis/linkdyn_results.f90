@@ -20,7 +20,9 @@ module linkdyn_results
     public :: result_error, result_growth, result_power_imbalance, result_time
     public :: result_driving_force_error, result_reaction_error
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
-    public :: result_transmission_angle, result_stand_in
+    public :: result_transmission_angle, result_stand_in, result_q_error, result_qd_error, result_qdd_error, &
+        result_joint_rate_error
+    public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
     integer, parameter :: unit_len = 8
@@ -57,10 +59,19 @@ module linkdyn_results
     integer, parameter :: result_work = 18
     integer, parameter :: result_closure = 19
     integer, parameter :: result_step = 20
-    integer, parameter :: result_driving_force_error = 21   ! of inverse dynamics, on demand
+    integer, parameter :: result_driving_force_error = 21   ! on demand
     integer, parameter :: result_reaction_error = 22
     integer, parameter :: result_transmission_angle = 23    ! of planar dyads
     integer, parameter :: result_stand_in = 24              ! of a forward run
+    integer, parameter :: result_q_error = 25          ! of forward dynamics, on demand
+    integer, parameter :: result_qd_error = 26
+    integer, parameter :: result_qdd_error = 27
+    integer, parameter :: result_joint_rate_error = 28
+    ! ---- of what errors are estimated, and what the estimates are
+    integer, parameter :: estimated(6) = [result_q, result_qd, result_qdd, result_driving_force, result_reaction, &
+                                          result_joint_rate]
+    integer, parameter :: estimate_of(6) = [result_q_error, result_qd_error, result_qdd_error, result_driving_force_error, &
+                                            result_reaction_error, result_joint_rate_error]
 
     ! ---- what the user may ask for
     character(len=14), parameter :: wanted_name(7) = [character(len=14) :: &
@@ -74,7 +85,7 @@ module linkdyn_results
         logical :: power = .true.            !! speed and power of every actuator
         logical :: checks = .true.           !! error, growth, power_imbalance
         logical :: rcond = .false.           !! costs as much as everything else together, or more
-        logical :: errors = .false.          !! error estimates of what of the forces is wanted
+        logical :: errors = .false.          !! error estimates of the forces that are wanted; of a run of its motion, too
     end type wanted_type
 
     !> One dimension. `label` and `unit` are absent for the samples.
@@ -335,6 +346,7 @@ contains
         logical, intent(in) :: has_joint_coordinates
         type(layout_type), intent(inout) :: layout
 
+        if (wanted%errors) call describe_run_errors(wanted, layout)
         if (has_joint_coordinates) call add(layout, result_stand_in, "stand_in", &
             "joint variable integrated in the place of the coordinate, which was near its dead point", "1", &
             of=[dim_coordinate], flag=[character(len=label_len) :: "none", layout%dimension(dim_variable)%label])
@@ -348,6 +360,24 @@ contains
         call add(layout, result_closure, "closure", "largest distance or angle by which a joint misses (m, rad)", "1")
         call add(layout, result_step, "step", "last step of the integrator", "s")
     end subroutine describe_run
+
+    !> What a run has gathered since its start; that of the forces stands among them.
+    subroutine describe_run_errors(wanted, layout)
+        type(wanted_type), intent(in) :: wanted
+        type(layout_type), intent(inout) :: layout
+
+        associate (unit => layout%dimension(dim_coordinate)%unit)
+            call add(layout, result_q_error, "q_error", "estimated error of the generalized coordinates", &
+                of=[dim_coordinate], units=unit)
+            call add(layout, result_qd_error, "qd_error", "estimated error of their first time derivative", &
+                of=[dim_coordinate], units=per(unit, "/s"))
+            call add(layout, result_qdd_error, "qdd_error", "estimated error of their second time derivative", &
+                of=[dim_coordinate], units=per(unit, "/s2"))
+        end associate
+        if (wanted%joint_variable) call add(layout, result_joint_rate_error, "joint_rate_error", &
+            "estimated error of the rates of the joint variables", of=[dim_variable], &
+            units=per(layout%dimension(dim_variable)%unit, "/s"))
+    end subroutine describe_run_errors
 
     !> Append one variable to the layout. Either one unit, or one for each entry of its last dimension.
     subroutine add(layout, id, name, long_name, unit, of, units, flag)
@@ -513,6 +543,24 @@ contains
 
         width = product(layout%dimension(variable%dim(2:variable%n_dim))%size)
     end function samples_width
+
+    !> Names of what value number `item` of a sample belongs to: "J3", "J3 Fx".
+    pure function label_of_value(layout, variable, item) result(label)
+        type(layout_type), intent(in) :: layout
+        type(variable_type), intent(in) :: variable
+        integer, intent(in) :: item
+        character(len=:), allocatable :: label
+        integer :: i, rest, n
+
+        label = ""
+        rest = item - 1
+        do i = variable%n_dim, 2, -1
+            n = layout%dimension(variable%dim(i))%size
+            label = trim(layout%dimension(variable%dim(i))%label(1 + modulo(rest, n)))//" "//label
+            rest = rest/n
+        end do
+        label = trim(label)
+    end function label_of_value
 
     !> Speed and power of every actuator from the rates of the joint variables.
     pure subroutine find_driving_power(layout, driving_force, joint_rate, speed, power)

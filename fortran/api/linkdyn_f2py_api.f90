@@ -14,9 +14,7 @@ module linkdyn_f2py_api
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
-    use linkdyn_forward, only: forward_options, forward_run, start_forward, finish_forward, choose_method, &
-        coordinates_in_words
-    use linkdyn_forward_block, only: advance_block
+    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
     use linkdyn_model, only: model_type, dyad_names
@@ -34,6 +32,7 @@ module linkdyn_f2py_api
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_text, only: to_text, quoted
     use linkdyn_version, only: version
+    use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched, time_reached
     implicit none
     private
     public :: api_version, api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_describe_results
@@ -60,13 +59,8 @@ module linkdyn_f2py_api
     end type scene_box
 
     !> A forward run under way.
-    type :: open_run
-        type(forward_run) :: run
-        type(layout_type) :: layout
-    end type open_run
-
     type :: run_box
-        type(open_run), pointer :: run => null()
+        type(watched_run), pointer :: run => null()
     end type run_box
 
     type(run_box), allocatable, save :: runs(:)       !! place = handle
@@ -385,7 +379,8 @@ contains
     end subroutine api_inverse
 
     !> Start a forward run. It goes on by api_advance and must be ended by api_finish.
-    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, switches, want, t_start, run_handle, code, message)
+    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, switches, want, has_errors, t_start, &
+            run_handle, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: method, solver
@@ -393,6 +388,7 @@ contains
         real(c_double), intent(in) :: step, rtol, atol
         integer(c_int), intent(in) :: switches             ! 1: coordinates are exchanged at their dead points
         character(len=*), intent(in) :: want               ! "all" or names with commas
+        integer(c_int), intent(in) :: has_errors           ! 1: error estimates are wanted
         real(c_double), intent(in) :: t_start              ! [s]
         integer(c_int), intent(out) :: run_handle
         integer(c_int), intent(out) :: code
@@ -401,7 +397,7 @@ contains
         type(status_type) :: status
         type(forward_options) :: options
         type(wanted_type) :: wanted
-        type(open_run), pointer :: new
+        type(watched_run), pointer :: new
         type(run_box), allocatable :: longer(:)
 
         run_handle = 0
@@ -419,13 +415,12 @@ contains
             options%switches = switches == 1
             options%threads = threads
             options%wants_reactions = wanted%reaction
+            wanted%errors = has_errors == 1
         end if
         if (status%code == 0) then
             allocate (new)
-            call start_forward(model, options, new%run, status)
+            call start_watched(model, options, wanted, new, status)
             if (status%code == 0) then
-                call describe_results(model%scene, wanted, .true., new%layout, is_forward=.true., &
-                                      dyad=dyad_names(model))
                 !$omp critical (linkdyn_registry)
                 if (.not. allocated(runs)) allocate (runs(0))
                 do run_handle = size(runs), 1, -1          ! a place left free
@@ -440,7 +435,7 @@ contains
                 runs(run_handle)%run => new
                 !$omp end critical (linkdyn_registry)
             else
-                call finish_forward(new%run)
+                call finish_watched(new)
                 deallocate (new)
             end if
         end if
@@ -464,7 +459,7 @@ contains
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
-        type(open_run), pointer :: here
+        type(watched_run), pointer :: here
         type(status_type) :: status
         type(block_type) :: block
         integer :: i, place, whole_place, n_fallback
@@ -487,7 +482,7 @@ contains
             call check_size("numbers", n_numbers, whole_place, status)
         end if
         if (status%code == 0) then
-            call advance_block(here%run, here%layout, t, block, n_fallback, i, seconds)
+            call advance_watched(here, t, block, n_fallback, i, seconds)
             n_done = i
             place = 0
             whole_place = 0
@@ -502,8 +497,8 @@ contains
             end do
             associate (integrator => here%run%integrator)
                 statistics = [integrator%n_step, integrator%n_rejected, integrator%n_evaluation]
-                reached = integrator%t
             end associate
+            reached = time_reached(here)
             if (here%run%has_stopped) stopped = here%run%reason
             coordinates = coordinates_in_words(here%run)
         end if
@@ -513,7 +508,7 @@ contains
     !> End a run; nothing happens to one that was ended before.
     subroutine api_finish(run_handle)
         integer(c_int), intent(in) :: run_handle
-        type(open_run), pointer :: here
+        type(watched_run), pointer :: here
         type(status_type) :: status
 
         call find_run(run_handle, here, status)
@@ -521,13 +516,13 @@ contains
         !$omp critical (linkdyn_registry)
         nullify (runs(run_handle)%run)
         !$omp end critical (linkdyn_registry)
-        call finish_forward(here%run)
+        call finish_watched(here)
         deallocate (here)
     end subroutine api_finish
 
     subroutine find_run(run_handle, here, status)
         integer(c_int), intent(in) :: run_handle
-        type(open_run), pointer, intent(out) :: here
+        type(watched_run), pointer, intent(out) :: here
         type(status_type), intent(out) :: status
 
         nullify (here)

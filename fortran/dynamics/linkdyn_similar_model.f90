@@ -1,15 +1,16 @@
-!> A mechanism similar to a given one, of another size: what the error estimate computes again with.
+!> A mechanism similar to a given one, of another size: what the error estimates compute again with.
 !>
-!> With all lengths, gravity and forces of loads s times as large, moments of loads and inertias s**2 times, the forces are
-!> s times and the moments s**2 times those of the model, at the same angles and times. But for rounding: all numbers
-!> have other digits, so the data and every operation round differently. Zeros stay zero and equal lengths stay equal,
-!> so the similar mechanism has the same equations.
+!> With all lengths, gravity and forces of loads and drives s times as large, moments, inertias and stiffnesses of turning
+!> springs s**2 times, the forces are s times and the moments s**2 times those of the model, at the same angles and times,
+!> and left to itself it moves alike. But for rounding: all numbers have other digits, so the data and every operation
+!> round differently. Zeros stay zero and equal lengths stay equal, so the similar mechanism has the same equations.
 module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length
-    use linkdyn_scene, only: law_spec
+    use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
+        law_harmonic
     implicit none (type, external)
     private
     public :: make_similar, coordinate_scale, drive_scale, near_one
@@ -22,14 +23,20 @@ contains
         integer, intent(in) :: copy
         real(wp), intent(in) :: scale                !! s
         type(model_type), intent(out) :: similar
+        integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107    ! keys
         real(wp) :: own_scale
         integer :: i, k, n_length
 
         similar = model
         similar%gravity = scale*model%gravity
+        similar%scene%gravity = scale*model%scene%gravity
         do i = 1, model%n_link
             similar%link(i)%cog = scale*model%link(i)%cog
             similar%link(i)%inertia = scale**2*model%link(i)%inertia
+            ! A forward run may plan the scene once more, with other coordinates.
+            similar%scene%link(i)%cog = scale*model%scene%link(i)%cog
+            similar%scene%link(i)%inertia = scale**2*model%scene%link(i)%inertia
+            similar%scene%link(i)%start(:3) = scale*model%scene%link(i)%start(:3)
             do k = 1, size(model%scene%link(i)%marker)
                 similar%scene%link(i)%marker(k)%at = scale*model%scene%link(i)%marker(k)%at
             end do
@@ -40,6 +47,9 @@ contains
         do i = 1, model%n_joint
             similar%joint(i)%point = scale*model%joint(i)%point
             similar%joint(i)%frame = other_rounding(copy, model%joint(i)%frame)
+            do k = 1, size(model%scene%joint(i)%start)
+                if (is_slide(model%joint(i)%kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)
+            end do
         end do
         do i = 1, size(model%scene%spring)
             associate (spring => similar%scene%spring(i))
@@ -52,11 +62,33 @@ contains
             end associate
         end do
         do i = 1, model%n_q
+            ! Angles have no size: they differ in the last place instead.
             own_scale = coordinate_scale(model, i, scale)
-            similar%start_q(i) = own_scale*model%start_q(i)
+            similar%start_q(i) = own_scale*near_one([copy, of_start, i])*model%start_q(i)
             similar%stride(i) = own_scale*model%stride(i)
-            similar%scene%coordinate(i)%start_position = own_scale*model%scene%coordinate(i)%start_position
-            call scale_law(own_scale, similar%scene%coordinate(i)%motion)
+            associate (coordinate => similar%scene%coordinate(i))
+                coordinate%start_position = own_scale*near_one([copy, of_start, i])*coordinate%start_position
+                coordinate%start_velocity = own_scale*near_one([copy, of_rate, i])*coordinate%start_velocity
+                call scale_law(own_scale, [copy, of_motion, i], coordinate%motion)
+            end associate
+        end do
+        do i = 1, model%n_actuator
+            call scale_drive(drive_scale(model, i, scale), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
+                             similar%scene%actuator(i)%drive)
+        end do
+        do i = 1, model%n_load
+            do k = 1, 3
+                call scale_law(scale, [copy, of_load, i, k], similar%scene%load(i)%force(k))
+                call scale_law(scale**2, [copy, of_load, i, 3 + k], similar%scene%load(i)%moment(k))
+            end do
+        end do
+        do i = 1, size(model%leg)
+            associate (leg => similar%leg(i))
+                leg%point = scale*leg%point
+                leg%moment = scale*leg%moment
+                leg%lower_moment = scale*leg%lower_moment
+                leg%inertia = scale**2*leg%inertia
+            end associate
         end do
         do i = 1, size(model%group)
             n_length = link_freedom(model) - merge(1, 3, model%is_planar)
@@ -93,12 +125,45 @@ contains
         if (joint > 0) is_angular = .not. is_slide(model%joint(joint)%kind, variable)
     end function is_angular
 
-    pure subroutine scale_law(scale, law)
-        real(wp), intent(in) :: scale
-        type(law_spec), intent(inout) :: law
+    !> The law of a drive along a slide, or about an axis.
+    pure subroutine scale_drive(force_scale, is_sliding, scale, key, drive)
+        real(wp), intent(in) :: force_scale          !! of the driving force
+        logical, intent(in) :: is_sliding
+        real(wp), intent(in) :: scale                !! of lengths
+        integer, intent(in) :: key(:)                !! of the drive, for `near_one`
+        type(drive_spec), intent(inout) :: drive
+        real(wp) :: stiffness_scale, position_scale
 
-        law%value(:2) = scale*law%value(:2)          ! the others are durations, frequencies, phases
-        if (allocated(law%knot)) law%knot = scale*law%knot
+        stiffness_scale = merge(1.0_wp, scale**2, is_sliding)
+        position_scale = merge(scale, 1.0_wp, is_sliding)
+        select case (drive%kind)
+        case (drive_constant)
+            drive%value(1) = force_scale*near_one(key)*drive%value(1)
+        case (drive_table)
+            call scale_law(force_scale, key, drive%target)
+        case (drive_spring_damper)
+            drive%value(:2) = stiffness_scale*drive%value(:2)
+            drive%value(3) = position_scale*drive%value(3)
+        case (drive_dc_motor)
+            drive%value(3) = stiffness_scale*drive%value(3)    ! the torque of a current
+            call scale_law(position_scale, key, drive%target)
+        case (drive_pd)
+            drive%value(:2) = stiffness_scale*drive%value(:2)
+            call scale_law(position_scale, key, drive%target)
+        end select
+    end subroutine scale_drive
+
+    !> Values scaled, each another number in its last place. Durations stay, so that kinks do.
+    pure subroutine scale_law(scale, key, law)
+        real(wp), intent(in) :: scale
+        integer, intent(in) :: key(:)                !! of the law, for `near_one`
+        type(law_spec), intent(inout) :: law
+        integer :: i
+
+        do i = 1, merge(4, 2, law%kind == law_harmonic)
+            law%value(i) = merge(scale, 1.0_wp, i <= 2)*near_one([key, i])*law%value(i)
+        end do
+        if (allocated(law%knot)) law%knot = [(scale*near_one([key, i])*law%knot(i), i=1, size(law%knot))]
         if (allocated(law%curvature)) law%curvature = scale*law%curvature
     end subroutine scale_law
 

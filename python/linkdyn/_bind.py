@@ -255,6 +255,8 @@ class Run:
         step [s], rtol, atol.
     switch
         Exchange coordinates at their dead points.
+    error
+        Estimate errors too.
     t_start
         [s].
     """
@@ -268,10 +270,11 @@ class Run:
         settings: tuple[float, float, float],
         switch: bool,
         want: str,
+        error: bool,
         t_start: float,
     ) -> None:
         self._handle, code, message = _api.api_forward(
-            handle, method, solver, threads, *settings, int(switch), want, t_start
+            handle, method, solver, threads, *settings, int(switch), want, int(error), t_start
         )
         check(code, message)
         self.statistics = np.zeros(3, dtype=np.intc)
@@ -281,6 +284,7 @@ class Run:
         self.coordinates = ""
         """Which coordinates were integrated when; empty if none was exchanged."""
         self.reached = t_start
+        """Instant [s] at which the work stands: the mean of the run and of what estimates its errors."""
 
     def advance(
         self, t: Floats, shapes: dict[str, tuple[tuple[int, ...], type]], seconds: float

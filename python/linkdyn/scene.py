@@ -19,7 +19,6 @@ from . import _bind
 from ._changes import changed
 from ._progress import Progress
 from .errors import InputError, Interrupted
-from ._run_error import add_errors, finer
 from .results import result_shapes, to_dataset
 from .study import run_study
 from .sweep import run_sweep
@@ -333,9 +332,8 @@ class Scene:
         progress
             Say how far the run is and how long it will take, if it takes over two seconds; default: on a terminal.
         error
-            Run once more, with half the step or a hundredth of the tolerances, and give the difference: variables
-            "q_error", "qd_error", "driving_force_error", "reaction_error", ..., the error since the start that the
-            first run has gathered, by size.
+            Also the error that the run has gathered since its start, estimated: "q_error", "qd_error", "qdd_error",
+            "driving_force_error", "reaction_error", "joint_rate_error". Takes up to five times as long.
         switch
             Let another joint variable be integrated where a coordinate of a planar mechanism comes to its dead point.
             The results stay in the scene's coordinates; "stand_in" and ``attrs["coordinates_integrated"]`` say what was
@@ -362,21 +360,14 @@ class Scene:
         if len(instants) == 0 or np.any(np.diff(instants) <= 0):
             raise InputError("t: expected increasing instants")
         wanted = want if isinstance(want, str) else ",".join(want or ())
-        schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True)
+        schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True, error=bool(error))
         settings = (float(step), float(rtol), float(atol))
-        threads = _count("threads", threads)
-
-        def follow(settings: tuple[float, float, float]) -> xr.Dataset:
-            run = _bind.Run(
-                self._handle, str(method), str(solver), threads, settings, bool(switch), wanted, float(instants[0])
-            )
-            try:
-                return self._follow(run, instants, schema, str(method), str(solver), progress)
-            finally:
-                run.finish()
-
-        run = follow(settings)
-        return add_errors(run, follow(finer(method, settings)), method) if error else run
+        kind = (str(method), str(solver), _count("threads", threads))
+        run = _bind.Run(self._handle, *kind, settings, bool(switch), wanted, bool(error), float(instants[0]))
+        try:
+            return self._follow(run, instants, schema, str(method), str(solver), progress)
+        finally:
+            run.finish()
 
     def _follow(
         self,

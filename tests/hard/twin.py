@@ -79,3 +79,58 @@ def true_errors(forces: np.ndarray, exact: np.ndarray) -> np.ndarray:
     largest = np.nanmax(np.abs(exact), axis=1, keepdims=True, initial=0.0)
     error[error < NEGLIGIBLE * largest] = 0.0
     return error
+
+
+# --------------------------------------------------------------------------------------------------- forward runs
+QUANTITIES = ("q", "qd", "qdd", "driving_force", "reaction", "joint_rate")
+"""What forward runs estimate errors of."""
+
+
+def quadruple_run(program: Path, scene: Path, end: float, n: int, tolerance: float = 1e-20) -> dict[str, np.ndarray]:
+    """A forward run by ``linkdyn-real128``: times and quantities, (N, ...) as doubles.
+
+    Parameters
+    ----------
+    program
+        The twin.
+    scene
+        Scene file; its run starts at 0.
+    end
+        [s]; with n a power of two plus one, and few digits, the instants are exact doubles.
+    n
+        Number of instants.
+    tolerance
+        Of a step.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "run.csv"
+        command = [program, "forward", scene, "--method", "gbs", "--rtol", tolerance, "--atol", tolerance, "--samples", n]
+        command += ["--until", repr(float(end)), "--csv", "-q", "-o", file]
+        run = subprocess.run([str(word) for word in command], capture_output=True, text=True, check=False)
+        if run.returncode != 0:
+            raise RuntimeError(f"{scene}: {run.stderr}")
+        header, *rows = csv.reader(file.open())
+    result = {}
+    for name in ("time", *QUANTITIES):
+        columns = [i for i, title in enumerate(header) if title.startswith(f"{name} ")]
+        if columns:
+            result[name] = np.array([[float(row[i]) for i in columns] for row in rows])
+    return result | {"time": result["time"][:, 0]}
+
+
+def run_ratios(run: xr.Dataset, exact: dict[str, np.ndarray], names: tuple[str, ...] = QUANTITIES) -> np.ndarray:
+    """True error over estimate of all numbers of a forward run that are not zero by nature."""
+    ratios = []
+    for name in names:
+        if name not in run:
+            continue
+        value, estimate = run[name].values, run[f"{name}_error"].values
+        difference = value - exact[name].reshape(value.shape)
+        if name == "q":  # orientations may jump by a turn
+            turning = run["coordinate_unit"].values == "rad"
+            difference[:, turning] -= 2 * np.pi * np.round(difference[:, turning] / (2 * np.pi))
+        true = np.abs(difference)
+        true[true < NEGLIGIBLE * np.nanmax(np.abs(value), initial=0.0)] = 0.0
+        counts = np.isfinite(true) & ((true > 0) | (estimate > 0))
+        ratios.append(true[counts] / np.maximum(estimate[counts], np.finfo(float).tiny))
+    return np.concatenate(ratios)

@@ -269,21 +269,3 @@ def test_a_run_that_cannot_go_on_says_where():
     assert abs(run.closure[good]).max() < 1e-13
     with pytest.raises(linkdyn.InputError, match="at its start: links 'follower', 'coupler' cannot be closed"):
         scene.with_({"coordinate.J1.start": 0.5}).forward(1.0)
-
-
-def test_error_estimates():
-    scene = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml")
-    t = np.linspace(0, 3, 7)
-    q, qd, _ = scene.motion(t)
-    exact = scene.inverse(t=t)
-    # A start-up is known exactly. rk4: the estimate is the error up to its next order in the step.
-    run = scene.forward(t=t, method="rk4", step=0.02, error=True)
-    for name, want in (("q", q), ("qd", qd), ("reaction", exact.reaction)):
-        error = np.abs(run[name] - want).max()
-        assert 0.8 < float(run[f"{name}_error"].max() / error) < 1.25, name
-    run = scene.forward(t=t, rtol=1e-7, atol=1e-7, error=True)
-    error = float(np.abs(run.q - q).max())
-    assert error < 1e-5
-    # The finer run's own error counts too.
-    assert abs(float(run.q_error.max()) - error) <= 0.2 * error + 1e-12
-    assert "q_error" not in scene.forward(t=t)
