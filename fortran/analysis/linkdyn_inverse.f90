@@ -12,7 +12,7 @@ module linkdyn_inverse
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
-    use linkdyn_joint_rates, only: measure_joints, power_imbalance
+    use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
@@ -20,7 +20,6 @@ module linkdyn_inverse
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_planar_motion, only: level_given
     use linkdyn_planar_pass, only: map_placed
-    use linkdyn_planar_rates, only: planar_joint_rate
     use linkdyn_pose, only: rates_of_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
@@ -184,11 +183,11 @@ contains
         n_thread = max(1, min(threads, n_block))
         share = max(1, min(largest_share, n_block/(2*n_thread)))
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
-        wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
-                      .or. solver%wants_distance
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
+        wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
+                      .or. has_stand_ins .or. solver%wants_distance
         n_fallback = 0
-        if (has_assemblies(model)) then
+        if (has_assemblies(model) .or. has_stand_ins) then
             if (present(known)) then
                 assembly = known
             else if (present(trail) .and. n > 0) then
@@ -266,7 +265,7 @@ contains
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
-                if (has_assemblies(model)) &
+                if (has_assemblies(model) .or. has_stand_ins) &
                     call place_sample(model, assembly, min(sample, size(assembly%branch, 2)), lane, workspace%state)
             end do
         end subroutine gather
@@ -429,12 +428,12 @@ contains
 
         acceleration = workspace%acceleration
         do k = 1, model%n_q
-            associate (j => model%scene%coordinate(k)%for_joint)
-                if (j == 0) cycle
-                acceleration(:, k) = planar_joint_rate(model, workspace%state, j, level_given)
+            associate (c => model%scene%coordinate(k))
+                if (c%for_joint == 0) cycle
+                acceleration(:, k) = joint_rate(model, workspace%state, c%for_joint, c%for_variable, level_given)
                 do i = 1, model%n_q
                     acceleration(:, k) = acceleration(:, k) + (workspace%acceleration(:, i) - workspace%state%qdd(:, i)) &
-                                         *planar_joint_rate(model, workspace%state, j, i)
+                                         *joint_rate(model, workspace%state, c%for_joint, c%for_variable, i)
                 end do
             end associate
         end do

@@ -7,7 +7,7 @@
 module linkdyn_results
     use linkdyn_equations, only: solver_lapack, solver_reduced
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name
+    use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name, coordinate_joint
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name
     implicit none (type, external)
     private
@@ -62,7 +62,7 @@ module linkdyn_results
     integer, parameter :: result_driving_force_error = 21   ! on demand
     integer, parameter :: result_reaction_error = 22
     integer, parameter :: result_transmission_angle = 23    ! of planar dyads
-    integer, parameter :: result_stand_in = 24              ! of a planar forward run
+    integer, parameter :: result_stand_in = 24              ! of a forward run
     integer, parameter :: result_q_error = 25          ! of forward dynamics, on demand
     integer, parameter :: result_qd_error = 26
     integer, parameter :: result_qdd_error = 27
@@ -217,7 +217,7 @@ contains
         layout%dimension(dim_dyad)%size = size(layout%dimension(dim_dyad)%label)
         call describe_variables(wanted, has_time, layout, length)
         if (present(is_forward)) then
-            if (is_forward) call describe_run(wanted, layout)
+            if (is_forward) call describe_run(wanted, any(scene%coordinate%kind == coordinate_joint), layout)
         end if
     end subroutine describe_results
 
@@ -353,12 +353,13 @@ contains
     end subroutine describe_variables
 
     !> What only a run of forward dynamics has.
-    subroutine describe_run(wanted, layout)
+    subroutine describe_run(wanted, has_joint_coordinates, layout)
         type(wanted_type), intent(in) :: wanted
+        logical, intent(in) :: has_joint_coordinates
         type(layout_type), intent(inout) :: layout
 
         if (wanted%errors) call describe_run_errors(wanted, layout)
-        if (layout%planar) call add(layout, result_stand_in, "stand_in", &
+        if (has_joint_coordinates) call add(layout, result_stand_in, "stand_in", &
             "joint variable integrated in the place of the coordinate, which was near its dead point", "1", &
             of=[dim_coordinate], flag=[character(len=label_len) :: "none", layout%dimension(dim_variable)%label])
         if (wanted%power) then

@@ -11,7 +11,7 @@ module linkdyn_singularity
     use linkdyn_assembly, only: assemble_matrix
     use linkdyn_condition, only: condition_type, condition_space, singular_vectors, is_posed
     use linkdyn_force_map, only: typical_length
-    use linkdyn_joint_rates, only: slide_column
+    use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -143,8 +143,14 @@ contains
         end do
         slide = 0
         do j = 1, model%n_joint
-            if (all(model%joint(j)%kind /= [joint_prismatic, joint_cylindrical])) cycle
-            slide(:, j) = slide_column(model, state, j, k)
+            select case (model%joint(j)%kind)
+            case (joint_prismatic)
+                slide(:, j) = joint_rate(model, state, j, 1, k)
+            case (joint_cylindrical)
+                slide(:, j) = joint_rate(model, state, j, 2, k)
+            case default
+                cycle
+            end select
             speed = max(speed, abs(slide(:, j))/length)
         end do
     end subroutine largest_speed

@@ -20,7 +20,7 @@ module linkdyn_f2py_api
         choose_solver, solver_name
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_motion, only: evaluate_motion
-    use linkdyn_poses, only: find_poses
+    use linkdyn_poses, only: find_poses, poses_of_joints
     use linkdyn_report, only: open_report, read_report
     use linkdyn_results, only: layout_type, block_type, wanted_type, describe_results, prepare_block, choose_wanted, &
         all_wanted, add_free, find_driving_power
@@ -553,9 +553,10 @@ contains
             code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
-        integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
+        integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly;
+                                                           ! 2: q holds all joint variables
         integer(c_int), intent(in) :: n, n_q_values, n_position, n_rotation
-        real(c_double), intent(in), target :: q(n_q_values)                  ! (n_q, n)
+        real(c_double), intent(in), target :: q(n_q_values)                  ! (n_q, n), (n_variable, n)
         real(c_double), intent(inout), target :: position(n_position)        ! (3, n_link, n)
         real(c_double), intent(inout), target :: rotation(n_rotation)        ! (3, 3, n_link, n)
         integer(c_int), intent(inout), target :: sample_status(n)
@@ -564,18 +565,22 @@ contains
         type(model_type), pointer :: model
         type(status_type) :: status
         type(assembly_trail) :: trail
+        integer :: width
         real(c_double), pointer :: q2(:, :), position3(:, :, :), rotation4(:, :, :, :)
 
         call find_model(handle, model, status)
-        if (status%code == 0) call check_size("q", n_q_values, model%n_q*n, status)
+        if (status%code == 0) width = merge(model%n_variable, model%n_q, in_order == 2)
+        if (status%code == 0) call check_size("q", n_q_values, width*n, status)
         if (status%code == 0) call check_size("position", n_position, 3*model%n_link*n, status)
         if (status%code == 0) call check_size("rotation", n_rotation, 9*model%n_link*n, status)
-        if (status%code == 0) call check_finite("q", model, 0, n, q, status)
+        if (status%code == 0 .and. in_order /= 2) call check_finite("q", model, 0, n, q, status)
         if (status%code == 0) then
-            q2(1:model%n_q, 1:n) => q
+            q2(1:width, 1:n) => q
             position3(1:3, 1:model%n_link, 1:n) => position
             rotation4(1:3, 1:3, 1:model%n_link, 1:n) => rotation
-            if (in_order == 1) then
+            if (in_order == 2) then
+                call poses_of_joints(model, q2, position3, rotation4, sample_status)
+            else if (in_order == 1) then
                 call find_poses(model, q2, position3, rotation4, sample_status, trail)
             else
                 call find_poses(model, q2, position3, rotation4, sample_status)
