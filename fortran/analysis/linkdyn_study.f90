@@ -8,7 +8,7 @@ module linkdyn_study
     use linkdyn_forward, only: forward_options, forward_results, forward_run, start_forward, advance_forward, &
         finish_forward, method_name, method_rk4, method_gbs
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
-        solver_lapack, solver_reduced, solver_name
+        solver_lapack, solver_reduced, solver_gauss_jordan_plain, solver_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_status, only: status_type, sample_ok
@@ -20,7 +20,7 @@ module linkdyn_study
     !> One method, one setting.
     type :: study_row
         character(len=8) :: analysis = ""        !! inverse or forward
-        character(len=12) :: method = ""
+        character(len=18) :: method = ""
         character(len=24) :: setting = ""        !! "tol 1e-8", "step 0.001"; blank: none
         real(wp) :: seconds = 0                  !! a sample, or the whole run
         real(wp) :: error = 0                    !! relative; huge: the run failed
@@ -259,7 +259,8 @@ contains
         best = 0
         do i = 1, size(row)
             if (row(i)%analysis /= analysis .or. row(i)%error > target) cycle
-            if (row(i)%method == solver_name(solver_reduced)) cycle    ! it gives no reactions
+            ! No reactions; for comparison only.
+            if (any(row(i)%method == solver_name([solver_reduced, solver_gauss_jordan_plain]))) cycle
             if (best > 0) then
                 if (row(i)%seconds >= row(best)%seconds) cycle
             end if
