@@ -1,19 +1,20 @@
-!> Coordinates exchanged for other joint variables of a planar mechanism, in the course of a forward run.
+!> Coordinates exchanged for other joint variables, in the course of a forward run.
 !>
-!> A choice names, for each coordinate of the scene, the joint whose variable stands in for it, or 0. The scene of a
+!> A choice names, for each coordinate of the scene, the joint variable that stands in for it, or 0. The scene of a
 !> choice is the user's with these coordinates instead, its links starting where they are at that instant, so that it is
 !> planned and assembled as any scene.
 !>
 !> **Source**: coordinate partitioning: Wehage, Haug, J. Mech. Design 104 (1982) 247.
 module linkdyn_exchange
     use linkdyn_coordinate_watch, only: coordinate_watch
+    use linkdyn_joint_motion, only: is_slide, variables_of_relative, kind_spherical
     use linkdyn_joint_rates, only: measure_variable
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state, link_position
+    use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of
-    use linkdyn_planar_rates, only: measure_planar_variable
-    use linkdyn_scene, only: scene_type, coordinate_spec, coordinate_joint, joint_prismatic, frame_link, law_none
+    use linkdyn_model, only: model_type, orientation_of, scene_size
+    use linkdyn_scene, only: scene_type, coordinate_joint, variable_name, frame_link, law_none
+    use linkdyn_vec3, only: identity_mat3, zero_vec3
     implicit none (type, external)
     private
     public :: list_choices, exchange_scene, coordinate_now, number_iterated, is_same_place, choice_names
@@ -31,15 +32,15 @@ contains
         real(wp), intent(in) :: least_ratio              !! of speeds that makes an exchange worth while
         integer, allocatable, intent(out) :: choices(:, :)    !! (n_q, n)
         real(wp) :: merit(size(watch%ratio, 1), size(watch%ratio, 2)), bar
-        integer :: best(2), n
+        integer :: best(2), n, v
 
         merit = abs(watch%ratio)
         bar = max(least_ratio, near_best*maxval(merit))
         where (.not. (merit >= bar .and. merit <= huge(bar))) merit = 0
         bar = 2*maxval(merit)
-        do n = 1, own%n_joint
-            if (.not. any(own%joint(n)%link == frame_link)) cycle
-            where (merit(n, :) > 0) merit(n, :) = merit(n, :) + bar
+        do v = 1, size(merit, 1)
+            if (.not. any(own%joint(watch%joint(v))%link == frame_link)) cycle
+            where (merit(v, :) > 0) merit(v, :) = merit(v, :) + bar
         end do
         allocate (choices(size(choice), min(most_choices, count(merit > 0))))
         do n = 1, size(choices, 2)
@@ -49,24 +50,34 @@ contains
         end do
     end subroutine list_choices
 
-    !> The choice with a joint in the place of a coordinate. A coordinate of the user's comes back to its own place.
-    pure function exchanged(own, choice, k, joint) result(changed)
+    !> The choice with a joint variable in the place of a coordinate. A coordinate of the user's comes back to its own.
+    pure function exchanged(own, choice, k, variable) result(changed)
         type(model_type), intent(in) :: own
-        integer, intent(in) :: choice(:), k, joint
+        integer, intent(in) :: choice(:), k, variable
         integer :: changed(size(choice))
         integer :: i
 
         changed = choice
+        changed(k) = variable
         do i = 1, size(choice)
             associate (c => own%scene%coordinate(i))
-                if (c%kind /= coordinate_joint .or. c%joint /= joint) cycle
+                if (c%kind /= coordinate_joint) cycle
+                if (own%joint(c%joint)%first_variable + c%variable /= variable) cycle
                 changed(k) = merge(choice(i), 0, i /= k)
                 changed(i) = 0
-                return
             end associate
         end do
-        changed(k) = joint
     end function exchanged
+
+    !> The joint of a joint variable, and the variable's number there.
+    pure function place_of(model, variable) result(place)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: variable
+        integer :: place(2)
+
+        place(1) = count(model%joint%first_variable < variable)
+        place(2) = variable - model%joint(place(1))%first_variable
+    end function place_of
 
     !> A coordinate of the user's at the position reached, and its rate, on lane 1. Angles count turns.
     subroutine coordinate_now(own, model, state, k, value, rate)
@@ -96,40 +107,56 @@ contains
         type(model_type), intent(in) :: model            !! in use
         type(kinematic_state), intent(in) :: state       !! of it
         type(scene_type), intent(out) :: scene
-        real(wp), dimension(lanes) :: value, rate
-        integer :: k, l
+        real(wp), dimension(lanes) :: value, rate, zero
+        integer :: k, l, place(2)
 
+        zero = 0
         scene = own%scene
         do k = 1, own%n_q
             associate (c => scene%coordinate(k))
                 call coordinate_now(own, model, state, k, c%start_position, c%start_velocity)
-                if (choice(k) > 0) then
-                    c%for_joint = c%joint
-                    c%for_variable = c%variable
-                    c%name = own%joint(choice(k))%name
-                    c%unit = merge("m   ", "rad ", own%joint(choice(k))%kind == joint_prismatic)
-                    c%joint = choice(k)
-                    c%variable = 1
-                    call measure_planar_variable(model, state, c%joint, value, rate)
-                    c%start_position = value(1)
-                    c%start_velocity = rate(1)
-                end if
                 c%has_start = .true.
                 if (.not. c%is_driven) c%motion%kind = law_none
+                if (choice(k) == 0) cycle
+                place = place_of(own, choice(k))
+                c%for_joint = c%joint
+                c%for_variable = c%variable
+                c%joint = place(1)
+                c%variable = place(2)
+                c%name = name_of(own, choice(k))
+                c%unit = merge("m   ", "rad ", is_slide(own%joint(c%joint)%kind, c%variable))
+                call measure_variable(model, state, c%joint, c%variable, zero, value, rate)
+                c%start_position = value(1)
+                c%start_velocity = rate(1)
             end associate
         end do
         do l = 1, own%n_link
             scene%link(l)%has_start = .true.
-            scene%link(l)%start = 0
-            scene%link(l)%start(:3) = link_position(model, state, l, 1)
-            associate (r => state%plane%rotation(orientation_of(model, l)))
-                scene%link(l)%start(6) = atan2(r%s(1), r%c(1))
-            end associate
+            scene%link(l)%start = [link_position(model, state, l, 1), angles_of(model, state, l)]
         end do
         ! A branch that the user forced is one of the user's dyads, and of the start.
         scene%joint%branch = 0
         scene%joint%has_start = .false.
     end subroutine exchange_scene
+
+    !> Roll, pitch, yaw of a link on lane 1.
+    function angles_of(model, state, l) result(angle)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: l
+        real(wp) :: angle(3)
+        real(wp), dimension(lanes, 3) :: angles, rates
+
+        if (model%is_planar) then
+            associate (r => state%plane%rotation(orientation_of(model, l)))
+                angle = [0.0_wp, 0.0_wp, atan2(r%s(1), r%c(1))]
+            end associate
+        else
+            call variables_of_relative(kind_spherical, identity_mat3(), state%rotation(orientation_of(model, l)), &
+                                       zero_vec3(), zero_vec3(), zero_vec3(), angles, rates)
+            angle = angles(1, :)
+        end if
+    end function angles_of
 
     !> Links that are placed by iteration.
     pure integer function number_iterated(model) result(n)
@@ -147,27 +174,17 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: a, b
         real(wp), parameter :: fit = sqrt(epsilon(1.0_wp))
-        real(wp) :: extent, gap
         integer :: l
 
-        extent = 0
-        gap = 0
-        do l = 1, model%n_joint
-            extent = max(extent, maxval(abs(model%joint(l)%point)))
-        end do
+        is_same = .true.
         do l = 1, model%n_link
-            gap = max(gap, maxval(abs(link_position(model, a, l, 1) - link_position(model, b, l, 1))))
-        end do
-        is_same = gap <= fit*extent
-        do l = 1, model%n_link
-            associate (o => orientation_of(model, l))
-                is_same = is_same .and. abs(a%plane%rotation(o)%c(1) - b%plane%rotation(o)%c(1)) <= fit &
-                          .and. abs(a%plane%rotation(o)%s(1) - b%plane%rotation(o)%s(1)) <= fit
-            end associate
+            is_same = is_same .and. all(abs(link_position(model, a, l, 1) - link_position(model, b, l, 1)) &
+                                        <= fit*scene_size(model)) &
+                      .and. all(abs(link_rotation(model, a, l, 1) - link_rotation(model, b, l, 1)) <= fit)
         end do
     end function is_same_place
 
-    !> The coordinates of a choice in words: "angle of J1, slide of D".
+    !> The coordinates of a choice in words: "angle of J1 and slide of D".
     function choice_names(own, choice) result(text)
         type(model_type), intent(in) :: own
         integer, intent(in) :: choice(:)
@@ -180,22 +197,26 @@ contains
                 if (c%is_driven) cycle
                 if (len(text) > 0) text = text//" and "
                 if (choice(k) > 0) then
-                    text = text//what(choice(k))//trim(own%joint(choice(k))%name)
+                    text = text//name_of(own, choice(k))
                 else if (c%kind == coordinate_joint) then
-                    text = text//what(c%joint)//trim(own%joint(c%joint)%name)
+                    text = text//name_of(own, own%joint(c%joint)%first_variable + c%variable)
                 else
                     text = text//trim(c%name)
                 end if
             end associate
         end do
-
-    contains
-
-        function what(joint) result(text)
-            integer, intent(in) :: joint
-            character(len=:), allocatable :: text
-
-            text = trim(merge("slide", "angle", own%joint(joint)%kind == joint_prismatic))//" of "
-        end function what
     end function choice_names
+
+    !> "slide of D"
+    function name_of(model, variable) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: variable
+        character(len=:), allocatable :: text
+        integer :: place(2)
+
+        place = place_of(model, variable)
+        associate (joint => model%joint(place(1)))
+            text = trim(variable_name(place(2), joint%kind))//" of "//trim(joint%name)
+        end associate
+    end function name_of
 end module linkdyn_exchange

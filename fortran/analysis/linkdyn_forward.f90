@@ -91,6 +91,7 @@ contains
         associate (phase => run%known(1)%phase)
             phase%model => model
             phase%choice = spread(0, 1, model%n_q)
+            phase%branch = model%step%branch
             call plan_phase(model, options, phase, status)
             run%system => phase%system
         end associate
@@ -214,8 +215,7 @@ contains
             end do
             if (associated(results%q)) results%q(:, i) = own_q
             if (associated(results%qd)) results%qd(:, i) = own_qd
-            if (associated(results%stand_in)) results%stand_in(:, i) = [( &
-                merge(run%own%joint(max(1, choice(k)))%first_variable + 1, 0, choice(k) > 0), k=1, size(q))]
+            if (associated(results%stand_in)) results%stand_in(:, i) = choice
         end associate
     end subroutine tell_coordinates
 
@@ -296,11 +296,11 @@ contains
         allocate (model(size(choices, 2)), phase(size(choices, 2)), n_iterated(size(choices, 2)))
         n_iterated = huge(1)
         do i = 1, size(choices, 2)
-            phase(i) = find_phase(run, choices(:, i))
-            if (run%known(phase(i))%phase%is_refused) cycle
             call exchange_scene(run%own, choices(:, i), run%model, run%system%watch%state, scene)
             call build_model(scene, model(i), status)
             if (.not. status%is_ok()) cycle
+            phase(i) = find_phase(run, choices(:, i), model(i)%step%branch)
+            if (run%known(phase(i))%phase%is_refused) cycle
             n_iterated(i) = number_iterated(model(i))
             if (n_iterated(i) == 0) exit               ! all in closed form
         end do
@@ -312,17 +312,23 @@ contains
         end do
     end subroutine find_better_phase
 
-    !> The number of a choice's phase, which is new if it was never looked for.
-    integer function find_phase(run, choice) result(number)
+    !> The number of a choice's phase, which is new if it was never looked for. A group of a spatial mechanism that closes
+    !> in another way has a model of its own; in the plane a model serves all assemblies.
+    integer function find_phase(run, choice, branch) result(number)
         type(forward_run), intent(inout) :: run
         integer, intent(in) :: choice(:)
+        integer, intent(in) :: branch(:)               !! of the steps
 
         do number = 1, size(run%known)
-            if (all(run%known(number)%phase%choice == choice)) return
+            associate (phase => run%known(number)%phase)
+                if (any(phase%choice /= choice)) cycle
+                if (all(phase%branch == branch)) return
+            end associate
         end do
         run%known = [run%known, phase_box()]
         allocate (run%known(number)%phase)
         run%known(number)%phase%choice = choice
+        run%known(number)%phase%branch = branch
     end function find_phase
 
     !> Go on in a phase, with a model that starts at the position reached.

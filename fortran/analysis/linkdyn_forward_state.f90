@@ -4,12 +4,12 @@
 module linkdyn_forward_state
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_joint_motion, only: variables_of_relative, is_slide, kind_spherical
+    use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_pose
     use linkdyn_planar_motion, only: level_velocity
-    use linkdyn_planar_rates, only: planar_joint_rate
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
     use linkdyn_scene, only: law_none
@@ -199,7 +199,8 @@ contains
             if (layout%position(k) > 0) rate(:, layout%position(k)) = y(:, layout%rate(k))
             rate(:, layout%rate(k)) = acceleration(:, k)
             if (layout%counted(k) > 0) &
-                rate(:, layout%counted(k)) = planar_joint_rate(model, state, model%scene%coordinate(k)%for_joint, level_velocity)
+                rate(:, layout%counted(k)) = joint_rate(model, state, model%scene%coordinate(k)%for_joint, &
+                                                        model%scene%coordinate(k)%for_variable, level_velocity)
         end do
         do p = 1, model%n_pose
             if (layout%quaternion(p) == 0) cycle

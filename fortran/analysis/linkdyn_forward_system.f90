@@ -124,6 +124,7 @@ contains
         call begin_assembly(self%model, t, self%assembly)
         if (any(self%by_inverse)) call begin_assembly(self%motion_model, t, self%inverse_assembly)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
+        if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
     end subroutine begin
 
     !> Go on at t where another system of the same mechanism stands: the model's start is that place.
@@ -136,10 +137,10 @@ contains
         call begin_assembly(self%model, t, self%assembly)
         self%inverse_assembly = other%inverse_assembly
         self%inverse_time = -huge(1.0_wp)
-        self%wants_rest = .false.
-        self%watch%ratio = 0
         self%watch%may_exchange = .true.
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
+        self%watch%before = 0
+        call look_and_decide(self, spread(t, 1, lanes), y)
     end subroutine take_over
 
     !> Compare the rates at an accepted state.
@@ -150,7 +151,7 @@ contains
 
         call unpack_state(self%model, self%layout, t, y, self%watch%state)
         call evaluate_assembled(self%model, t, self%assembly, self%watch%state)
-        call compare_rates(self%model, self%watch)
+        call compare_rates(self%model, self%watch%state, self%watch)
     end subroutine look_at
 
     !> The mechanism has got to y: its assembly there is where the next steps set out from.
@@ -168,20 +169,33 @@ contains
             call unpack_motion(self%motion_model, t, self%inverse_assembly%state)
             call accept_assembly(self%motion_model, t, is_accepted, self%inverse_assembly)
         end if
-        if (.not. self%watch%is_on) return
-        if (self%assembly%is_needed) then
-            if (.not. may_be_near(self%model, self%assembly%state%plane)) then
-                self%watch%ratio = 0
-                return
-            end if
-        end if
+        if (self%watch%is_on) call watch_coordinates(self, t, y)
+    end subroutine accept_forward
+
+    !> The last stage of the step, its columns at hand, tells whether to look at the accepted state itself.
+    subroutine watch_coordinates(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+
+        self%watch%before = self%watch%ratio
+        call compare_rates(self%model, self%workspace%state, self%watch)
+        if (may_be_near(self%watch)) call look_and_decide(self, t, y)
+    end subroutine watch_coordinates
+
+    !> Has the caller to do something about a coordinate?
+    subroutine look_and_decide(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+
         call self%look_at(t, y)
         if (self%watch%may_exchange) then
             self%wants_rest = is_near_dead_point(self%watch)
         else
             self%wants_rest = dead_coordinate(self%watch, .false.) > 0
         end if
-    end subroutine accept_forward
+    end subroutine look_and_decide
 
     !> Coordinates of the scene's own motion at the instants of the lanes.
     subroutine unpack_motion(model, t, state)

@@ -1,15 +1,18 @@
 !> Where the links are: kinematics alone, without equations, so that a scene can be drawn that has no actuators.
 module linkdyn_poses
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, has_assemblies
+    use linkdyn_scene, only: joint_n_variable, joint_cylindrical
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.rotate.), identity_mat3, zero_vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
-    public :: find_poses
+    public :: find_poses, poses_of_joints
 
 contains
 
@@ -57,4 +60,92 @@ contains
             end do
         end do
     end subroutine find_poses
+
+    !> Poses of all moving links from all joint variables: no loop is closed, so no assembly need be known.
+    subroutine poses_of_joints(model, variable, position, rotation, sample_status)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: variable(:, :)          !! (n_variable, n) [m, rad]
+        real(wp), intent(out) :: position(:, :, :)      !! (3, n_link, n)
+        real(wp), intent(out) :: rotation(:, :, :, :)   !! (3, 3, n_link, n)
+        integer, intent(out) :: sample_status(:)        !! (n)
+        type(mat3) :: turn(0:model%n_link)
+        type(vec3) :: origin(0:model%n_link)
+        integer :: joint(model%n_link), side(model%n_link), first, lane, sample, i
+
+        call find_ways(model, joint, side)
+        turn(0) = identity_mat3()
+        origin(0) = zero_vec3()
+        do first = 1, size(variable, 2), lanes
+            do i = 1, model%n_link
+                call go_through(model, joint(i), side(i), variable(:, first:), turn, origin)
+            end do
+            do lane = 1, min(lanes, size(variable, 2) - first + 1)
+                sample = first + lane - 1
+                do i = 1, model%n_link
+                    position(:, i, sample) = lane_of(origin(i), lane)
+                    rotation(:, :, i, sample) = mat3_lane(turn(i), lane)
+                end do
+                sample_status(sample) = merge(sample_ok, sample_unreachable, all(abs(position(:, :, sample)) <= huge(1.0_wp)))
+            end do
+        end do
+    end subroutine poses_of_joints
+
+    !> Joints through which the links are reached one after the other, and the side from which.
+    subroutine find_ways(model, joint, side)
+        type(model_type), intent(in) :: model
+        integer, intent(out) :: joint(:), side(:)       !! (n_link)
+        logical :: is_known(0:model%n_link)
+        integer :: n, j, from
+
+        is_known = .false.
+        is_known(0) = .true.
+        n = 0
+        do while (n < model%n_link)
+            search: do j = 1, model%n_joint
+                do from = 1, 2
+                    associate (link => model%joint(j)%link)
+                        if (.not. is_known(link(from)) .or. is_known(link(3 - from))) cycle
+                        ! Backwards, the angles of a universal or spherical joint are others.
+                        if (from == 2 .and. joint_n_variable(model%joint(j)%kind) > 1 &
+                            .and. model%joint(j)%kind /= joint_cylindrical) cycle
+                        n = n + 1
+                        joint(n) = j
+                        side(n) = from
+                        is_known(link(3 - from)) = .true.
+                    end associate
+                    exit search
+                end do
+            end do search
+            if (j > model%n_joint) exit                 ! what is left hangs on a ball, seen from behind
+        end do
+        joint(n + 1:) = 0
+        side(n + 1:) = 0
+    end subroutine find_ways
+
+    !> Place the link behind a joint, on all lanes.
+    subroutine go_through(model, j, from, variable, turn, origin)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, from                  !! joint, side of the known link; 0: none
+        real(wp), intent(in) :: variable(:, :)          !! (n_variable, samples from lane 1 on)
+        type(mat3), intent(inout) :: turn(0:)
+        type(vec3), intent(inout) :: origin(0:)
+        type(relative_motion) :: motion
+        real(wp), dimension(lanes, 3) :: q, zero
+        integer :: lane, k
+
+        if (j == 0) return
+        zero = 0
+        q = 0
+        associate (joint => model%joint(j), known => model%joint(j)%link(from), link => model%joint(j)%link(3 - from))
+            do lane = 1, lanes
+                do k = 1, joint_n_variable(joint%kind)
+                    q(lane, k) = merge(1, -1, from == 1)*variable(joint%first_variable + k, min(lane, size(variable, 2)))
+                end do
+            end do
+            call relative_by_variables(joint%kind, turn_frame(turn(known), joint%frame(:, :, from)), q, zero, zero, motion)
+            turn(link) = turn_frame_back(motion%frame, joint%frame(:, :, 3 - from))
+            origin(link) = origin(known) + (turn(known).rotate.joint%point(:, from)) + motion%slide &
+                           - (turn(link).rotate.joint%point(:, 3 - from))
+        end associate
+    end subroutine go_through
 end module linkdyn_poses

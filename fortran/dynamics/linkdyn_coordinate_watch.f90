@@ -1,4 +1,4 @@
-!> Is a coordinate of a planar mechanism coming to its dead point, and which joint variable could take its place?
+!> Is a coordinate coming to its dead point, and which joint variable could take its place?
 !>
 !> At a dead point of a coordinate the mechanism moves on while the coordinate stands still: the rates that a unit rate of
 !> the coordinate gives to other joint variables grow without bound. They are compared as speeds: a slide has its own, an
@@ -7,31 +7,34 @@
 !>
 !> At a change point rates stay finite, though the dyad's map is singular there: it is no dead point of the coordinate.
 module linkdyn_coordinate_watch
-    use linkdyn_dyad_map, only: transmission_sine
+    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
-    use linkdyn_model, only: model_type, side_of
-    use linkdyn_planar_motion, only: planar_motion
-    use linkdyn_planar_rates, only: planar_joint_rate
-    use linkdyn_scene, only: coordinate_joint, joint_prismatic, frame_link
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, step_csp, side_of, scene_size, has_assemblies
+    use linkdyn_scene, only: coordinate_joint, joint_n_variable, joint_revolute, joint_prismatic, joint_cylindrical, frame_link
     implicit none (type, external)
     private
     public :: coordinate_watch, prepare_watch, compare_rates, is_near_dead_point, dead_coordinate, may_be_near
 
     real(wp), parameter :: largest_ratio = 10       !! that a coordinate in use may have
+    real(wp), parameter :: largest_equal = 5        !! the same where steps are not cut by their error
     real(wp), parameter :: dead_ratio = 1000        !! beyond it the coordinate says too little of the motion
-    real(wp), parameter :: least_sine = 0.3_wp      !! of a transmission angle: no dead point is near
-    real(wp), parameter :: good_ratio = 3           !! no dead point is looked for ahead
-    integer, parameter :: least_steps = 50          !! before a dead point, where steps are not cut by their error
+    real(wp), parameter :: good_ratio = 3           !! no dead point is near
+    integer, parameter :: least_steps = 50          !! before a dead point, where steps are not cut
 
+    !> Joint variables are numbered as in the results.
     type :: coordinate_watch
         logical :: is_on = .false.
         logical :: may_exchange = .true.            !! false: it is only seen whether a coordinate is at its dead point
         logical :: has_equal_steps = .false.        !! a dead point is looked for some steps ahead
-        integer, allocatable :: joint(:)            !! of a coordinate that may be exchanged; 0 (n_q)
-        logical, allocatable :: is_candidate(:)     !! its variable may become a coordinate (n_joint)
-        real(wp), allocatable :: arm(:)             !! what makes the joint's rate a speed: 1 at a slide [m] (n_joint)
-        real(wp), allocatable :: ratio(:, :)        !! speed of a joint over that of a coordinate alone (n_joint, n_q)
+        integer, allocatable :: joint(:)            !! of a variable (n_variable)
+        integer, allocatable :: place(:)            !! of a variable among those of its joint (n_variable)
+        logical, allocatable :: is_candidate(:)     !! the variable may become a coordinate (n_variable)
+        real(wp), allocatable :: arm(:)             !! what makes a rate a speed: 1 for a slide [m] (n_variable)
+        integer, allocatable :: variable(:)         !! that is a coordinate which may be exchanged; 0 (n_q)
+        real(wp), allocatable :: ratio(:, :)        !! speed of a variable over that of a coordinate alone (n_variable, n_q)
         real(wp), allocatable :: before(:, :)       !! the same one step before; 0: not known
         type(kinematic_state) :: state              !! at the position looked at
     end type coordinate_watch
@@ -42,106 +45,136 @@ contains
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_free(:)           !! coordinates that are not driven (n_q)
         type(coordinate_watch), intent(out) :: watch
-        integer :: k
+        integer :: j, k, v
 
-        allocate (watch%joint(model%n_q), watch%is_candidate(model%n_joint), watch%arm(model%n_joint), &
-                  watch%ratio(model%n_joint, model%n_q), watch%before(model%n_joint, model%n_q))
-        watch%joint = 0
-        watch%is_candidate = .true.
+        allocate (watch%joint(model%n_variable), watch%place(model%n_variable), watch%is_candidate(model%n_variable), &
+                  watch%arm(model%n_variable), watch%variable(model%n_q))
+        allocate (watch%ratio(model%n_variable, model%n_q), watch%before(model%n_variable, model%n_q))
         watch%ratio = 0
         watch%before = 0
+        do j = 1, model%n_joint
+            associate (joint => model%joint(j))
+                do k = 1, joint_n_variable(joint%kind)
+                    v = joint%first_variable + k
+                    watch%joint(v) = j
+                    watch%place(v) = k
+                    watch%is_candidate(v) = has_one_axis(joint%kind) .and. .not. any([on_leg(joint%link(1)), on_leg(joint%link(2))])
+                end do
+            end associate
+        end do
+        watch%variable = 0
         do k = 1, model%n_q
             associate (c => model%scene%coordinate(k))
                 if (c%kind /= coordinate_joint) cycle
-                watch%is_candidate(c%joint) = .false.
-                if (is_free(k)) watch%joint(k) = c%joint
+                v = model%joint(c%joint)%first_variable + c%variable
+                if (is_free(k) .and. has_one_axis(model%joint(c%joint)%kind)) watch%variable(k) = v
+                watch%is_candidate(v) = .false.
             end associate
         end do
-        call find_arms(model, watch%arm)
-        watch%is_on = model%is_planar .and. any(watch%joint > 0) .and. (model%n_dyad > 0 .or. size(model%group) > 0)
+        call find_arms(model, watch)
+        watch%is_on = any(watch%variable > 0) .and. (has_assemblies(model) .or. any(model%step%kind == step_csp))
         if (watch%is_on) call prepare_kinematics(model, model%n_q, watch%state)
-    end subroutine prepare_watch
-
-    !> Of a hinge: how far the pins that it moves are away, on the smaller of its moving links.
-    subroutine find_arms(model, arm)
-        type(model_type), intent(in) :: model
-        real(wp), intent(out) :: arm(:)             !! [m]
-        real(wp) :: reach
-        integer :: j, side
-
-        do j = 1, model%n_joint
-            arm(j) = 0
-            do side = 1, 2
-                reach = reach_of(model, j, model%joint(j)%link(side))
-                if (reach > 0 .and. (arm(j) == 0 .or. reach < arm(j))) arm(j) = reach
-            end do
-        end do
-        where (arm == 0) arm = max(maxval(arm), tiny(1.0_wp))
-        where (model%joint%kind == joint_prismatic) arm = 1
-    end subroutine find_arms
-
-    !> Largest distance of a joint from the others of a moving link, or from its centre of mass.
-    pure real(wp) function reach_of(model, j, link) result(reach)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: j, link
-        integer :: i
-
-        reach = 0
-        if (link == frame_link) return
-        associate (here => model%joint(j)%point(:2, side_of(model%joint(j), link)))
-            do i = model%first_at(link), model%first_at(link + 1) - 1
-                associate (other => model%joint(model%joint_at(i)))
-                    reach = max(reach, norm2(other%point(:2, side_of(other, link)) - here))
-                end associate
-            end do
-            if (reach == 0) reach = norm2(model%link(link)%cog(:2) - here)
-        end associate
-    end function reach_of
-
-    !> Could a coordinate be near a dead point, as far as the dyads tell?
-    pure logical function may_be_near(model, plane)
-        type(model_type), intent(in) :: model
-        type(planar_motion), intent(in) :: plane    !! positions are up to date
-        integer :: d
-
-        may_be_near = size(model%group) > 0
-        do d = 1, model%n_dyad
-            may_be_near = may_be_near .or. minval(transmission_sine(plane%dyad(d))) < least_sine
-        end do
-    end function may_be_near
-
-    !> Speeds of all joints for a unit speed of each coordinate, on lane 1 of the state, whose columns are up to date.
-    subroutine compare_rates(model, watch)
-        type(model_type), intent(in) :: model
-        type(coordinate_watch), intent(inout) :: watch
-        integer :: j, k
-
-        watch%before = watch%ratio
-        watch%ratio = 0
-        if (watch%state%unreachable(1) .or. watch%state%singular(1) .or. watch%state%not_converged(1)) return
-        do k = 1, model%n_q
-            if (watch%joint(k) == 0) cycle
-            do j = 1, model%n_joint
-                if (watch%is_candidate(j)) watch%ratio(j, k) = lane_1(planar_joint_rate(model, watch%state, j, k)) &
-                                                               *watch%arm(j)/watch%arm(watch%joint(k))
-            end do
-        end do
 
     contains
 
-        pure real(wp) function lane_1(values)
-            real(wp), intent(in) :: values(:)
+        pure logical function on_leg(link)
+            integer, intent(in) :: link
 
-            lane_1 = values(1)
-        end function lane_1
+            on_leg = any(model%leg%lower == link .or. model%leg%upper == link) .and. link /= frame_link
+        end function on_leg
+    end subroutine prepare_watch
+
+    !> Joints whose variables all turn or slide along one common axis.
+    pure logical function has_one_axis(kind)
+        integer, intent(in) :: kind
+
+        has_one_axis = any(kind == [joint_revolute, joint_prismatic, joint_cylindrical])
+    end function has_one_axis
+
+    !> Of a hinge: how far from its axis the pins that it moves are, on the smaller of its moving links.
+    subroutine find_arms(model, watch)
+        type(model_type), intent(in) :: model
+        type(coordinate_watch), intent(inout) :: watch
+        real(wp) :: reach
+        integer :: v, side
+
+        watch%arm = 0
+        do v = 1, model%n_variable
+            associate (joint => model%joint(watch%joint(v)), arm => watch%arm(v))
+                do side = 1, 2
+                    reach = reach_of(model, watch%joint(v), joint%link(side))
+                    if (reach > 0 .and. (arm == 0 .or. reach < arm)) arm = reach
+                end do
+            end associate
+        end do
+        where (watch%arm == 0) watch%arm = scene_size(model)
+        do v = 1, model%n_variable
+            if (is_slide(model%joint(watch%joint(v))%kind, watch%place(v))) watch%arm(v) = 1
+        end do
+    end subroutine find_arms
+
+    !> Largest distance of a moving link's other joints from the axis of one, or else of its centre of mass.
+    pure real(wp) function reach_of(model, j, link) result(reach)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, link
+        integer :: i, side
+
+        reach = 0
+        if (link == frame_link) return
+        side = side_of(model%joint(j), link)
+        do i = model%first_at(link), model%first_at(link + 1) - 1
+            associate (other => model%joint(model%joint_at(i)))
+                reach = max(reach, off_axis(other%point(:, side_of(other, link))))
+            end associate
+        end do
+        if (reach == 0) reach = off_axis(model%link(link)%cog)
+
+    contains
+
+        pure real(wp) function off_axis(point)
+            real(wp), intent(in) :: point(3)
+            real(wp) :: way(3)
+
+            associate (axis => model%joint(j)%frame(:, 3, side))
+                way = point - model%joint(j)%point(:, side)
+                off_axis = norm2(way - dot_product(way, axis)*axis)
+            end associate
+        end function off_axis
+    end function reach_of
+
+    !> Speeds of all joint variables for a unit speed of each coordinate, on lane 1 of a state whose columns are up to date.
+    subroutine compare_rates(model, state, watch)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(coordinate_watch), intent(inout) :: watch
+        real(wp) :: rate(lanes)
+        integer :: v, k
+
+        watch%ratio = 0
+        if (state%unreachable(1) .or. state%singular(1) .or. state%not_converged(1)) return
+        do k = 1, model%n_q
+            if (watch%variable(k) == 0) cycle
+            do v = 1, model%n_variable
+                if (.not. watch%is_candidate(v)) cycle
+                rate = joint_rate(model, state, watch%joint(v), watch%place(v), k)
+                watch%ratio(v, k) = rate(1)*watch%arm(v)/watch%arm(watch%variable(k))
+            end do
+        end do
     end subroutine compare_rates
+
+    !> Is it worth while to look more closely?
+    pure logical function may_be_near(watch)
+        type(coordinate_watch), intent(in) :: watch
+
+        may_be_near = any(abs(watch%ratio) > good_ratio)
+    end function may_be_near
 
     !> The coordinate that is at its dead point, for all that it can be used; 0: none.
     pure integer function dead_coordinate(watch, has_failed) result(k)
         type(coordinate_watch), intent(in) :: watch
         logical, intent(in) :: has_failed           !! the run cannot go on: near is enough
 
-        do k = size(watch%joint), 1, -1
+        do k = size(watch%variable), 1, -1
             if (any(abs(watch%ratio(:, k)) > merge(good_ratio, dead_ratio, has_failed))) return
         end do
     end function dead_coordinate
@@ -150,7 +183,7 @@ contains
     pure logical function is_near_dead_point(watch) result(is_near)
         type(coordinate_watch), intent(in) :: watch
 
-        is_near = any(abs(watch%ratio) > largest_ratio)
+        is_near = any(abs(watch%ratio) > merge(largest_equal, largest_ratio, watch%has_equal_steps))
         if (.not. watch%has_equal_steps .or. is_near) return
         ! The coordinate's own speed, in that of the other, goes through zero at a dead point.
         is_near = any(abs(watch%ratio) > good_ratio .and. watch%before /= 0 &

@@ -7,8 +7,9 @@ module linkdyn_joint_rates
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
-    use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_actuator_rates, &
+    use linkdyn_model, only: model_type, orientation_of
+    use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_joint_rate, planar_actuator_rates, &
         planar_actuator_columns, planar_link_power, planar_work_columns
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
@@ -17,7 +18,7 @@ module linkdyn_joint_rates
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: joint_view, view_joint, measure_variable, coordinate_of
+    public :: joint_view, view_joint, measure_variable, coordinate_of, joint_rate
     public :: measure_joints, actuator_rates, actuator_columns, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.
@@ -78,14 +79,14 @@ contains
             if (model%scene%coordinate(k)%for_joint == 0) return
         else if (model%is_planar) then
             call measure_planar_variable(model, state, j, value, rate)
-            k = stand_in_of(model, j, variable)
-            if (k > 0) reference = state%counted(:, k)
         else if (model%joint(j)%leg > 0) then
             value = state%leg(model%joint(j)%leg)%length
             rate = state%leg(model%joint(j)%leg)%rate
         else
             call measure_in_space(model, state, j, variable, value, rate)
         end if
+        k = stand_in_of(model, j, variable)
+        if (k > 0) reference = state%counted(:, k)
         if (.not. is_slide(model%joint(j)%kind, variable)) value = value - two_pi*anint((value - reference)/two_pi)
     end subroutine measure_variable
 
@@ -103,6 +104,52 @@ contains
         value = q(:, variable)
         rate = qd(:, variable)
     end subroutine measure_in_space
+
+    !> Rate of a variable of a revolute, prismatic or cylindrical joint; at level k for a unit rate of coordinate k; at the
+    !> level of what is given its acceleration. (What Coriolis and centripetal terms add is square to the axis, but for those
+    !> of points at a distance.) Needs angular rates in world axes.
+    function joint_rate(model, state, j, variable, level) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, variable
+        integer, intent(in) :: level                          !! the velocity, what is given, or a column
+        real(wp) :: rate(lanes)
+        type(joint_view) :: view
+        type(vec3) :: pull(2)
+
+        if (model%is_planar) then
+            rate = planar_joint_rate(model, state, j, level)
+            return
+        end if
+        if (level == level_velocity) then
+            call view_joint(model, state, j, state%velocity, state%omega, view)
+        else
+            call view_joint(model, state, j, state%acceleration(level, :), state%alpha(level, :), view)
+        end if
+        if (.not. is_slide(model%joint(j)%kind, variable)) then
+            rate = view%omega.dot.view%frame(1)%z
+            return
+        end if
+        if (level == level_given) then
+            ! Both links are felt at the second marker.
+            pull = [centripetal(1), centripetal(2)]
+            view%slide_rate = view%slide_rate + (pull(2) - pull(1))
+        end if
+        rate = view%slide_rate.dot.view%frame(1)%z
+
+    contains
+
+        function centripetal(side)
+            integer, intent(in) :: side
+            type(vec3) :: centripetal
+
+            associate (link => model%joint(j)%link(side))
+                associate (omega => state%omega(orientation_of(model, link)))
+                    centripetal = omega.cross.(omega.cross.(view%point - state%position(link)))
+                end associate
+            end associate
+        end function centripetal
+    end function joint_rate
 
     !> The coordinate that is a joint's variable; 0 if none is.
     pure integer function coordinate_of(model, j, variable) result(k)

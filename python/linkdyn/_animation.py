@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from PIL import Image
 
-from ._drawing import Postures, draw, find_postures, picture_size, set_limits
+from ._drawing import Postures, draw, find_postures, picture_size, poses_of, set_limits
 from ._planar_shapes import unit_of
 from .errors import InputError, SceneError, UnavailableError
 from .scene import Scene
@@ -103,7 +103,7 @@ def animate(
     if path.suffix == ".mp4" and not animation.writers.is_available("ffmpeg"):
         raise UnavailableError("animate: .mp4 needs ffmpeg, which is not installed; .gif needs nothing")
     mechanism = _scene_of(run) if scene is None else scene
-    postures, assembled = find_postures(mechanism, np.nan_to_num(run.q.values), in_order=True)
+    postures, assembled = find_postures(mechanism, poses_of(mechanism, run))
     shown = _choose_samples(run, postures, assembled, frames)
     arrows = _arrows(run, mechanism, postures, _kinds(forces, mechanism.planar))
     figure = Figure(figsize=picture_size(postures, LARGEST), dpi=DPI, layout="constrained" if mechanism.planar else None)
@@ -183,7 +183,7 @@ def _loads(run: xr.Dataset, scene: Scene, postures: Postures) -> tuple[Points, P
     """Forces of the scene's loads in world axes, and where they act."""
     values = scene.load_values(run.time.values)[..., :3]
     starts, forces = [], []
-    turn = scene.poses(np.nan_to_num(run.q.values), in_order=True).rotation
+    turn = poses_of(scene, run).rotation
     for k, load in enumerate(scene.description["loads"]):
         force = values[:, k]
         if load["axes"] == "link":

@@ -29,6 +29,7 @@ _GROUPS = (
     ("joint_variable", "joint_rate"),
     ("growth", "power_imbalance"),
     ("rcond",),
+    ("singularity_distance",),
     ("error",),
     ("driving_force_error",),
     ("reaction_error",),
@@ -317,13 +318,15 @@ class Run:
         _api.api_finish(self._handle)
 
 
-def poses(handle: int, q: Floats, n_link: int, in_order: bool) -> tuple[Floats, Floats, NDArray[np.intc]]:
+def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool = False) -> tuple[Floats, Floats, NDArray[np.intc]]:
     """Poses of the moving links.
 
     Parameters
     ----------
     in_order
-        The samples follow each other: the assembly of a planar mechanism is followed by continuity.
+        The samples follow each other: the assembly is followed by continuity.
+    by_joints
+        ``q`` holds all joint variables instead of the coordinates.
 
     Returns
     -------
@@ -339,7 +342,7 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool) -> tuple[Floats, 
     columns = np.empty((n, n_link, 3, 3))
     status = np.zeros(n, dtype=np.intc)
     if n > 0:
-        check(*_api.api_poses(handle, int(in_order), _flat(q), _flat(position), _flat(columns), status))
+        check(*_api.api_poses(handle, 2 if by_joints else int(in_order), _flat(q), _flat(position), _flat(columns), status))
     return position, columns.swapaxes(-1, -2), status
 
 

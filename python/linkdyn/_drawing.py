@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from ._planar_shapes import draw_planar
 from ._spatial_shapes import draw_spatial
 from .errors import InputError
-from .scene import Scene
+from .scene import Poses, Scene
 
-__all__ = ["Postures", "draw", "find_postures", "mechanism", "picture_size", "set_limits"]
+__all__ = ["Postures", "draw", "find_postures", "mechanism", "picture_size", "poses_of", "set_limits"]
 
 Points = NDArray[np.float64]
 
@@ -66,10 +67,18 @@ class Posture:
     axes: list[dict[str, Points]]
 
 
-def find_postures(scene: Scene, q: Points, in_order: bool) -> tuple[Postures, NDArray[np.bool_]]:
+def poses_of(scene: Scene, run: xr.Dataset) -> Poses:
+    """Poses along a run: where other joint variables stood in for its coordinates, these do not tell the assembly."""
+    if "stand_in" in run and np.any(run.stand_in != 0):
+        if "joint_variable" not in run:
+            raise InputError("the run passed dead points of its coordinates (expected joint variables among the results)")
+        return scene.poses(joint_variable=run.joint_variable.values)
+    return scene.poses(np.nan_to_num(run.q.values), in_order=True)
+
+
+def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool_]]:
     """Markers and axes in world axes at every sample; and which samples can be assembled."""
-    poses = scene.poses(q, in_order=in_order)
-    n = len(q)
+    n = len(poses.status)
     markers: list[dict[str, Points]] = []
     axes: list[dict[str, Points]] = []
     for k, link in enumerate(scene.description["links"]):
@@ -104,7 +113,7 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
         The mechanism cannot be assembled at ``q``.
     """
     position = scene.motion()[0][0] if q is None else np.asarray(q)
-    postures, assembled = find_postures(scene, np.atleast_2d(position), in_order=False)
+    postures, assembled = find_postures(scene, scene.poses(np.atleast_2d(position), in_order=False))
     if not assembled[0]:
         raise InputError("mechanism: it cannot be assembled in this position")
     if ax is None:

@@ -196,7 +196,13 @@ class Scene:
         instants = self.times() if t is None else self._instants(t)
         return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[3]
 
-    def poses(self, q: ArrayLike | None = None, *, in_order: bool | None = None) -> Poses:
+    def poses(
+        self,
+        q: ArrayLike | None = None,
+        *,
+        in_order: bool | None = None,
+        joint_variable: ArrayLike | None = None,
+    ) -> Poses:
         """Poses of all moving links.
 
         Parameters
@@ -206,7 +212,15 @@ class Scene:
         in_order
             The samples follow each other along a motion, and so does the assembly of a planar mechanism, as in
             `inverse`; otherwise each is on the branch of the start. Default: only without ``q``.
+        joint_variable
+            (N, n_variable) all joint variables instead of the coordinates, as results have them [m, rad]: they tell the
+            assembly, also where the coordinates do not, as in a forward run through their dead points.
         """
+        if joint_variable is not None:
+            if q is not None:
+                raise InputError("q, joint_variable: give one of them")
+            variables = np.ascontiguousarray(joint_variable, dtype=np.float64)
+            return Poses(*_bind.poses(self._handle, variables, len(self.links), False, by_joints=True))
         follows = q is None if in_order is None else in_order
         if q is None:
             q = self.motion()[0]
@@ -245,9 +259,9 @@ class Scene:
             (N,) or one instant [s] at which the scene's loads act; default: the scene's instants without ``q``,
             else 0.
         want
-            "driving_force", "reaction", "joint_variable", "power", "checks", "rcond" or several of them, or "all", which is
-            all but "rcond" (it takes longer than the rest; solver lapack has it among its checks); default: all that the
-            solver gives. What is not wanted is not computed.
+            "driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "singularity_distance" or several of
+            them, or "all": the first five (solver lapack has "rcond" among its checks); default: all that the solver
+            gives but the last two. What is not wanted is not computed.
         solver
             "elimination", "lapack", "gauss-jordan" or "reduced", which gives all but the reactions.
         threads
