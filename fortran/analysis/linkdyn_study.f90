@@ -218,8 +218,8 @@ contains
         text = ""
         if (.not. tenfold > 0) return
         write (figure, "(g0.2)") [tenfold, n_digit*tenfold]
-        text = "unstable motion: errors grow tenfold every "//trim(figure(1))//" s. Forward runs of it are good for checks at most:"// &
-               " nothing is left of double precision after "//trim(figure(2))//" s"
+        text = "unstable motion: errors grow tenfold every "//trim(figure(1))//" s; after some "//trim(figure(2)) &
+               //" s nothing is left of double precision"
     end function warn_of_growth
 
     pure function setting_of(options) result(text)
