@@ -7,6 +7,7 @@ import csv
 import json
 import subprocess
 import tomllib
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 import xarray as xr
 
 import linkdyn
+from linkdyn.cli import quadruple_twin
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -439,6 +441,21 @@ def test_files_and_summary_tell(tmp_path: Path) -> None:
     run("--csv")
     rows = list(csv.DictReader((tmp_path / "piston.csv").open()))
     assert [row["stand_in D"] for row in rows][:1] + [row["stand_in D"] for row in rows][-1:] == ["none", "A.angle"]
+
+
+@pytest.mark.skipif(quadruple_twin() is None, reason="linkdyn-real128 is not built (make real128)")
+def test_quadruple_precision(tmp_path: Path) -> None:
+    """The twin exchanges as well, and keeps the energy to the tolerance it was given; double precision agrees with it."""
+    (tmp_path / "scene.toml").write_text(linkdyn.Scene(triple_rocker()).text)
+    command = [quadruple_twin(), "forward", "scene.toml", "--until", "2", "--samples", "3", "--csv", "-o", "run.csv", "--quiet"]
+    subprocess.run([*command, "--method", "gbs", "--rtol", "1e-20", "--atol", "1e-20"], check=True, cwd=tmp_path)
+    rows = list(csv.DictReader((tmp_path / "run.csv").open()))
+    assert {row["stand_in J1"] for row in rows} == {"none", "J4.angle"}
+    energy = [Decimal(row["kinetic_energy [J]"]) + Decimal(row["potential_energy [J]"]) for row in rows]
+    # A hundred steps, on a scale of 1e5 J.
+    assert max(abs(value - energy[0]) for value in energy) < Decimal("1e-18") * energy[0].copy_abs() * 1000
+    run = linkdyn.Scene(triple_rocker()).forward(t=[0.0, 1.0, 2.0], **TIGHT)
+    np.testing.assert_allclose(run.q.values[:, 0], [float(row["q J1 [rad]"]) for row in rows], rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("path", ["stewart_drilling", "sixbar_slider", "rcsp_start", "slider_crank", "spatial_slider_crank"])
