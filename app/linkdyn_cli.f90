@@ -137,6 +137,7 @@ contains
         config%wanted%errors = config%error
         config%options%wants_errors = config%error
         config%options%wants_rcond = config%wanted%rcond
+        config%options%wants_distance = config%wanted%distance
     contains
         subroutine refuse(message, status)
             character(len=*), intent(in) :: message
@@ -152,7 +153,7 @@ contains
         type(wanted_type) :: wanted
 
         wanted = all_wanted(config%options%solver)
-        if (config%no_output) wanted = wanted_type(.true., wanted%reaction, .false., .false., .false., .false.)
+        if (config%no_output) wanted = wanted_type(.true., wanted%reaction, .false., .false., .false.)
     end function default_wanted
 
     !> One option with its value, or the name of the scene.
@@ -271,6 +272,8 @@ contains
                 config%want = value
                 call choose_wanted(value, config%wanted, outcome)
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message))
+                if (config%command == command_forward .and. config%wanted%distance) &
+                    call refuse("--want: singularity_distance is not a result of forward runs (expected linkdyn inverse)")
             case ("--threads")
                 config%options%threads = whole_number(value)
                 if (config%options%threads < 1) &
@@ -447,7 +450,8 @@ contains
             "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
             "  --csv               a CSV table instead of netCDF-4", &
             "  --no-output         keep nothing but the summary: for runs of any length", &
-            "  --want LIST         driving_force, reaction, joint_variable, power, checks, rcond, or all (but rcond)", &
+            "  --want LIST         driving_force, reaction, joint_variable, power, checks, or all of these;", &
+            "                      rcond, singularity_distance", &
             "                      (default), with commas between; the rest is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced, which", &
             "                      gives all but the reactions", &

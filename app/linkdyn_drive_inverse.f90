@@ -6,6 +6,7 @@ module linkdyn_drive_inverse
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
     use linkdyn_cli, only: command_line
+    use linkdyn_force_map, only: typical_length
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, dyad_names
@@ -13,8 +14,8 @@ module linkdyn_drive_inverse
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
         find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
         result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
-        result_error, result_growth, result_transmission_angle, result_power_imbalance, result_driving_force_error, &
-        result_reaction_error
+        result_singularity_distance, result_error, result_growth, result_transmission_angle, result_power_imbalance, &
+        result_driving_force_error, result_reaction_error
     use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_scene, only: scene_type
@@ -64,7 +65,7 @@ contains
         end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, config%wanted, .true., layout, dyad=dyad_names(model))
+            call describe_results(model%scene, config%wanted, .true., layout, dyad=dyad_names(model), length=typical_length(model))
             call open_results(config, model, layout, n_sample, output, status)
         end if
         if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
@@ -220,6 +221,7 @@ contains
         call view_values(layout, result_joint_variable, n, block, results%joint_variable)
         call view_values(layout, result_joint_rate, n, block, results%joint_rate)
         call view_values(layout, result_rcond, n, block, results%rcond)
+        call view_values(layout, result_singularity_distance, n, block, results%singularity_distance)
         call view_values(layout, result_error, n, block, results%error)
         call view_values(layout, result_driving_force_error, n, block, results%driving_force_error)
         call view_values(layout, result_reaction_error, n, block, results%reaction_error)

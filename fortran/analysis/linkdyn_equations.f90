@@ -63,6 +63,7 @@ module linkdyn_equations
     type :: equation_workspace
         type(kinematic_state) :: state
         type(slot_store) :: slot
+        logical :: checks_input = .true.                !! false: motion and loads are known to be finite
         real(wp), allocatable :: load(:, :, :)          !! (lane, 6, n_load)
         real(wp), allocatable :: matrix(:, :, :)        !! dense solvers: (lane, row, column)
         real(wp), allocatable :: right(:, :, :)         !! (lane, row, 1)
@@ -379,13 +380,15 @@ contains
         where (workspace%state%singular) workspace%status = sample_singular
         where (workspace%state%not_converged) workspace%status = sample_not_converged
         where (workspace%state%unreachable) workspace%status = sample_unreachable
-        ! Also what no force depends on, such as the rates of massless links.
-        call flag_not_finite(workspace%state%q, workspace%status)
-        call flag_not_finite(workspace%state%qd, workspace%status)
-        call flag_not_finite(workspace%state%qdd, workspace%status)
-        do k = 1, model%n_load
-            call flag_not_finite(workspace%load(:, :, k), workspace%status)
-        end do
+        if (workspace%checks_input) then
+            ! Also what no force depends on, such as the rates of massless links.
+            call flag_not_finite(workspace%state%q, workspace%status)
+            call flag_not_finite(workspace%state%qd, workspace%status)
+            call flag_not_finite(workspace%state%qdd, workspace%status)
+            do k = 1, model%n_load
+                call flag_not_finite(workspace%load(:, :, k), workspace%status)
+            end do
+        end if
         workspace%acceleration = workspace%state%qdd
         if (workspace%state%has_applied) call apply_known_forces(model, equations, workspace)
         if (equations%solver == solver_reduced) then

@@ -47,7 +47,7 @@ module linkdyn_error_probe
     !> Scratch and results of one thread.
     type :: probe_space
         type(equation_workspace), allocatable :: workspace(:)
-        real(wp), allocatable :: reaction(:, :, :)          !! of a copy (lane, n_component, n_joint)
+        real(wp), allocatable :: reaction(:, :, :, :)       !! of the copies (lane, n_component, n_joint, copy)
         ! ---- RESULTS
         real(wp), allocatable :: driving_force_error(:, :)  !! (lane, n_actuator) [N, N m]
         real(wp), allocatable :: reaction_error(:, :, :)    !! (lane, n_component, n_joint) [N, N m]
@@ -102,9 +102,10 @@ contains
         allocate (space%workspace(n_copy))
         do i = 1, n_copy
             call prepare_workspace(probe%copy(i)%model, probe%copy(i)%equations, space%workspace(i))
+            space%workspace(i)%checks_input = .false.
         end do
         associate (model => probe%copy(1)%model)
-            allocate (space%reaction(lanes, model%n_component, model%n_joint), &
+            allocate (space%reaction(lanes, model%n_component, model%n_joint, n_copy), &
                       space%reaction_error(lanes, model%n_component, model%n_joint), &
                       space%driving_force_error(lanes, model%n_actuator))
         end associate
@@ -130,28 +131,19 @@ contains
         logical, intent(in) :: wants_reactions
         type(probe_space), intent(inout) :: space
         logical :: has_failed(lanes)
-        integer :: i, k
+        integer :: i
 
-        space%driving_force_error = 0
-        space%reaction_error = 0
-        has_failed = .false.
+        has_failed = solved%status /= sample_ok
         do i = 1, n_copy
             associate (copy => probe%copy(i), workspace => space%workspace(i))
                 call take_inputs(copy, solved, workspace)
                 call solve_block(copy%model, copy%equations, workspace)
                 has_failed = has_failed .or. workspace%status /= sample_ok
-                call note_scatter(copy%model%n_actuator, copy%drive_back, workspace%driving_force, solved%driving_force, &
-                                  space%driving_force_error)
-                if (.not. wants_reactions) cycle
-                call collect_reactions(copy%model, copy%equations%formulation, workspace%state, workspace%solution, &
-                                       space%reaction)
-                do k = 1, copy%model%n_joint
-                    call note_scatter(copy%model%n_component, copy%reaction_back, space%reaction(:, :, k), reaction(:, :, k), &
-                                      space%reaction_error(:, :, k))
-                end do
+                if (wants_reactions) call collect_reactions(copy%model, copy%equations%formulation, workspace%state, &
+                                                            workspace%solution, space%reaction(:, :, :, i))
             end associate
         end do
-        call finish(probe%copy(1)%model, solved, reaction, wants_reactions, has_failed, space)
+        call compare(probe, solved, reaction, wants_reactions, has_failed, space)
     end subroutine estimate_errors
 
     !> Motion and loads of the block at the size of the copy, on the same assembly.
@@ -179,22 +171,9 @@ contains
         end do
     end subroutine take_inputs
 
-    !> How far values are from those of a copy, brought back to size.
-    pure subroutine note_scatter(n, back, again, value, scatter)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: back(n)
-        real(wp), intent(in) :: again(lanes, n), value(lanes, n)
-        real(wp), intent(inout) :: scatter(lanes, n)
-        integer :: k
-
-        do k = 1, n
-            scatter(:, k) = max(scatter(:, k), abs(back(k)*again(:, k) - value(:, k)))
-        end do
-    end subroutine note_scatter
-
-    !> From scatter to estimates.
-    subroutine finish(model, solved, reaction, wants_reactions, has_failed, space)
-        type(model_type), intent(in) :: model
+    !> From forces to estimates.
+    subroutine compare(probe, solved, reaction, wants_reactions, has_failed, space)
+        type(error_probe), intent(in) :: probe
         type(equation_workspace), intent(in) :: solved
         real(wp), intent(in), contiguous :: reaction(:, :, :)
         logical, intent(in) :: wants_reactions
@@ -205,23 +184,29 @@ contains
 
         error = 0
         value = 0
-        do i = 1, model%n_actuator
-            associate (actuator => model%scene%actuator(i))
-                kind = merge(1, 2, is_slide(model%joint(actuator%joint)%kind, actuator%variable))
-            end associate
-            call finish_force(1, solved%driving_force(:, i), space%driving_force_error(:, i), error(:, kind), value(:, kind))
-        end do
-        if (wants_reactions) then
-            n_force = model%n_component - merge(1, 3, model%is_planar)
-            do j = 1, model%n_joint
-                do kind = 1, 2
-                    first = merge(1, n_force + 1, kind == 1)
-                    last = merge(n_force, model%n_component, kind == 1)
-                    call finish_force(last - first + 1, reaction(:, first:last, j), space%reaction_error(:, first:last, j), &
-                                      error(:, kind), value(:, kind))
-                end do
+        associate (model => probe%copy(1)%model, one => probe%copy(1), two => probe%copy(2))
+            do i = 1, model%n_actuator
+                associate (actuator => model%scene%actuator(i))
+                    kind = merge(1, 2, is_slide(model%joint(actuator%joint)%kind, actuator%variable))
+                end associate
+                call compare_force(1, solved%driving_force(:, i), space%workspace(1)%driving_force(:, i), &
+                                   space%workspace(2)%driving_force(:, i), [one%drive_back(i), two%drive_back(i)], &
+                                   space%driving_force_error(:, i), error(:, kind), value(:, kind))
             end do
-        end if
+            if (wants_reactions) then
+                n_force = model%n_component - merge(1, 3, model%is_planar)
+                do j = 1, model%n_joint
+                    do kind = 1, 2
+                        first = merge(1, n_force + 1, kind == 1)
+                        last = merge(n_force, model%n_component, kind == 1)
+                        call compare_force(last - first + 1, reaction(:, first:last, j), space%reaction(:, first:last, j, 1), &
+                                           space%reaction(:, first:last, j, 2), &
+                                           [one%reaction_back(first), two%reaction_back(first)], &
+                                           space%reaction_error(:, first:last, j), error(:, kind), value(:, kind))
+                    end do
+                end do
+            end if
+        end associate
         space%worst = max(ratio(error(:, 1), value(:, 1)), ratio(error(:, 2), value(:, 2)))
         do i = 1, lanes
             if (.not. has_failed(i)) cycle
@@ -229,28 +214,41 @@ contains
             space%reaction_error(i, :, :) = ieee_value(1.0_wp, ieee_positive_inf)
             space%worst(i) = ieee_value(1.0_wp, ieee_positive_inf)
         end do
-    end subroutine finish
+    end subroutine compare
 
-    !> The components of one force or moment; what is zero in all computations is zero by its nature.
-    pure subroutine finish_force(n, value, error, largest_error, largest_value)
+    !> The components of one force or moment and those of the copies; what is zero in all is zero by its nature.
+    !>
+    !> Lane by lane, and comparisons where `max` would serve: so all lanes go at once.
+    pure subroutine compare_force(n, value, first, second, back, error, largest_error, largest_value)
         integer, intent(in) :: n
-        real(wp), intent(in) :: value(lanes, n)
-        real(wp), intent(inout) :: error(lanes, n)     !! in: the scatter
+        real(wp), intent(in), dimension(lanes, n) :: value, first, second
+        real(wp), intent(in) :: back(2)                !! brings the copies back to size
+        real(wp), intent(out) :: error(lanes, n)
         real(wp), intent(inout) :: largest_error(lanes), largest_value(lanes)
-        real(wp) :: least(lanes)
-        integer :: i
+        real(wp) :: least(lanes), other
+        integer :: i, l
 
         least = 0
         do i = 1, n
-            least = max(least, abs(value(:, i)))
+            do l = 1, lanes
+                least(l) = merge(abs(value(l, i)), least(l), abs(value(l, i)) > least(l))
+                error(l, i) = abs(back(1)*first(l, i) - value(l, i))
+                other = abs(back(2)*second(l, i) - value(l, i))
+                error(l, i) = merge(other, error(l, i), other > error(l, i))
+            end do
         end do
-        largest_value = max(largest_value, least)
-        least = floor_part*epsilon(1.0_wp)*least
+        do l = 1, lanes
+            largest_value(l) = merge(least(l), largest_value(l), least(l) > largest_value(l))
+            least(l) = floor_part*epsilon(1.0_wp)*least(l)
+        end do
         do i = 1, n
-            error(:, i) = merge(0.0_wp, safety*max(error(:, i), least), error(:, i) == 0 .and. value(:, i) == 0)
-            largest_error = max(largest_error, error(:, i))
+            do l = 1, lanes
+                other = safety*merge(error(l, i), least(l), error(l, i) > least(l))
+                error(l, i) = merge(0.0_wp, other, error(l, i) == 0 .and. value(l, i) == 0)
+                largest_error(l) = merge(error(l, i), largest_error(l), error(l, i) > largest_error(l))
+            end do
         end do
-    end subroutine finish_force
+    end subroutine compare_force
 
     !> Relative size of the largest error; 0 if there is none.
     elemental real(wp) function ratio(error, value)

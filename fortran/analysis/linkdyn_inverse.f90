@@ -6,7 +6,7 @@
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
-    use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, find_rcond
+    use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
@@ -22,6 +22,7 @@ module linkdyn_inverse
     use linkdyn_planar_pass, only: map_placed
     use linkdyn_pose, only: rates_of_rpy
     use linkdyn_reactions, only: collect_reactions
+    use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
@@ -37,6 +38,7 @@ module linkdyn_inverse
         logical :: in_order = .false.        !! samples follow each other along a motion
         logical :: wants_errors = .false.    !! error estimates of the forces
         logical :: wants_rcond = .false.     !! condition number of the equations; solver lapack always has it
+        logical :: wants_distance = .false.  !! distance to the next singular position
     end type inverse_options
 
     !> Where results go; what is not associated is not computed.
@@ -50,6 +52,7 @@ module linkdyn_inverse
         real(wp), pointer, contiguous :: error(:) => null()     !! (n) NaN where the solver has none
         real(wp), pointer, contiguous :: driving_force_error(:, :) => null() !! (n_actuator, n) estimates [N, N m]
         real(wp), pointer, contiguous :: reaction_error(:, :, :) => null() !! (n_component, n_joint, n) [N, N m]
+        real(wp), pointer, contiguous :: singularity_distance(:) => null() !! (n) [m]
         real(wp), pointer, contiguous :: growth(:) => null()    !! (n) reciprocal pivot growth; NaN but for gauss-jordan
         real(wp), pointer, contiguous :: power_imbalance(:) => null() !! (n)
         real(wp), pointer, contiguous :: transmission_angle(:, :) => null() !! (n_dyad, n) [rad]
@@ -68,7 +71,8 @@ module linkdyn_inverse
         real(wp), allocatable :: reaction(:, :, :)              !! (lane, 6, n_joint)
         real(wp), allocatable :: variable(:, :), rate(:, :)     !! (lane, n_variable)
         type(probe_space) :: probe                              !! if errors are wanted
-        type(condition_space) :: condition                      !! if the condition number is
+        type(condition_space) :: condition                      !! if the condition number or the distance is
+        type(singularity_space) :: singularity                  !! if the distance is
         type(thread_space), pointer :: next => null()           !! idle as well
     end type thread_space
 
@@ -81,7 +85,8 @@ module linkdyn_inverse
     type :: inverse_solver
         type(equations_type) :: equations
         type(error_probe), allocatable :: probe                 !! there if errors are wanted
-        type(condition_type), allocatable :: condition          !! there if the condition number is
+        type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
+        logical :: wants_distance = .false.
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
         procedure :: free => free_solver
@@ -102,7 +107,9 @@ contains
             allocate (solver%probe)
             call make_probe(model, options%solver, wants_reactions, solver%probe, status)
         end if
-        if (status%is_ok() .and. options%wants_rcond .and. options%solver /= solver_lapack) then
+        solver%wants_distance = options%wants_distance
+        if (options%wants_distance) solver%equations%needs_columns = .true.
+        if (status%is_ok() .and. (options%wants_distance .or. (options%wants_rcond .and. options%solver /= solver_lapack))) then
             allocate (solver%condition)
             call make_condition(model, solver%equations%unknown, solver%condition, status)
         end if
@@ -177,7 +184,8 @@ contains
         share = max(1, min(largest_share, n_block/(2*n_thread)))
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
-        wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world .or. has_stand_ins
+        wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
+                      .or. has_stand_ins .or. solver%wants_distance
         n_fallback = 0
         if (has_assemblies(model) .or. has_stand_ins) then
             if (present(known)) then
@@ -195,7 +203,8 @@ contains
         space%workspace%state%world_rates = wants_world
         !$omp do schedule(dynamic, share) reduction(+:n_fallback)
         do block = 1, n_block
-            call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition)
+            call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition, &
+                           space%singularity)
             n_fallback = n_fallback + space%workspace%n_fallback
         end do
         !$omp end do
@@ -207,13 +216,14 @@ contains
     contains
 
         !> One block from samples to samples.
-        subroutine run_block(block, workspace, reaction, variable, rate, probe, condition)
+        subroutine run_block(block, workspace, reaction, variable, rate, probe, condition, singularity)
             integer, intent(in) :: block
             type(equation_workspace), intent(inout) :: workspace
             real(wp), intent(inout) :: reaction(:, :, :), variable(:, :), rate(:, :)
             type(probe_space), intent(inout) :: probe
             type(condition_space), intent(inout) :: condition
-            real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap
+            type(singularity_space), intent(inout) :: singularity
+            real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap, distance
             real(wp) :: of_own(lanes, model%n_q)
 
             call gather(block, workspace)
@@ -225,8 +235,12 @@ contains
                 call estimate_errors(solver%probe, workspace, reaction, associated(results%reaction), probe)
                 workspace%error = probe%worst
             end if
-            if (associated(results%rcond) .and. allocated(solver%condition)) &
-                call find_rcond(model, solver%condition, workspace%state, condition, workspace%rcond)
+            if (allocated(solver%condition)) then
+                call eliminate_block(model, solver%condition, workspace%state, condition)
+                if (associated(results%rcond)) call find_rcond(solver%condition, workspace%state, condition, workspace%rcond)
+                if (associated(results%singularity_distance)) call find_singularity_distance( &
+                    model, solver%condition, workspace%state, condition, singularity, distance)
+            end if
             if (wants_rates) call measure_joints(model, workspace%state, variable, rate)
             if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
                 call measure_energy(model, workspace%state, kinetic, potential)
@@ -235,7 +249,7 @@ contains
             if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
             if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
             if (has_stand_ins) workspace%acceleration = of_own
-            call scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap)
+            call scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap, distance)
         end subroutine run_block
 
         !> Samples into lanes; lanes beyond the last sample repeat it.
@@ -257,12 +271,12 @@ contains
         end subroutine gather
 
         !> Lanes into samples; failed ones become NaN.
-        subroutine scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap)
+        subroutine scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap, distance)
             integer, intent(in) :: block
             type(equation_workspace), intent(in) :: workspace
             real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :)
             type(probe_space), intent(in) :: probe
-            real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap
+            real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap, distance
             real(wp) :: nan
             real(wp), allocatable :: transmission(:, :)
             integer :: lane, sample, i
@@ -308,6 +322,7 @@ contains
                     if (failed) results%joint_rate(:, sample) = nan
                 end if
                 if (associated(results%rcond)) results%rcond(sample) = workspace%rcond(lane)
+                if (associated(results%singularity_distance)) results%singularity_distance(sample) = distance(lane)
                 if (associated(results%error)) results%error(sample) = workspace%error(lane)
                 if (associated(results%growth)) results%growth(sample) = workspace%growth(lane)
                 if (associated(results%power_imbalance)) results%power_imbalance(sample) = merge(nan, imbalance(lane), failed)
@@ -356,6 +371,10 @@ contains
                   space%rate(lanes, model%n_variable))
         if (allocated(solver%probe)) call prepare_probe_space(solver%probe, space%probe)
         if (allocated(solver%condition)) call prepare_condition(solver%condition, space%condition)
+        if (solver%wants_distance) then
+            call prepare_singularity(model, solver%condition, space%singularity)
+            space%workspace%state%carries_legs = .false.       ! legs have columns like everything else
+        end if
     end subroutine take_space
 
     subroutine return_space(solver, space)
@@ -378,6 +397,7 @@ contains
         call space%workspace%free()
         call space%probe%free()
         call space%condition%free()
+        call space%singularity%free()
         deallocate (space)
     end subroutine free_space
 

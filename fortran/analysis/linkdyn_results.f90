@@ -20,8 +20,8 @@ module linkdyn_results
     public :: result_error, result_growth, result_power_imbalance, result_time
     public :: result_driving_force_error, result_reaction_error
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
-    public :: result_transmission_angle, result_stand_in, result_q_error, result_qd_error, result_qdd_error, &
-        result_joint_rate_error
+    public :: result_transmission_angle, result_stand_in, result_singularity_distance
+    public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -67,6 +67,7 @@ module linkdyn_results
     integer, parameter :: result_qd_error = 26
     integer, parameter :: result_qdd_error = 27
     integer, parameter :: result_joint_rate_error = 28
+    integer, parameter :: result_singularity_distance = 29  ! of inverse dynamics, on demand
     ! ---- of what errors are estimated, and what the estimates are
     integer, parameter :: estimated(6) = [result_q, result_qd, result_qdd, result_driving_force, result_reaction, &
                                           result_joint_rate]
@@ -74,8 +75,8 @@ module linkdyn_results
                                             result_reaction_error, result_joint_rate_error]
 
     ! ---- what the user may ask for
-    character(len=14), parameter :: wanted_name(7) = [character(len=14) :: &
-        "driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "all"]
+    character(len=20), parameter :: wanted_name(8) = [character(len=20) :: &
+        "driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "singularity_distance", "all"]
 
     !> Parts of the results that cost time or room, each on its own switch.
     type :: wanted_type
@@ -85,6 +86,7 @@ module linkdyn_results
         logical :: power = .true.            !! speed and power of every actuator
         logical :: checks = .true.           !! error, growth, power_imbalance
         logical :: rcond = .false.           !! costs as much as everything else together, or more
+        logical :: distance = .false.        !! to the next singular position, even more
         logical :: errors = .false.          !! error estimates of the forces that are wanted; of a run of its motion, too
     end type wanted_type
 
@@ -106,6 +108,7 @@ module linkdyn_results
         integer :: n_dim = 1
         integer :: dim(3) = [dim_sample, 0, 0]             !! of `dim_*`
         logical :: is_integer = .false.
+        real(wp) :: length = 0                             !! by which angles count [m]; 0: there are none
         character(len=label_len), allocatable :: flag(:)   !! what the integers 0, 1, ... mean
     end type variable_type
 
@@ -160,7 +163,7 @@ contains
         integer :: first, comma
         character(len=:), allocatable :: word
 
-        wanted = wanted_type(.false., .false., .false., .false., .false., .false.)
+        wanted = wanted_type(.false., .false., .false., .false., .false.)
         first = 1
         do while (first <= len(text) + 1)
             comma = index(text(first:), ",")
@@ -180,8 +183,10 @@ contains
                 wanted%checks = .true.
             case ("rcond")
                 wanted%rcond = .true.
+            case ("singularity_distance")
+                wanted%distance = .true.
             case ("all")
-                wanted = wanted_type()
+                wanted = wanted_type(rcond=wanted%rcond, distance=wanted%distance)
             case default
                 call fail(status, status_bad_input, "want: '"//word//"' is not a result (expected "// &
                     list_of(wanted_name)//")")
@@ -191,13 +196,14 @@ contains
     end subroutine choose_wanted
 
     !> Dimensions, labels and variables of the results of inverse dynamics, or of forward dynamics.
-    subroutine describe_results(scene, wanted, has_time, layout, is_forward, dyad)
+    subroutine describe_results(scene, wanted, has_time, layout, is_forward, dyad, length)
         type(scene_type), intent(in) :: scene
         type(wanted_type), intent(in) :: wanted
         logical, intent(in) :: has_time              !! samples are instants of a motion
         type(layout_type), intent(out) :: layout
         logical, intent(in), optional :: is_forward  !! absent: false
         character(len=*), intent(in), optional :: dyad(:)    !! names of the planar dyads; absent: none
+        real(wp), intent(in), optional :: length     !! characteristic one [m]
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
@@ -209,7 +215,7 @@ contains
         allocate (layout%dimension(dim_dyad)%label(0))
         if (present(dyad)) layout%dimension(dim_dyad)%label = dyad
         layout%dimension(dim_dyad)%size = size(layout%dimension(dim_dyad)%label)
-        call describe_variables(wanted, has_time, layout)
+        call describe_variables(wanted, has_time, layout, length)
         if (present(is_forward)) then
             if (is_forward) call describe_run(wanted, any(scene%coordinate%kind == coordinate_joint), layout)
         end if
@@ -284,9 +290,10 @@ contains
     end subroutine describe_coordinates
 
     !> The list of variables, in the order in which they are stored.
-    subroutine describe_variables(wanted, has_time, layout)
+    subroutine describe_variables(wanted, has_time, layout, length)
         type(wanted_type), intent(in) :: wanted
         logical, intent(in) :: has_time
+        real(wp), intent(in), optional :: length
         type(layout_type), intent(inout) :: layout
 
         allocate (layout%variable(0))
@@ -333,6 +340,11 @@ contains
             "relative error bound or estimate of the forces", "1")
         if (wanted%rcond) call add(layout, result_rcond, "rcond", &
             "reciprocal condition number (1-norm) of the equations, rows and columns divided by their largest entries", "1")
+        if (wanted%distance) then
+            call add(layout, result_singularity_distance, "singularity_distance", &
+                "how far coordinates may move until the equations are singular, to first order; angles times `length` [m]", "m")
+            if (present(length)) layout%variable(size(layout%variable))%length = length
+        end if
         if (wanted%checks) then
             call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
             call add(layout, result_power_imbalance, "power_imbalance", &

@@ -4,6 +4,7 @@
 !> so totals are the same bits whoever computed the chunks.
 module linkdyn_sweep_totals
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_status, only: n_sample_status
@@ -362,21 +363,6 @@ contains
         end if
         if (line_after /= line_before .or. abs(next%last_sign) > 0) totals%last_sign = next%last_sign
     end subroutine join_lines
-
-    !> Neumaier's summation: what rounding takes from the sum goes to the rest.
-    elemental subroutine add_exactly(term, sum, rest)
-        real(wp), intent(in) :: term
-        real(wp), intent(inout) :: sum, rest
-        real(wp) :: total
-
-        total = sum + term
-        if (abs(sum) >= abs(term)) then
-            rest = rest + ((sum - total) + term)
-        else
-            rest = rest + ((term - total) + sum)
-        end if
-        sum = total
-    end subroutine add_exactly
 
     ! ---------------------------------------------------------------- as plain arrays, for files and messages
 

@@ -15,6 +15,7 @@ module linkdyn_f2py_api
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words
+    use linkdyn_force_map, only: typical_length
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
     use linkdyn_model, only: model_type, dyad_names
@@ -50,7 +51,7 @@ module linkdyn_f2py_api
     type :: open_scene
         type(model_type) :: model
         type(layout_type) :: layout                                 !! of all results
-        type(solver_box) :: planned(2, 2, 2, size(solver_name))     !! without and with reactions, error estimates, rcond; by solver
+        type(solver_box) :: planned(2, 2, 2, 2, size(solver_name))  !! without and with reactions, error estimates, rcond, distance; by solver
     end type open_scene
 
     !> Pointed to, so that the list can grow while a batch runs.
@@ -212,12 +213,22 @@ contains
         if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
         if (status%code == 0) call add_free(number, wanted)
         wanted%errors = has_errors == 1
+        if (wanted%distance .and. has_time == 2) call refuse_distance(status)
         if (status%code == 0) then
-            call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2, dyad=dyad_names(model))
+            call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2, dyad=dyad_names(model), &
+                                  length=typical_length(model))
             call to_bytes(layout_as_json(layout), text, length)
         end if
         call report(status, code, message)
     end subroutine api_describe_results
+
+    !> A forward run does not look for singular positions.
+    subroutine refuse_distance(status)
+        type(status_type), intent(inout) :: status
+
+        call fail(status, status_bad_input, "want: 'singularity_distance' is not a result of forward runs (expected inverse " &
+                  //"for the motion found)")
+    end subroutine refuse_distance
 
     !> The report of `linkdyn explain`; text as in `api_describe_scene`.
     subroutine api_explain(handle, with_matrix, capacity, text, length, code, message)
@@ -275,7 +286,8 @@ contains
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
             n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
-            n_variable, joint_variable, joint_rate, n_check, growth, power_imbalance, n_rcond, rcond, n_error, error, &
+            n_variable, joint_variable, joint_rate, n_check, growth, power_imbalance, n_rcond, rcond, &
+            n_distance, distance, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
             sample_status, code, message)
         !f2py threadsafe
@@ -284,11 +296,11 @@ contains
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(10)           ! 1: driving force, power, reaction, joint variables, checks,
-                                                           ! rcond, relative error, errors of driving forces, of reactions, transmission angles
+        integer(c_int), intent(in) :: wanted(11)           ! 1: driving force, power, reaction, joint variables, checks,
+                                                           ! rcond, distance, relative error, errors of driving forces, of reactions, transmission angles
         integer(c_int), intent(in) :: n                    ! samples
-        integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check, n_rcond
-        integer(c_int), intent(in) :: n_error, n_driving_error, n_reaction_error, n_transmission
+        integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
+        integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
@@ -296,7 +308,7 @@ contains
         real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: joint_variable(n_variable), joint_rate(n_variable)  ! (n_variable, n)
         real(c_double), intent(inout), target :: growth(n_check), power_imbalance(n_check)       ! (n)
-        real(c_double), intent(inout), target :: rcond(n_rcond), error(n_error)                  ! (n)
+        real(c_double), intent(inout), target :: rcond(n_rcond), distance(n_distance), error(n_error)  ! (n)
         real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
@@ -315,7 +327,7 @@ contains
         call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
             model => scene%model
-            call find_solver(scene, trim(solver), wanted(3) == 1, any(wanted(8:9) == 1), wanted(6) == 1, planned, status)
+            call find_solver(scene, trim(solver), wanted(3) == 1, any(wanted(9:10) == 1), wanted(6:7) == 1, planned, status)
             call check_size("q", n_q_values, model%n_q*n, status)
             call check_size("load", n_load_values, max(1, 6*model%n_load*n), status)
             call check_size("driving_force", n_driving, model%n_actuator*n, status, wanted(1))
@@ -324,10 +336,11 @@ contains
             call check_size("joint_variable", n_variable, model%n_variable*n, status, wanted(4))
             call check_size("power_imbalance", n_check, n, status, wanted(5))
             call check_size("rcond", n_rcond, n, status, wanted(6))
-            call check_size("error", n_error, n, status, wanted(7))
-            call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(8))
-            call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(9))
-            call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(10))
+            call check_size("singularity_distance", n_distance, n, status, wanted(7))
+            call check_size("error", n_error, n, status, wanted(8))
+            call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(9))
+            call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(10))
+            call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(11))
         end if
         if (status%code == 0) then
             call check_finite("q", model, first, n, q, status)
@@ -352,10 +365,11 @@ contains
                 results%power_imbalance => power_imbalance
             end if
             if (wanted(6) == 1) results%rcond => rcond
-            if (wanted(7) == 1) results%error => error
-            if (wanted(8) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
-            if (wanted(9) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
-            if (wanted(10) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
+            if (wanted(7) == 1) results%singularity_distance => distance
+            if (wanted(8) == 1) results%error => error
+            if (wanted(9) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
+            if (wanted(10) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
+            if (wanted(11) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
                 allocate (own_force(model%n_actuator, n))
                 results%driving_force => own_force
@@ -746,10 +760,10 @@ contains
 
     !> The equations for a solver, planned when they are first asked for. Threads that ask at the same time may both
     !> plan; the first one's plan is kept.
-    subroutine find_solver(scene, name, wants_reactions, wants_errors, wants_rcond, solver, status)
+    subroutine find_solver(scene, name, wants_reactions, wants_errors, wants, solver, status)
         type(open_scene), pointer, intent(in) :: scene
         character(len=*), intent(in) :: name
-        logical, intent(in) :: wants_reactions, wants_errors, wants_rcond
+        logical, intent(in) :: wants_reactions, wants_errors, wants(2)    ! 2: rcond, distance
         type(inverse_solver), pointer, intent(out) :: solver
         type(status_type), intent(inout) :: status
         type(inverse_solver), pointer :: new
@@ -760,8 +774,10 @@ contains
         call choose_solver(name, options%solver, status)
         if (status%code /= 0) return
         options%wants_errors = wants_errors
-        options%wants_rcond = wants_rcond
-        box => scene%planned(merge(2, 1, wants_reactions), merge(2, 1, wants_errors), merge(2, 1, wants_rcond), options%solver)
+        options%wants_rcond = wants(1)
+        options%wants_distance = wants(2)
+        box => scene%planned(merge(2, 1, wants_reactions), merge(2, 1, wants_errors), merge(2, 1, wants(1)), &
+                             merge(2, 1, wants(2)), options%solver)
         !$omp critical (linkdyn_registry)
         solver => box%solver
         !$omp end critical (linkdyn_registry)

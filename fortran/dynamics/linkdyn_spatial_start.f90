@@ -4,13 +4,13 @@
 !> Of a CSP group a `branch` written at the spherical joint decides. Otherwise it is the way nearest to the starting
 !> positions that the scene gives for the group's links and slides; if it gives none, the farther meeting along the slide.
 module linkdyn_spatial_start
+    use linkdyn_group_start, only: find_group_start
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, group_type, step_csp, step_group
+    use linkdyn_model, only: model_type, step_type, step_csp, step_group
     use linkdyn_planar_start, only: start_of_coordinate, keep_group
-    use linkdyn_quaternion, only: quaternion_of_rpy
     use linkdyn_status, only: status_type
     use linkdyn_vec3, only: lane_of
     implicit none (type, external)
@@ -33,15 +33,19 @@ contains
         allocate (model%branch(0))
         if (.not. any(model%step%kind == step_csp .or. model%step%kind == step_group)) return
         do i = 1, size(model%group)
-            call guess_group(model, model%group(i))
+            model%group(i)%start = 0
         end do
         call prepare_kinematics(model, 0, state)
         state%q = spread(model%start_q, 1, lanes)
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (step%kind == step_csp) call choose_branch(model, step, state)
-                call run_step(model, step, state)
-                if (step%kind == step_group) call keep_group(model, model%group(step%first), state, status)
+                if (step%kind == step_group) then
+                    call find_group_start(model, step, state)
+                    call keep_group(model, model%group(step%first), state, status)
+                else
+                    call run_step(model, step, state)
+                end if
             end associate
             if (.not. status%is_ok()) return
         end do
@@ -64,26 +68,6 @@ contains
         end do
         step%branch = merge(-1, 1, distance(2) < distance(1))
     end subroutine choose_branch
-
-    !> Where Newton's method starts: the starting positions of the scene, else the links where their markers are written.
-    subroutine guess_group(model, group)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(inout) :: group
-        real(wp), dimension(lanes) :: roll, pitch, yaw
-        real(wp) :: quaternion(lanes, 4)
-        integer :: i
-
-        do i = 1, size(group%link)
-            associate (start => model%scene%link(group%link(i))%start)
-                roll = start(4)
-                pitch = start(5)
-                yaw = start(6)
-                quaternion = quaternion_of_rpy(roll, pitch, yaw)
-                group%start(:3, i) = start(:3)
-                group%start(4:, i) = quaternion(1, :)
-            end associate
-        end do
-    end subroutine guess_group
 
     !> How far lane 1 is from the starting positions given; zero if there are none.
     real(wp) function distance_to_start(model, step, state) result(distance)

@@ -4,8 +4,12 @@
 !> The k columns of the table are independent of each other: each has a lane of its own, so that a step of order 2k takes
 !> 2k + 1 right-hand sides in a row, as many as its longest column. One solution then uses the lanes as an ensemble does.
 !>
+!> The table holds how far y goes, not where to: so rounding is that of the step, not of y. What it takes from y is added at
+!> the next step.
+!>
 !> **Source**: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
 module linkdyn_gbs
+    use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -24,8 +28,10 @@ module linkdyn_gbs
         integer, private :: k = 5                         !! columns of the next step
         logical, private :: knows_rate = .false.          !! at the point reached
         real(wp), private :: reach(most) = huge(1.0_wp)   !! step that each number of columns could take next
-        real(wp), allocatable, private :: before(:, :), now(:, :), rate(:, :), start_rate(:, :)    !! (lane, n)
+        real(wp), allocatable, private :: before(:, :), now(:, :)      !! way of two substeps from the start of the step (lane, n)
+        real(wp), allocatable, private :: trial(:, :), rate(:, :), start_rate(:, :)    !! (lane, n)
         real(wp), allocatable, private :: table(:, :)     !! last entries of the rows (n, most)
+        real(wp), allocatable, private :: rest(:)         !! to be added to y, less than its last place (n)
     contains
         procedure :: start, take_step, reset
     end type gbs_method
@@ -37,9 +43,10 @@ contains
         integer, intent(in) :: n
         real(wp), intent(in) :: rtol, atol                !! local error allowed
 
-        if (allocated(self%before)) deallocate (self%before, self%now, self%rate, self%start_rate, self%table)
-        allocate (self%before(lanes, n), self%now(lanes, n), self%rate(lanes, n), self%start_rate(lanes, n), &
-                  self%table(n, most))
+        if (allocated(self%before)) &
+            deallocate (self%before, self%now, self%trial, self%rate, self%start_rate, self%table, self%rest)
+        allocate (self%before(lanes, n), self%now(lanes, n), self%trial(lanes, n), self%rate(lanes, n), &
+                  self%start_rate(lanes, n), self%table(n, most), self%rest(n))
         self%rtol = rtol
         self%atol = atol
         ! One column more for every factor of 100 in the tolerance, about the best order there.
@@ -55,6 +62,7 @@ contains
 
         self%reach = huge(1.0_wp)
         self%knows_rate = .false.
+        self%rest = 0
     end subroutine reset
 
     !> One accepted step towards t_end, never beyond.
@@ -67,7 +75,7 @@ contains
         real(wp), intent(inout) :: y(:)
         logical, intent(out) :: ok                        !! false: no step can be taken; t and y are as before
         real(wp), parameter :: cut_after_failure = 0.25_wp
-        real(wp) :: step, t_next, error(most), next(size(y)), kept(size(y))
+        real(wp) :: step, t_next, error(most), way(size(y)), next(size(y)), rest(size(y)), kept(size(y))
         logical :: is_last, has_failed
         integer :: k, i
 
@@ -88,8 +96,11 @@ contains
             if (is_last) t_next = t_end
             call cross_step(self, system, t, step, y, k, has_failed)
             if (.not. has_failed) then
-                call extrapolate(self, y, k, error, next)
+                call extrapolate(self, y, k, error, way)
                 if (error(k) <= 1) then
+                    next = y
+                    rest = 0
+                    call add_exactly(way + self%rest, next, rest)
                     ! The step ends where rates can be had: the next one starts with them.
                     kept = self%start_rate(1, :)
                     call evaluate_alone(self, system, t_next, next, has_failed)
@@ -108,6 +119,7 @@ contains
         end do
         t = t_next
         y = next
+        self%rest = rest
         call propose(self, step, error, k, h)
         ok = .true.
     end subroutine take_step
@@ -124,9 +136,9 @@ contains
 
         instant = t
         do i = 1, size(y)
-            self%now(:, i) = y(i)
+            self%trial(:, i) = y(i)
         end do
-        call system%evaluate(instant, self%now, self%start_rate, failed)
+        call system%evaluate(instant, self%trial, self%start_rate, failed)
         self%n_evaluation = self%n_evaluation + 1
         has_failed = failed(1)
         self%knows_rate = .not. has_failed
@@ -164,13 +176,16 @@ contains
             column = [(min(first + l - 1, k), l=1, lanes)]
             substep = step/(2*column)
             do i = 1, size(y)
-                self%before(:, i) = y(i)
-                self%now(:, i) = y(i) + substep*self%start_rate(:, i)
+                self%before(:, i) = 0
+                self%now(:, i) = substep*self%start_rate(:, i)
             end do
             do m = 1, 2*column(lanes) - 1
                 ! A column that has arrived stays.
                 instant = merge(t + m*substep, t + step, m < 2*column)
-                call system%evaluate(instant, self%now, self%rate, failed)
+                do i = 1, size(y)
+                    self%trial(:, i) = y(i) + self%now(:, i)
+                end do
+                call system%evaluate(instant, self%trial, self%rate, failed)
                 self%n_evaluation = self%n_evaluation + 1
                 has_failed = any(failed .and. m < 2*column)
                 if (has_failed) return
@@ -190,11 +205,11 @@ contains
     end subroutine cross_step
 
     !> Aitken and Neville's table in the square of the substep, in place; the error of each diagonal entry, 1 being allowed.
-    pure subroutine extrapolate(self, y, k, error, best)
+    pure subroutine extrapolate(self, y, k, error, way)
         class(gbs_method), intent(inout) :: self
         real(wp), intent(in) :: y(:)
         integer, intent(in) :: k
-        real(wp), intent(out) :: error(most), best(:)
+        real(wp), intent(out) :: error(most), way(:)
         real(wp) :: change(size(y))
         integer :: i, j
 
@@ -205,9 +220,9 @@ contains
                 change = (self%table(:, i + 1) - self%table(:, i))/((real(j, wp)/i)**2 - 1)
                 self%table(:, i) = self%table(:, i + 1) + change
             end do
-            if (j > 1) error(j) = maxval(abs(change)/(self%atol + self%rtol*max(abs(y), abs(self%table(:, 1)))))
+            if (j > 1) error(j) = maxval(abs(change)/(self%atol + self%rtol*max(abs(y), abs(y + self%table(:, 1)))))
         end do
-        best = self%table(:, 1)
+        way = self%table(:, 1)
     end subroutine extrapolate
 
     !> Step and number of columns that should come cheapest, from the errors of all columns so far.

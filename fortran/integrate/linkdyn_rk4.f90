@@ -1,5 +1,8 @@
 !> The classical Runge-Kutta method of order 4 at a fixed step, on lanes: the lecture's integrator.
+!>
+!> What rounding takes from y at a step is added at the next: a million steps round like one.
 module linkdyn_rk4
+    use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -7,9 +10,10 @@ module linkdyn_rk4
     private
     public :: rk4_workspace, rk4_step
 
-    !> Scratch of a step.
+    !> Scratch of a step, and what goes from one to the next.
     type :: rk4_workspace
         real(wp), allocatable :: stage(:, :), rate(:, :), total(:, :)    !! (lane, n)
+        real(wp), allocatable :: rest(:, :)      !! to be added to y, less than its last place (lane, n)
     contains
         procedure :: prepare
     end type rk4_workspace
@@ -20,8 +24,9 @@ contains
         class(rk4_workspace), intent(inout) :: self
         integer, intent(in) :: n
 
-        if (allocated(self%stage)) deallocate (self%stage, self%rate, self%total)
-        allocate (self%stage(lanes, n), self%rate(lanes, n), self%total(lanes, n))
+        if (allocated(self%stage)) deallocate (self%stage, self%rate, self%total, self%rest)
+        allocate (self%stage(lanes, n), self%rate(lanes, n), self%total(lanes, n), self%rest(lanes, n))
+        self%rest = 0
     end subroutine prepare
 
     !> One step. A lane whose right-hand side fails at a stage, or whose result is not finite, keeps its y.
@@ -48,7 +53,10 @@ contains
             failed = failed .or. stage_failed
             work%total = work%total + weight(i)*work%rate
         end do
-        work%stage = y + (h/6)*work%total
+        work%stage = y
+        work%total = (h/6)*work%total + work%rest
+        work%rest = 0
+        call add_exactly(work%total, work%stage, work%rest)
         do k = 1, system%n
             failed = failed .or. .not. abs(work%stage(:, k)) <= huge(1.0_wp)
         end do

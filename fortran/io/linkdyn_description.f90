@@ -135,6 +135,7 @@ contains
         text = "{"//pair("name", string(variable%name))//","//pair("long_name", string(variable%long_name))//","// &
             pair("units", string(variable%units))//","//pair("is_integer", logical_value(variable%is_integer))//","// &
             pair("dims", strings(layout%dimension(variable%dim(:variable%n_dim))%name))
+        if (variable%length > 0) text = text//","//pair("length", number(variable%length))
         if (variable%is_integer) text = text//","//pair("flags", strings(variable%flag))
         text = text//"}"
     end function variable_object

@@ -9,7 +9,7 @@ module linkdyn_quaternion
     use linkdyn_vec3, only: vec3, mat3
     implicit none (type, external)
     private
-    public :: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
+    public :: rotation_of_quaternion, quaternion_of_rotation, quaternion_rate, quaternion_of_rpy
 
 contains
 
@@ -36,6 +36,46 @@ contains
         r%y = vec3(xy - wz, 1 - (xx + zz), yz + wx)
         r%z = vec3(xz + wy, yz - wx, 1 - (xx + yy))
     end function rotation_of_quaternion
+
+    !> The unit quaternion of a rotation, from whichever of its components is largest.
+    pure function quaternion_of_rotation(r) result(q)
+        type(mat3), intent(in) :: r            !! link axes to world axes
+        real(wp) :: q(lanes, 4)
+        real(wp) :: way(lanes, 4), size_here(lanes)
+        integer :: k, i
+
+        q = 0
+        size_here = -1
+        do k = 1, 4
+            select case (k)                    ! 4 times component k times (w, x, y, z)
+            case (1)
+                way(:, 1) = 1 + r%x%x + r%y%y + r%z%z
+                way(:, 2) = r%y%z - r%z%y
+                way(:, 3) = r%z%x - r%x%z
+                way(:, 4) = r%x%y - r%y%x
+            case (2)
+                way(:, 1) = r%y%z - r%z%y
+                way(:, 2) = 1 + r%x%x - r%y%y - r%z%z
+                way(:, 3) = r%x%y + r%y%x
+                way(:, 4) = r%z%x + r%x%z
+            case (3)
+                way(:, 1) = r%z%x - r%x%z
+                way(:, 2) = r%x%y + r%y%x
+                way(:, 3) = 1 - r%x%x + r%y%y - r%z%z
+                way(:, 4) = r%y%z + r%z%y
+            case default
+                way(:, 1) = r%x%y - r%y%x
+                way(:, 2) = r%z%x + r%x%z
+                way(:, 3) = r%y%z + r%z%y
+                way(:, 4) = 1 - r%x%x - r%y%y + r%z%z
+            end select
+            do i = 1, 4
+                where (way(:, k) > size_here) q(:, i) = way(:, i)
+            end do
+            size_here = max(size_here, way(:, k))
+        end do
+        q = q/spread(sqrt(sum(q**2, dim=2)), 2, 4)
+    end function quaternion_of_rotation
 
     !> dq/dt = (0, omega) q / 2.
     pure function quaternion_rate(q, omega) result(rate)

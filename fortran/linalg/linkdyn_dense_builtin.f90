@@ -6,7 +6,7 @@ module linkdyn_dense
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: dense_workspace, solve_dense, dense_name, hold_blas_threads, release_blas_threads
+    public :: dense_workspace, solve_dense, solve_scaled, dense_name, hold_blas_threads, release_blas_threads
 
     character(len=*), parameter :: dense_name = "built-in elimination"
 
@@ -48,7 +48,7 @@ contains
         real(wp), intent(out) :: rcond                    !! reciprocal condition number, rows and columns scaled
         real(wp), intent(out) :: error_bound              !! size of the last correction over the solution
         logical, intent(out) :: is_singular
-        real(wp) :: norm
+        real(wp) :: norm, norm_of_inverse
         integer :: n, i
 
         n = size(b)
@@ -63,7 +63,8 @@ contains
         rcond = 0
         error_bound = huge(1.0_wp)
         if (is_singular) return
-        rcond = 1/(norm*norm_of_inverse(workspace))
+        call find_norm_of_inverse(workspace, norm_of_inverse)
+        rcond = 1/(norm*norm_of_inverse)
         workspace%right = b
         call substitute(workspace%factors, workspace%pivot, b)
         workspace%correction = workspace%right - matmul(a, b)
@@ -72,9 +73,26 @@ contains
         error_bound = maxval(abs(workspace%correction))/max(maxval(abs(b)), tiny(1.0_wp))
     end subroutine solve_dense
 
+    !> Solve once more with the factors of the last `solve_dense`, for the matrix with every row divided by its largest entry, then
+    !> every column; or for its transpose.
+    pure subroutine solve_scaled(workspace, is_transposed, x)
+        type(dense_workspace), intent(inout) :: workspace
+        logical, intent(in) :: is_transposed
+        real(wp), intent(inout), contiguous :: x(:)
+
+        if (is_transposed) then
+            x = workspace%column_size*x
+            call substitute_transposed(workspace%factors, workspace%pivot, x)
+        else
+            call substitute(workspace%factors, workspace%pivot, x)
+            x = workspace%column_size*x
+        end if
+    end subroutine solve_scaled
+
     !> 1-norm of the inverse of the scaled matrix, column by column.
-    pure real(wp) function norm_of_inverse(workspace) result(norm)
-        type(dense_workspace), intent(in) :: workspace
+    pure subroutine find_norm_of_inverse(workspace, norm)
+        type(dense_workspace), intent(inout) :: workspace
+        real(wp), intent(out) :: norm
         real(wp) :: column(workspace%n)
         integer :: k
 
@@ -82,10 +100,10 @@ contains
         do k = 1, workspace%n
             column = 0
             column(k) = 1
-            call substitute(workspace%factors, workspace%pivot, column)
-            norm = max(norm, sum(abs(workspace%column_size*column)))
+            call solve_scaled(workspace, .false., column)
+            norm = max(norm, sum(abs(column)))
         end do
-    end function norm_of_inverse
+    end subroutine find_norm_of_inverse
 
     !> LU by columns with partial pivoting; rows are swapped in place.
     pure subroutine factorize(a, pivot, is_singular)
@@ -134,4 +152,26 @@ contains
             b(:k - 1) = b(:k - 1) - a(:k - 1, k)*b(k)
         end do
     end subroutine substitute
+
+    !> The same with the transpose: columns of the factors are rows, and the exchanges come last, turned round.
+    pure subroutine substitute_transposed(a, pivot, b)
+        real(wp), intent(in) :: a(:, :)
+        integer, intent(in) :: pivot(:)
+        real(wp), intent(inout) :: b(:)
+        real(wp) :: kept
+        integer :: k, n
+
+        n = size(b)
+        do k = 1, n
+            b(k) = (b(k) - dot_product(a(:k - 1, k), b(:k - 1)))/a(k, k)
+        end do
+        do k = n, 1, -1
+            b(k) = b(k) - dot_product(a(k + 1:, k), b(k + 1:))
+        end do
+        do k = n, 1, -1
+            kept = b(pivot(k))
+            b(pivot(k)) = b(k)
+            b(k) = kept
+        end do
+    end subroutine substitute_transposed
 end module linkdyn_dense

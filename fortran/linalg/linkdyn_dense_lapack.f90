@@ -6,15 +6,15 @@ module linkdyn_dense
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: dense_workspace, solve_dense, dense_name, hold_blas_threads, release_blas_threads
+    public :: dense_workspace, solve_dense, solve_scaled, dense_name, hold_blas_threads, release_blas_threads
 
     character(len=*), parameter :: dense_name = "LAPACK dgesvx"
 
-    !> Room for one system of n unknowns, kept between calls.
+    !> Room for one system of n unknowns, kept between calls: after `solve_dense` its factors.
     type :: dense_workspace
         integer :: n = 0
         real(wp), allocatable :: factors(:, :), row_scale(:), column_scale(:), x(:, :), work(:)
-        real(wp), allocatable :: row_size(:), column_size(:)    !! of the matrix as it comes
+        real(wp), allocatable :: row_size(:), column_size(:)    !! of the matrix that the factors are of
         integer, allocatable :: pivot(:), iwork(:)
     contains
         procedure :: prepare
@@ -107,39 +107,49 @@ contains
         is_singular = info /= 0
         error_bound = forward(1)
         b = workspace%x(:, 1)
+        if (any(equed == ["R", "B"])) workspace%row_size = workspace%row_size*workspace%row_scale
+        if (any(equed == ["C", "B"])) workspace%column_size = workspace%column_size*workspace%column_scale
         rcond = 0
-        if (info == 0 .or. info == n + 1) call find_rcond(workspace, equed, norm, rcond)
+        if (info == 0 .or. info == n + 1) call find_rcond(workspace, norm, rcond)
     end subroutine solve_dense
+
+    !> Solve once more with the factors of the last `solve_dense`, for the matrix with every row divided by its largest entry, then
+    !> every column; or for its transpose.
+    subroutine solve_scaled(workspace, is_transposed, x)
+        type(dense_workspace), intent(inout) :: workspace
+        logical, intent(in) :: is_transposed
+        real(wp), intent(inout), contiguous :: x(:)       !! in: right-hand side; out: solution
+        integer :: info
+
+        if (is_transposed) then
+            x = workspace%column_size*x
+        else
+            x = workspace%row_size*x
+        end if
+        call dgetrs(merge("T", "N", is_transposed), workspace%n, 1, workspace%factors, workspace%n, workspace%pivot, x, &
+                    workspace%n, info)
+        if (is_transposed) then
+            x = workspace%row_size*x
+        else
+            x = workspace%column_size*x
+        end if
+    end subroutine solve_scaled
 
     !> Reciprocal condition number in the 1-norm, estimated: of the matrix with every row divided by its largest entry, then
     !> every column. LAPACK itself scales only where it must, so that its own number jumps from one to the other.
-    subroutine find_rcond(workspace, equed, norm, rcond)
+    subroutine find_rcond(workspace, norm, rcond)
         type(dense_workspace), intent(inout) :: workspace
-        character(len=1), intent(in) :: equed             !! what LAPACK has scaled before it took the factors
         real(wp), intent(in) :: norm                      !! of the scaled matrix
         real(wp), intent(out) :: rcond
         real(wp) :: norm_of_inverse
-        integer :: kase, saved(3), n, info
+        integer :: kase, saved(3)
 
-        n = workspace%n
-        if (any(equed == ["R", "B"])) workspace%row_size = workspace%row_size*workspace%row_scale
-        if (any(equed == ["C", "B"])) workspace%column_size = workspace%column_size*workspace%column_scale
         norm_of_inverse = 0
         kase = 0
         do
-            call dlacn2(n, workspace%work, workspace%x, workspace%iwork, norm_of_inverse, kase, saved)
-            select case (kase)
-            case (1)
-                workspace%x(:, 1) = workspace%row_size*workspace%x(:, 1)
-                call dgetrs("N", n, 1, workspace%factors, n, workspace%pivot, workspace%x, n, info)
-                workspace%x(:, 1) = workspace%column_size*workspace%x(:, 1)
-            case (2)
-                workspace%x(:, 1) = workspace%column_size*workspace%x(:, 1)
-                call dgetrs("T", n, 1, workspace%factors, n, workspace%pivot, workspace%x, n, info)
-                workspace%x(:, 1) = workspace%row_size*workspace%x(:, 1)
-            case default
-                exit
-            end select
+            call dlacn2(workspace%n, workspace%work, workspace%x, workspace%iwork, norm_of_inverse, kase, saved)
+            if (kase == 0) exit
+            call solve_scaled(workspace, kase == 2, workspace%x(:, 1))
         end do
         rcond = 1/(norm*norm_of_inverse)
     end subroutine find_rcond

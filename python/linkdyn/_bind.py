@@ -29,6 +29,7 @@ _GROUPS = (
     ("joint_variable", "joint_rate"),
     ("growth", "power_imbalance"),
     ("rcond",),
+    ("singularity_distance",),
     ("error",),
     ("driving_force_error",),
     ("reaction_error",),

@@ -64,6 +64,8 @@ def to_dataset(
     variables = {}
     for variable in schema["variables"]:
         attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
+        if "length" in variable:
+            attributes["length"] = variable["length"]
         if variable["is_integer"]:
             attributes["flag_values"] = np.arange(len(variable["flags"]), dtype=np.intc)
             attributes["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in variable["flags"])

@@ -37,6 +37,8 @@ class Case:
     folder: Path = field(default=ROOT)
     """Where the scene's tables lie."""
     distance_unit: str = ""
+    time: np.ndarray | None = None
+    """(N,) [s] if the states follow each other along a motion; the assembly is followed then."""
 
 
 # ------------------------------------------------------------------------------------------------- parts of scenes
@@ -234,9 +236,68 @@ def examples() -> Iterator[Case]:
         yield Case(name, scene.title, tomllib.loads(file.read_text()), q, qd, qdd, np.full(len(q), np.nan), file.parent)
 
 
+# --------------------------------------------------------------------------------------------------- in motion order
+N_IN_TURN = 720
+OFF = 0.003
+"""No sample of a turn falls on a difficulty exactly, but for the dead centres."""
+
+
+def turning(name: str, scene: dict[str, Any], places: tuple[float, ...], turns: int = 1, **more: Any) -> Case:
+    """The crank turns at 2 rad/s and speeds up a little; ``distance`` is that of the angle from the next difficulty."""
+    t = np.linspace(0.0, math.pi * turns, N_IN_TURN * turns + 1)
+    q = (OFF + 2.0 * t + 0.0625 * t**2)[:, np.newaxis]
+    distance = np.min([np.abs(np.remainder(q[:, 0] - place + math.pi, 2 * math.pi) - math.pi) for place in places], axis=0)
+    qd, qdd = (2.0 + 0.125 * t)[:, np.newaxis], np.full((len(t), 1), 0.125)
+    return Case(name, scene["title"], scene, q, qd, qdd, distance, distance_unit="rad", time=t, **more)
+
+
+def through_change_points() -> Iterator[Case]:
+    """Four-bars that fold flat, carried through on their assembly, two turns."""
+    yield turning("four_bar_through", four_bar("Four-bar through its change points", 2.0, 4.0, 3.0, 3.0), (0.0,), 2)
+    yield turning("parallelogram_through", four_bar("Parallelogram through its change points", 2.0, 5.0, 2.0, 5.0), (0.0, math.pi), 2)
+
+
+def near_parallelograms_turning() -> Iterator[Case]:
+    """A follower a little too long: the transmission angle falls to the root of the excess, twice a turn."""
+    for excess in (1e-2, 1e-4, 1e-6):
+        scene = four_bar(f"Near-parallelogram turning, follower longer by {excess:g}", 2.0, 5.0, 2.0 * (1 + excess), 5.0)
+        yield turning(f"near_parallelogram_turning_{excess:.0e}", scene, (0.0, math.pi))
+
+
+def slider_cranks_turning() -> Iterator[Case]:
+    """Rod hardly longer than the crank: at 90 degrees it stands square to the slide."""
+    for excess in (1e-3, 1e-6):
+        scene = slider_crank(f"Slider-crank turning, rod longer than the crank by {excess:g}", 1.0, 1.0 + excess, "J1")
+        yield turning(f"slider_crank_turning_{excess:.0e}", scene, (math.pi / 2, -math.pi / 2))
+
+
+def dead_centres_met() -> Iterator[Case]:
+    """The piston drives the crank to both dead centres and back, as fast as a crank turning evenly would have it."""
+    scene = slider_crank("Slider-driven crank to its dead centres and back", 1.03, 2.97, "J4")
+    n = N_IN_TURN
+    turn = 2 * math.pi * np.arange(5 * n // 4 + 1) / n + math.pi / 4
+    sine, cosine = 1.03 * np.sin(turn), 1.03 * np.cos(turn)
+    reach = np.sqrt(2.97**2 - sine**2)
+    # of x = cosine + reach, the crank at 1 rad/s
+    q = cosine + reach
+    qd = -sine - sine * cosine / reach
+    qdd = -cosine - (cosine**2 - sine**2) / reach - (sine * cosine) ** 2 / reach**3
+    distance = np.abs(np.remainder(turn + math.pi / 2, math.pi) - math.pi / 2)
+    columns = (np.asarray(column)[:, np.newaxis] for column in (q, qd, qdd))
+    yield Case("dead_centres", scene["title"], scene, *columns, distance, distance_unit="rad", time=turn - turn[0])
+
+
 FAMILIES = (change_points, near_parallelograms, slider_cranks, dead_centres, stretched, fichter, unequal)
 
 
 def hard_cases() -> list[Case]:
     """All hard cases."""
     return [case for family in FAMILIES for case in family()]
+
+
+MOTIONS = (through_change_points, near_parallelograms_turning, slider_cranks_turning, dead_centres_met)
+
+
+def motion_cases() -> list[Case]:
+    """Hard cases in motion order."""
+    return [case for family in MOTIONS for case in family()]

@@ -44,22 +44,45 @@ def quadruple_results(program: Path, case: Case, want: str, time: np.ndarray | N
     time
         (N,) if the states follow each other along a motion.
     """
+    results = run_states(program, case, "--want", want, time=time)
+    return np.concatenate([results[name] for name in results if name in want.split(",")], axis=1)
+
+
+def run_states(
+    program: Path, case: Case, *options: str, solver: str = "lapack", time: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """Inverse dynamics of a case's states by an executable: results (N, width) as doubles, by name.
+
+    Parameters
+    ----------
+    program
+        ``linkdyn`` or its twin.
+    options
+        Of the command line, beside these.
+    time
+        (N,) if the states follow each other along a motion.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for table in case.folder.glob("*.csv"):
             shutil.copy(table, folder)
         (folder / "scene.toml").write_text(tomli_w.dumps(case.scene))
         write_states(folder / "states.csv", case, time)
-        command = [program, "inverse", "scene.toml", "--states", "states.csv", "--want", want]
+        command = [program, "inverse", "scene.toml", "--states", "states.csv", "--solver", solver, *options]
         run = subprocess.run(
-            [*command, "--solver", "lapack", "--csv", "-o", "results.csv", "--quiet"],
-            cwd=folder, capture_output=True, text=True, check=False,
+            [*command, "--csv", "-o", "results.csv", "--quiet"], cwd=folder, capture_output=True, text=True, check=False
         )
         if run.returncode not in (0, 3):
             raise RuntimeError(f"{case.name}: {run.stderr}")
         header, *rows = csv.reader((folder / "results.csv").open())
-    columns = [i for i, title in enumerate(header) if title.split(" ")[0] in want.split(",")]
-    return np.array([[float(row[i]) for i in columns] for row in rows])
+    columns: dict[str, list[int]] = {}
+    for i, title in enumerate(header):
+        columns.setdefault(title.split(" ")[0], []).append(i)
+    results = {}
+    for name, places in columns.items():
+        kind = str if name == "status" else float
+        results[name] = np.array([[kind(row[i]) for i in places] for row in rows])
+    return results
 
 
 def write_states(file: Path, case: Case, time: np.ndarray | None) -> None:

@@ -1,0 +1,229 @@
+!> How far the mechanism may move, to first order, before its equations become singular.
+!>
+!> With u and v the singular vectors of the smallest singular value, sigma = u^T A v of the scaled equations (see
+!> `linkdyn_condition`), the distance is sigma over its gradient. The gradient needs no elimination: sigma changes with A alone, and A
+!> with the links' rotations and slides, which move along the acceleration columns, the velocities for unit rates of the
+!> coordinates. So no position beyond a dead point is ever asked for, however near it is.
+!>
+!> The distance is one of the coordinates, angles times a characteristic length.
+module linkdyn_singularity
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_assembly, only: assemble_matrix
+    use linkdyn_condition, only: condition_type, condition_space, singular_vectors, is_posed
+    use linkdyn_force_map, only: typical_length
+    use linkdyn_joint_rates, only: joint_rate
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, step_pose, step_joint, step_ups
+    use linkdyn_scene, only: joint_prismatic, joint_cylindrical
+    use linkdyn_slots, only: slot_store, make_slots
+    use linkdyn_vec2, only: rot2
+    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.cross.), operator(.dot.)
+    implicit none (type, external)
+    private
+    public :: singularity_space, prepare_singularity, find_singularity_distance
+
+    !> Scratch of one thread.
+    type :: singularity_space
+        type(kinematic_state) :: moved            !! the mechanism a little moved
+        type(slot_store) :: slot                  !! its equations
+        type(slot_store) :: left, right           !! singular vectors, scaled back to the equations' own rows and columns
+        real(wp), allocatable :: gradient(:, :)   !! of sigma (lane, n_q) [1/m], angles times the length
+        real(wp), allocatable :: slide(:, :)      !! rates of the slides for a unit rate of a coordinate (lane, n_joint)
+        real(wp), allocatable :: unit(:)          !! what a unit of each coordinate counts (n_q) [m]
+        logical :: may_fold = .false.             !! a coordinate may come to its limit: loops are closed
+    contains
+        procedure :: free => free_singularity
+    end type singularity_space
+
+contains
+
+    !> Make room for one thread.
+    subroutine prepare_singularity(model, condition, space)
+        type(model_type), intent(in) :: model
+        type(condition_type), intent(in) :: condition
+        type(singularity_space), intent(out) :: space
+
+        call prepare_kinematics(model, 0, space%moved)
+        call make_slots(condition%equations%formulation%n_slot + 1, space%slot)
+        call make_slots(condition%equations%formulation%n_unknown, space%left)
+        call make_slots(condition%equations%formulation%n_unknown, space%right)
+        allocate (space%gradient(lanes, model%n_q), space%slide(lanes, model%n_joint))
+        space%unit = merge(1.0_wp, typical_length(model), model%scene%coordinate%unit == "m")
+        space%may_fold = any(model%step%kind /= step_pose .and. model%step%kind /= step_joint .and. model%step%kind /= step_ups) &
+                         .and. (model%is_planar .or. model%n_pose == 0)
+    end subroutine prepare_singularity
+
+    subroutine free_singularity(self)
+        class(singularity_space), intent(inout) :: self
+
+        call self%slot%free()
+        call self%left%free()
+        call self%right%free()
+    end subroutine free_singularity
+
+    !> Distance [m] of the block whose equations `condition_space` has eliminated; NaN where there is none to be had.
+    !>
+    !> Needs acceleration columns of all links.
+    subroutine find_singularity_distance(model, condition, state, factors, space, distance)
+        type(model_type), intent(in) :: model
+        type(condition_type), intent(in) :: condition
+        type(kinematic_state), intent(in) :: state
+        type(condition_space), intent(inout) :: factors
+        type(singularity_space), intent(inout) :: space
+        real(wp), intent(out) :: distance(lanes)
+        real(wp) :: sigma(lanes), steepness(lanes)
+        integer :: k, lane
+
+        call singular_vectors(condition, state, factors, space%left%value, space%right%value, sigma)
+        steepness = 0
+        do k = 1, model%n_q
+            call change_of_sigma(model, condition, state, k, space, space%gradient(:, k))
+            space%gradient(:, k) = space%gradient(:, k)/space%unit(k)
+            steepness = steepness + space%gradient(:, k)**2
+        end do
+        steepness = sqrt(steepness)
+        distance = abs(sigma)/steepness
+        if (space%may_fold) call shorten_at_folds(model, state, sigma, steepness, space, distance)
+        do lane = 1, lanes
+            if (.not. is_posed(state, lane)) distance(lane) = ieee_value(1.0_wp, ieee_quiet_nan)
+        end do
+    end subroutine find_singularity_distance
+
+    !> Derivative of u^T A v for a unit rate of a coordinate: a central difference along the links' velocities. The entries of A are
+    !> products of up to three rotations and slides, so all but the third order drops out.
+    subroutine change_of_sigma(model, condition, state, k, space, change)
+        type(model_type), intent(in) :: model
+        type(condition_type), intent(in) :: condition
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: k
+        type(singularity_space), intent(inout) :: space
+        real(wp), intent(out) :: change(lanes)
+        real(wp), parameter :: largest_turn = epsilon(1.0_wp)**(1.0_wp/3)
+        real(wp) :: speed(lanes), step(lanes)
+        integer :: i, way
+
+        call largest_speed(model, state, k, space%slide, speed)
+        step = merge(largest_turn/max(speed, tiny(1.0_wp)), 0.0_wp, speed > 0)
+        change = 0
+        do way = -1, 1, 2
+            call move(model, state, k, way*step, space)
+            call assemble_matrix(model, condition%equations%formulation, space%moved, space%slot%value)
+            do i = 1, size(condition%equations%formulation%entry)
+                associate (entry => condition%equations%formulation%entry(i))
+                    if (entry%slot == 0) cycle
+                    change = change + way*space%slot%value(:, entry%slot) &
+                             *(space%left%value(:, entry%row)*space%right%value(:, entry%column))
+                end associate
+            end do
+        end do
+        change = merge(change/(2*step), 0.0_wp, step > 0)
+    end subroutine change_of_sigma
+
+    !> Rates of the slides, and the largest rate of any rotation or slide, which counts by the characteristic length.
+    subroutine largest_speed(model, state, k, slide, speed)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: k
+        real(wp), intent(out) :: slide(lanes, model%n_joint)
+        real(wp), intent(out) :: speed(lanes)
+        real(wp) :: length
+        integer :: o, j
+
+        length = typical_length(model)
+        speed = 0
+        do o = 1, model%n_orientation
+            if (model%is_planar) then
+                speed = max(speed, abs(state%plane%angular(:, k, o)))
+            else
+                speed = max(speed, sqrt(state%alpha(k, o).dot.state%alpha(k, o)))
+            end if
+        end do
+        slide = 0
+        do j = 1, model%n_joint
+            select case (model%joint(j)%kind)
+            case (joint_prismatic)
+                slide(:, j) = joint_rate(model, state, j, 1, k)
+            case (joint_cylindrical)
+                slide(:, j) = joint_rate(model, state, j, 2, k)
+            case default
+                cycle
+            end select
+            speed = max(speed, abs(slide(:, j))/length)
+        end do
+    end subroutine largest_speed
+
+    !> Rotations and slides after a small step of a coordinate, to first order.
+    subroutine move(model, state, k, step, space)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: k
+        real(wp), intent(in) :: step(lanes)
+        type(singularity_space), intent(inout) :: space
+        real(wp) :: angle(lanes)
+        integer :: o, j
+
+        associate (moved => space%moved)
+            do o = 1, model%n_orientation
+                if (model%is_planar) then
+                    associate (r => state%plane%rotation(o))
+                        angle = step*state%plane%angular(:, k, o)
+                        moved%plane%rotation(o) = rot2(r%c - angle*r%s, r%s + angle*r%c)
+                    end associate
+                else
+                    associate (r => state%rotation(o), turn => step*state%alpha(k, o))
+                        moved%rotation(o)%x = r%x + (turn.cross.r%x)
+                        moved%rotation(o)%y = r%y + (turn.cross.r%y)
+                        moved%rotation(o)%z = r%z + (turn.cross.r%z)
+                    end associate
+                end if
+            end do
+            do j = 1, model%n_joint
+                moved%slide(:, j) = state%slide(:, j) + step*space%slide(:, j)
+            end do
+        end associate
+    end subroutine move
+
+    !> Where a coordinate comes to its own limit, the links' velocities for a unit rate of it grow as 1/sqrt(distance) and sigma
+    !> goes as sqrt(distance): sigma over its slope is then twice the distance. With the mechanism moving towards
+    !> the singularity at unit rate, w its angular velocities and a their derivatives, c = distance*(a.w)/(w.w) is 1 there and
+    !> nearly 0 where the velocities hardly change; 1 - c/2 of the distance is right in both.
+    subroutine shorten_at_folds(model, state, sigma, steepness, space, distance)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: sigma(lanes), steepness(lanes)
+        type(singularity_space), intent(inout) :: space
+        real(wp), intent(inout) :: distance(lanes)
+        real(wp), dimension(lanes) :: square, growth, fold
+        integer :: k, o
+
+        associate (moved => space%moved)
+            moved%q = state%q
+            moved%qdd = 0
+            do k = 1, model%n_q
+                moved%qd(:, k) = -sign(1.0_wp, sigma)*space%gradient(:, k)/(space%unit(k)*steepness)
+            end do
+            if (model%n_dyad > 0) moved%plane%branch = state%plane%branch
+            if (size(model%group) > 0) then
+                moved%group%start_place = state%group%place
+                moved%group%start_q = state%q
+            end if
+            call evaluate_kinematics(model, moved)
+            square = 0
+            growth = 0
+            do o = 1, model%n_orientation
+                if (model%is_planar) then
+                    square = square + moved%plane%angular(:, -1, o)**2
+                    growth = growth + moved%plane%angular(:, -1, o)*moved%plane%angular(:, 0, o)
+                else
+                    square = square + (moved%omega(o).dot.moved%omega(o))
+                    growth = growth + (moved%omega(o).dot.moved%alpha(0, o))
+                end if
+            end do
+        end associate
+        fold = distance*growth/square
+        distance = distance*(1 - 0.5_wp*merge(min(fold, 1.0_wp), 0.0_wp, fold > 0))
+    end subroutine shorten_at_folds
+end module linkdyn_singularity

@@ -1,0 +1,148 @@
+"""Distance to the next singular position, where the exact one is known."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import linkdyn
+import numpy as np
+import pytest
+import xarray as xr
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "hard"))
+
+from cases import Case, bar, hard_cases, planar, revolute  # noqa: E402
+
+CASES = {case.name: case for case in hard_cases()}
+
+
+def distance_of(case: Case, solver: str = "elimination") -> tuple[np.ndarray, float]:
+    """Distances [m] and the length by which angles count [m]."""
+    run = linkdyn.Scene(case.scene, case.folder).inverse(
+        q=case.q, qd=case.qd, qdd=case.qdd, want="singularity_distance", solver=solver
+    )
+    return run.singularity_distance.values, run.singularity_distance.attrs["length"]
+
+
+def test_fichter() -> None:
+    """Singular at a yaw of 90 degrees, from 0.1 to 1e-10 rad. The states are off the centre by up to 0.05 of the platform's size,
+    where other motions lead there too: the way is a thousandth shorter than by yaw alone, and curved at 0.1 rad."""
+    case = CASES["fichter"]
+    distance, length = distance_of(case)
+    ratio = distance / (case.distance * length)
+    assert np.all(ratio < 1 + 1e-6) and np.all(ratio > 1 - 2e-3 - 0.5 * case.distance)
+
+
+@pytest.mark.parametrize("name", ["dead_centre_outer", "dead_centre_inner", "stretched_dyad", "four_bar_change_point"])
+def test_limits_of_coordinates(name: str) -> None:
+    """Dead centres of a driven slide, where the smallest singular value goes as the root of the distance, and a dyad folded by
+    its crank, where it goes as the distance itself: the same formula for both."""
+    case = CASES[name]
+    distance, length = distance_of(case)
+    exact = 2.0 - case.q[:, 0] if name == "stretched_dyad" else case.distance * (length if case.distance_unit == "rad" else 1.0)
+    # First order leaves a part of the distance over the size of the mechanism, at the inner centre of its root (of the links'
+    # velocities some do not grow); positions are uncertain by some epsilons over the distance, those of the dyad over its square.
+    share = np.sqrt(exact) if name == "dead_centre_inner" else exact
+    rounding = 100 * np.finfo(float).eps / (exact**2 if name == "four_bar_change_point" else exact)
+    assert np.all(np.abs(distance / exact - 1) < share + rounding)
+
+
+def five_bar() -> linkdyn.Scene:
+    """Two cranks with motors on the frame, two couplers between them: singular where the couplers are in line."""
+    scene = planar(
+        "Five-bar linkage",
+        frame={"markers": {"O": [0.0, 0.0], "Q": [3.0, 0.0]}},
+        link=[bar("left", 1.0, 1.0), bar("right", 1.2, 1.0), bar("coupler", 2.0, 1.0), bar("other", 2.2, 1.0)],
+        joint=[
+            revolute("J1", "frame.O", "left.A"),
+            revolute("J2", "frame.Q", "right.A"),
+            revolute("J3", "left.B", "coupler.A"),
+            revolute("J4", "coupler.B", "other.B", branch=1),
+            revolute("J5", "right.B", "other.A"),
+        ],
+        coordinate=[{"joint": "J1"}, {"joint": "J2"}],
+        actuator=[{"joint": "J1"}, {"joint": "J2"}],
+    )
+    return linkdyn.Scene(scene)
+
+
+def test_parallel_singularity_of_a_five_bar() -> None:
+    """Two coordinates: the way to the curve on which the cranks' ends are as far apart as the couplers reach."""
+    scene = five_bar()
+    rng = np.random.default_rng(1)
+    seen = 0
+    for gap in 10.0 ** -np.arange(2.0, 9.0):
+        for _ in range(20):
+            left = rng.uniform(1.8, 2.6)
+            # The right crank's angle at which the ends are (4.2 - gap) apart, by bisection.
+            low, high = 0.0, 1.6
+            for _ in range(200):
+                middle = 0.5 * (low + high)
+                low, high = (middle, high) if ends_apart(left, middle)[0] > 4.2 - gap else (low, middle)
+            q = np.array([[left, high]])
+            apart, slope = ends_apart(left, high)
+            if abs(apart - 4.2 + gap) > 1e-12:
+                continue
+            run = scene.inverse(q=q, want="singularity_distance")
+            length = run.singularity_distance.attrs["length"]
+            exact = (4.2 - apart) / np.hypot(*slope) * length
+            # Beside the first order, rounding of the reach.
+            assert abs(run.singularity_distance.values[0] / exact - 1) < 3 * np.sqrt(gap) + 1e-13 / gap
+            seen += 1
+    assert seen > 50
+
+
+def ends_apart(left: float, right: float) -> tuple[float, np.ndarray]:
+    """How far the cranks' ends are apart [m], and its derivatives by the cranks' angles."""
+    b = np.array([np.cos(left), np.sin(left)])
+    d = np.array([3.0 + 1.2 * np.cos(right), 1.2 * np.sin(right)])
+    way = (d - b) / np.linalg.norm(d - b)
+    return float(np.linalg.norm(d - b)), np.array([-way @ [-b[1], b[0]], way @ [-d[1], d[0] - 3.0]])
+
+
+def test_every_solver_and_size() -> None:
+    """A matter of the mechanism alone: the same with every solver, and as many times as large as the mechanism."""
+    case = CASES["fichter"]
+    near = case.distance > 1e-6
+    reference, length = distance_of(case)
+    for solver in ("lapack", "gauss-jordan", "reduced"):
+        np.testing.assert_array_equal(distance_of(case, solver)[0], reference)
+    scene = linkdyn.Scene(case.scene, case.folder)
+    rng = np.random.default_rng(2)
+    q = case.q[near] + np.column_stack([rng.uniform(-0.02, 0.02, (near.sum(), 5)), np.zeros(near.sum())])
+    alone = [scene.solve(q[i : i + 1], want="singularity_distance")["singularity_distance"][0] for i in range(0, len(q), 17)]
+    np.testing.assert_array_equal(scene.solve(q, want="singularity_distance")["singularity_distance"][::17], alone)
+    assert length > 0
+
+
+def test_files_say_the_length(tmp_path: Path) -> None:
+    """The executable writes the distance and by which length angles count; nothing of it unless it is wanted."""
+    program = Path(linkdyn.__file__).parent / "_bin" / "linkdyn"
+    scene = ROOT / "examples" / "stewart_tsai" / "scene.toml"
+    for want, is_there in (("driving_force,singularity_distance", True), ("all", False)):
+        out = tmp_path / f"{is_there}.nc"
+        subprocess.run([program, "inverse", scene, "-o", out, "--quiet", "--want", want], check=True)
+        with xr.open_dataset(out) as run:
+            assert ("singularity_distance" in run) is is_there
+            if is_there:
+                ours = linkdyn.load(scene).inverse(want=want)
+                np.testing.assert_array_equal(run.singularity_distance, ours.singularity_distance)
+                assert run.singularity_distance.attrs == ours.singularity_distance.attrs
+                assert run.singularity_distance.attrs["units"] == "m" and run.singularity_distance.attrs["length"] > 0
+
+
+def test_failed_samples_have_none() -> None:
+    run = linkdyn.Scene(CASES["dead_centre_outer"].scene).solve([[3.9], [4.1]], want="singularity_distance")
+    assert np.isfinite(run["singularity_distance"][0]) and np.isnan(run["singularity_distance"][1])
+
+
+def test_forward_runs_refuse_it() -> None:
+    with pytest.raises(linkdyn.InputError, match="singularity_distance"):
+        linkdyn.load(ROOT / "examples" / "fourbar_start" / "scene.toml").forward(0.1, want="singularity_distance")
+    program = Path(linkdyn.__file__).parent / "_bin" / "linkdyn"
+    scene = ROOT / "examples" / "fourbar_start" / "scene.toml"
+    run = subprocess.run([program, "forward", scene, "--want", "singularity_distance"], capture_output=True, text=True, check=False)
+    assert run.returncode == 2 and "singularity_distance" in run.stderr
