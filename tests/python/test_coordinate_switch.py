@@ -15,6 +15,7 @@ import pytest
 import xarray as xr
 
 import linkdyn
+from linkdyn._drawing import poses_of
 from linkdyn.cli import quadruple_twin
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -478,7 +479,7 @@ def test_animation_follows_through_dead_points(tmp_path: Path) -> None:
     """Where the coordinate is the piston's, pictures go by all joint variables: the crank turns fully."""
     scene = linkdyn.Scene(with_coordinates(slider_crank(), ("D",)))
     run = scene.forward(t=np.linspace(0.0, 0.3, 61))
-    poses = linkdyn._drawing.poses_of(scene, run)
+    poses = poses_of(scene, run)
     angle = np.unwrap(np.arctan2(poses.rotation[:, 0, 1, 0], poses.rotation[:, 0, 0, 0]))
     assert angle[-1] - angle[0] > 2 * np.pi
     assert linkdyn.plot.animate(run, tmp_path / "run.gif", frames=5).exists()
