@@ -14,8 +14,8 @@ module linkdyn_f2py_api
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
-    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words
     use linkdyn_force_map, only: typical_length
+    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, method_rk4, run_ensemble
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
     use linkdyn_model, only: model_type, dyad_names
@@ -37,7 +37,7 @@ module linkdyn_f2py_api
     implicit none
     private
     public :: api_version, api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_describe_results
-    public :: api_explain, api_motion, api_inverse, api_forward, api_advance, api_finish, api_poses
+    public :: api_explain, api_motion, api_inverse, api_forward, api_advance, api_finish, api_poses, api_ensemble
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
 
     integer, parameter :: status_stale_handle = 7   !! beside the engine's codes: the scene was closed
@@ -588,6 +588,45 @@ contains
         end if
         call report(status, code, message)
     end subroutine api_poses
+
+    !> Forward runs by rk4 from many starts.
+    subroutine api_ensemble(handle, threads, step, n_t, t, n, good_until, n_start, q_start, n_start_rate, qd_start, &
+            n_q_values, q, n_qd_values, qd, code, message)
+        !f2py threadsafe
+        integer(c_int), intent(in) :: handle, threads
+        real(c_double), intent(in) :: step
+        integer(c_int), intent(in) :: n_t, n, n_start, n_start_rate, n_q_values, n_qd_values
+        real(c_double), intent(in) :: t(n_t)                                 ! increasing; the members start at the first [s]
+        real(c_double), intent(inout) :: good_until(n)
+        real(c_double), intent(in), target :: q_start(n_start), qd_start(n_start_rate)     ! (n_q, n)
+        real(c_double), intent(inout), target :: q(n_q_values), qd(n_qd_values)            ! (n_q, n_t, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(model_type), pointer :: model
+        type(status_type) :: status
+        type(forward_options) :: options
+        real(c_double), pointer :: q_start2(:, :), qd_start2(:, :), q3(:, :, :), qd3(:, :, :)
+
+        call find_model(handle, model, status)
+        if (status%code == 0) call check_size("q", n_start, model%n_q*n, status)
+        if (status%code == 0) call check_size("qd", n_start_rate, model%n_q*n, status)
+        if (status%code == 0) call check_size("room for q", n_q_values, model%n_q*n_t*n, status)
+        if (status%code == 0) call check_size("room for qd", n_qd_values, model%n_q*n_t*n, status)
+        if (status%code == 0) call check_finite("q", model, 0, n, q_start, status)
+        if (status%code == 0) call check_finite("qd", model, 0, n, qd_start, status)
+        if (status%code == 0) then
+            q_start2(1:model%n_q, 1:n) => q_start
+            qd_start2(1:model%n_q, 1:n) => qd_start
+            q3(1:model%n_q, 1:n_t, 1:n) => q
+            qd3(1:model%n_q, 1:n_t, 1:n) => qd
+            options%integrator%method = method_rk4
+            options%integrator%step = step
+            options%t_start = t(1)
+            options%threads = threads
+            call run_ensemble(model, options, q_start2, qd_start2, t, q3, qd3, good_until, status)
+        end if
+        call report(status, code, message)
+    end subroutine api_ensemble
 
     !> Plan the sweep of a scene. It is advanced, read and closed by its own handle.
     subroutine api_sweep_open(handle, n_folder, folder, solver, n_keep, keep, sweep, n_sample, n_chunk, chunk, width, code, &

@@ -29,16 +29,18 @@ contains
     pure subroutine sine_cosine(angle, sine, cosine)
         real(wp), intent(in) :: angle(lanes)    !! [rad]
         real(wp), intent(out) :: sine(lanes), cosine(lanes)
+        logical :: within(lanes)
         integer :: lane
 
-        if (is_double .and. all(abs(angle) < reach)) then
-            call sine_cosine_series(angle, sine, cosine)
-        else
-            do lane = 1, lanes
-                sine(lane) = sin(angle(lane))
-                cosine(lane) = cos(angle(lane))
-            end do
-        end if
+        within = is_double .and. abs(angle) < reach
+        if (any(within)) call sine_cosine_series(merge(angle, 0.0_wp, within), sine, cosine)
+        if (all(within)) return
+        ! Lane by lane: what a lane gives must not depend on those beside it.
+        do lane = 1, lanes
+            if (within(lane)) cycle
+            sine(lane) = sin(angle(lane))
+            cosine(lane) = cos(angle(lane))
+        end do
     end subroutine sine_cosine
 
     !> One loop over lanes with scalars inside: so the compiler keeps it one vector stream.

@@ -346,6 +346,26 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
     return position, columns.swapaxes(-1, -2), status
 
 
+def ensemble(
+    handle: int, q: Floats, qd: Floats, t: Floats, step: float, threads: int
+) -> tuple[Floats, Floats, Floats]:
+    """Forward runs by rk4 from the starts q, qd (n, n_q) at t[0].
+
+    Returns
+    -------
+    q, qd
+        (n, len(t), n_q) [m, rad] and rates; NaN once a member has stopped.
+    good_until
+        (n,) last good instant of each [s].
+    """
+    n, n_q = q.shape
+    found, rate = np.empty((n, len(t), n_q)), np.empty((n, len(t), n_q))
+    good_until = np.empty(n)
+    if n > 0:
+        check(*_api.api_ensemble(handle, threads, step, t, good_until, _flat(q), _flat(qd), _flat(found), _flat(rate)))
+    return found, rate, good_until
+
+
 def _flat(array: NDArray[Any]) -> NDArray[Any]:
     """The array as one row, without a copy; an empty one as one element, because f2py refuses none."""
     return array.reshape(-1) if array.size else _NOTHING

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from . import _bind
 
-__all__ = ["result_shapes", "run_attributes", "to_dataset"]
+__all__ = ["ensemble_dataset", "result_shapes", "run_attributes", "to_dataset"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
@@ -72,6 +72,41 @@ def to_dataset(
         target = coordinates if variable["name"] == "time" else variables
         target[variable["name"]] = (variable["dims"], arrays[variable["name"]], attributes)
     return xr.Dataset(variables, coordinates, run_attributes(scene, scene_text, solver))
+
+
+def ensemble_dataset(
+    scene: dict[str, Any],
+    scene_text: str,
+    time: NDArray[np.float64],
+    q: NDArray[np.float64],
+    qd: NDArray[np.float64],
+    good_until: NDArray[np.float64],
+) -> xr.Dataset:
+    """The Dataset of an ensemble of forward runs.
+
+    Parameters
+    ----------
+    scene, scene_text
+        The scene's description and file.
+    time
+        (M,) [s].
+    q, qd
+        (N, M, n).
+    good_until
+        (N,) [s].
+    """
+    dims, coordinates = ("member", "time", "coordinate"), scene["coordinates"]
+    variables = {
+        "q": (dims, q, {"long_name": "generalized coordinate", "units": "m or rad"}),
+        "qd": (dims, qd, {"long_name": "its rate", "units": "m/s or rad/s"}),
+        "good_until": ("member", good_until, {"long_name": "last good instant", "units": "s"}),
+    }
+    axes = {
+        "time": ("time", time, {"units": "s"}),
+        "coordinate": ("coordinate", [c["name"] for c in coordinates]),
+        "coordinate_unit": ("coordinate", [c["unit"] for c in coordinates]),
+    }
+    return xr.Dataset(variables, axes, run_attributes(scene, scene_text, "reduced") | {"method": "rk4"})
 
 
 def run_attributes(scene: dict[str, Any], scene_text: str, solver: str) -> dict[str, Any]:

@@ -1,0 +1,73 @@
+"""Many forward runs at once: each member is the run it would be alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import linkdyn
+import numpy as np
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+TIMES = np.linspace(0.0, 0.2, 5)
+
+
+@pytest.fixture(scope="module")
+def motors() -> linkdyn.Scene:
+    return linkdyn.load(EXAMPLES / "fivebar_motors" / "scene.toml")
+
+
+def starts(scene: linkdyn.Scene, n: int) -> tuple[np.ndarray, np.ndarray]:
+    home = scene.forward(t=[0.0], method="rk4").q.values
+    rng = np.random.default_rng(1)
+    return home + 0.05 * rng.normal(size=(n, home.shape[1])), 0.5 * rng.normal(size=(n, home.shape[1]))
+
+
+def test_members_are_runs(motors: linkdyn.Scene) -> None:
+    """Against `forward` by rk4 at the same step, one scene a member; more members than lanes, not a multiple of them."""
+    q, qd = starts(motors, 37)
+    many = motors.ensemble(q, qd, TIMES, step=2e-3)
+    names = motors.coordinates
+    for i in (0, 5, 36):
+        start = {f"coordinate.{name}.start": {"position": q[i, k], "velocity": qd[i, k]} for k, name in enumerate(names)}
+        alone = motors.with_(start).forward(t=TIMES, method="rk4", step=2e-3)
+        # The same arithmetic but for its contraction on another lane, over a hundred steps.
+        np.testing.assert_allclose(many.q.values[i], alone.q.values, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(many.qd.values[i], alone.qd.values, rtol=0, atol=1e-10)
+    assert np.all(many.good_until == TIMES[-1])
+    assert many.q.dims == ("member", "time", "coordinate")
+
+
+def test_threads_change_nothing(motors: linkdyn.Scene) -> None:
+    q, qd = starts(motors, 70)
+    one, two = (motors.ensemble(q, qd, TIMES, step=2e-3, threads=n) for n in (1, 2))
+    assert one.equals(two)
+
+
+def test_one_bad_member(motors: linkdyn.Scene) -> None:
+    """One that runs into a position where its motion is not determined is NaN from there; its neighbours are as they are without it."""
+    q, qd = starts(motors, 3)
+    good = motors.ensemble(q, qd, TIMES, step=2e-3)
+    q[1] = [3.0, 0.1]
+    mixed = motors.ensemble(q, qd, TIMES, step=2e-3)
+    until = mixed.good_until.values[1]
+    assert TIMES[0] < until < TIMES[-1]
+    np.testing.assert_array_equal(np.isnan(mixed.q.values[1, :, 0]), until < TIMES)
+    np.testing.assert_array_equal(mixed.q.values[[0, 2]], good.q.values[[0, 2]])
+
+
+def test_no_members(motors: linkdyn.Scene) -> None:
+    assert motors.ensemble(np.empty((0, 2)), np.empty((0, 2)), TIMES).sizes["member"] == 0
+
+
+def test_bad_input(motors: linkdyn.Scene) -> None:
+    q, qd = starts(motors, 3)
+    with pytest.raises(linkdyn.InputError, match="t: expected increasing instants"):
+        motors.ensemble(q, qd, [0.1, 0.1])
+    with pytest.raises(linkdyn.InputError, match="qd"):
+        motors.ensemble(q, qd[:2], TIMES)
+    with pytest.raises(linkdyn.InputError, match="step"):
+        motors.ensemble(q, qd, TIMES, step=-1.0)
+    q[2, 1] = np.nan
+    with pytest.raises(linkdyn.InputError, match="J5"):
+        motors.ensemble(q, qd, TIMES)
