@@ -27,7 +27,8 @@ FOLDER = Path(__file__).resolve().parent
 COLOURS = 256   # a palette is enough, and a third of the size
 MOST_PANELS = 4
 FORWARD = {"fourbar_start", "rcsp_start"}           # run forward although a motion is given: it is to be found again
-BESIDE = {"andrews": "scene_forward.toml"}          # a second scene of the folder, which runs forward
+# A second scene of the folder, which runs forward.
+BESIDE = {"andrews": "scene_forward.toml", "slider_crank": "scene_forward.toml"}
 STROBES = {                                         # instants of the stroboscopic picture: first, last, how many
     "andrews": (0.0, 0.03, 40),
     "fivebar_motors": (0.0, 0.6, 31),
@@ -98,7 +99,8 @@ def main() -> None:
             picture = other.with_name(other.stem.replace("scene", "motion") + ".gif")
             if picture.name in readme:
                 variant = linkdyn.load(other)
-                linkdyn.plot.animate(variant.inverse(), picture, scene=variant)
+                moves = variant.forward() if other.name == BESIDE.get(name) else variant.inverse()
+                linkdyn.plot.animate(moves, picture, scene=variant)
         for kind, draw in (("hodograph", linkdyn.plot.hodograph), ("polar", linkdyn.plot.polar)):
             if f"{kind}.png" in readme:
                 draw(run)

@@ -21,7 +21,7 @@ import numpy as np  # noqa: E402
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / "hard"), str(ROOT / "benchmarks" / "python")]
 
-from accuracy_runs import draw_runs, measure_runs, runs_table  # noqa: E402
+from accuracy_runs import draw_long, draw_runs, long_table, measure_runs, motions_table, runs_table  # noqa: E402
 from bench_inverse import COLOURS, finish, put_between  # noqa: E402
 from cases import Case, examples, hard_cases  # noqa: E402
 from linkdyn.cli import quadruple_twin  # noqa: E402
@@ -194,6 +194,9 @@ def main() -> None:
     runs = measure_runs(program)
     put_between(DOCUMENT, "runs", runs_table(runs))
     draw_runs(runs, folder / "runs.png")
+    put_between(DOCUMENT, "motions", motions_table(program))
+    put_between(DOCUMENT, "long", long_table())
+    draw_long(folder / "long.png")
     if not given.no_studies:
         put_between(DOCUMENT, "studies", studies(folder))
     print(estimate_table(result))

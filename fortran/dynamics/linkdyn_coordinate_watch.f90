@@ -91,43 +91,56 @@ contains
         has_one_axis = any(kind == [joint_revolute, joint_prismatic, joint_cylindrical])
     end function has_one_axis
 
-    !> Of a hinge: how far from its axis the pins that it moves are, on the smaller of its moving links.
+    !> Of a hinge: how far from its axis the pins that it moves are, on the smaller of its moving links; if it moves none,
+    !> the centres of mass.
     subroutine find_arms(model, watch)
         type(model_type), intent(in) :: model
         type(coordinate_watch), intent(inout) :: watch
-        real(wp) :: reach
-        integer :: v, side
+        integer :: v
 
-        watch%arm = 0
         do v = 1, model%n_variable
-            associate (joint => model%joint(watch%joint(v)), arm => watch%arm(v))
-                do side = 1, 2
-                    reach = reach_of(model, watch%joint(v), joint%link(side))
-                    if (reach > 0 .and. (arm == 0 .or. reach < arm)) arm = reach
-                end do
+            associate (j => watch%joint(v), arm => watch%arm(v))
+                arm = smaller_reach(model, j, .false.)
+                if (arm == 0) arm = smaller_reach(model, j, .true.)
+                if (arm == 0) arm = scene_size(model)
+                if (is_slide(model%joint(j)%kind, watch%place(v))) arm = 1
             end associate
-        end do
-        where (watch%arm == 0) watch%arm = scene_size(model)
-        do v = 1, model%n_variable
-            if (is_slide(model%joint(watch%joint(v))%kind, watch%place(v))) watch%arm(v) = 1
         end do
     end subroutine find_arms
 
-    !> Largest distance of a moving link's other joints from the axis of one, or else of its centre of mass.
-    pure real(wp) function reach_of(model, j, link) result(reach)
+    !> Of the two links of a joint; 0 if neither reaches anywhere.
+    pure real(wp) function smaller_reach(model, j, of_mass) result(arm)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: j, link
-        integer :: i, side
+        integer, intent(in) :: j
+        logical, intent(in) :: of_mass
+        real(wp) :: reach
+        integer :: side
+
+        arm = 0
+        do side = 1, 2
+            reach = reach_of(model, j, side, of_mass)
+            if (reach > 0 .and. (arm == 0 .or. reach < arm)) arm = reach
+        end do
+    end function smaller_reach
+
+    !> Largest distance of a moving link's other joints from the axis of one, or of its centre of mass.
+    pure real(wp) function reach_of(model, j, side, of_mass) result(reach)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, side                  !! joint; which of its links
+        logical, intent(in) :: of_mass
+        integer :: i
 
         reach = 0
-        if (link == frame_link) return
-        side = side_of(model%joint(j), link)
-        do i = model%first_at(link), model%first_at(link + 1) - 1
-            associate (other => model%joint(model%joint_at(i)))
-                reach = max(reach, off_axis(other%point(:, side_of(other, link))))
-            end associate
-        end do
-        if (reach == 0) reach = off_axis(model%link(link)%cog)
+        associate (link => model%joint(j)%link(side))
+            if (link == frame_link) return
+            if (of_mass) reach = off_axis(model%link(link)%cog)
+            do i = model%first_at(link), model%first_at(link + 1) - 1
+                if (of_mass) exit
+                associate (other => model%joint(model%joint_at(i)))
+                    reach = max(reach, off_axis(other%point(:, side_of(other, link))))
+                end associate
+            end do
+        end associate
 
     contains
 

@@ -7,6 +7,7 @@ import csv
 import json
 import subprocess
 import tomllib
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,8 @@ import pytest
 import xarray as xr
 
 import linkdyn
+from linkdyn._drawing import poses_of
+from linkdyn.cli import quadruple_twin
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -441,6 +444,21 @@ def test_files_and_summary_tell(tmp_path: Path) -> None:
     assert [row["stand_in D"] for row in rows][:1] + [row["stand_in D"] for row in rows][-1:] == ["none", "A.angle"]
 
 
+@pytest.mark.skipif(quadruple_twin() is None, reason="linkdyn-real128 is not built (make real128)")
+def test_quadruple_precision(tmp_path: Path) -> None:
+    """The twin exchanges as well, and keeps the energy to the tolerance it was given; double precision agrees with it."""
+    (tmp_path / "scene.toml").write_text(linkdyn.Scene(triple_rocker()).text)
+    command = [quadruple_twin(), "forward", "scene.toml", "--until", "2", "--samples", "3", "--csv", "-o", "run.csv", "--quiet"]
+    subprocess.run([*command, "--method", "gbs", "--rtol", "1e-20", "--atol", "1e-20"], check=True, cwd=tmp_path)
+    rows = list(csv.DictReader((tmp_path / "run.csv").open()))
+    assert {row["stand_in J1"] for row in rows} == {"none", "J4.angle"}
+    energy = [Decimal(row["kinetic_energy [J]"]) + Decimal(row["potential_energy [J]"]) for row in rows]
+    # A hundred steps, on a scale of 1e5 J.
+    assert max(abs(value - energy[0]) for value in energy) < Decimal("1e-18") * energy[0].copy_abs() * 1000
+    run = linkdyn.Scene(triple_rocker()).forward(t=[0.0, 1.0, 2.0], **TIGHT)
+    np.testing.assert_allclose(run.q.values[:, 0], [float(row["q J1 [rad]"]) for row in rows], rtol=0, atol=1e-10)
+
+
 @pytest.mark.parametrize("path", ["stewart_drilling", "sixbar_slider", "rcsp_start", "slider_crank", "spatial_slider_crank"])
 def test_poses_by_joint_variables(path: str) -> None:
     """All joint variables place the links as the coordinates do."""
@@ -461,7 +479,7 @@ def test_animation_follows_through_dead_points(tmp_path: Path) -> None:
     """Where the coordinate is the piston's, pictures go by all joint variables: the crank turns fully."""
     scene = linkdyn.Scene(with_coordinates(slider_crank(), ("D",)))
     run = scene.forward(t=np.linspace(0.0, 0.3, 61))
-    poses = linkdyn._drawing.poses_of(scene, run)
+    poses = poses_of(scene, run)
     angle = np.unwrap(np.arctan2(poses.rotation[:, 0, 1, 0], poses.rotation[:, 0, 0, 0]))
     assert angle[-1] - angle[0] > 2 * np.pi
     assert linkdyn.plot.animate(run, tmp_path / "run.gif", frames=5).exists()
