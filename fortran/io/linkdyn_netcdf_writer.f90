@@ -181,7 +181,8 @@ contains
         call check(nf90_def_var_fill(writer%id, id, no_fill, 0), writer, status)
         call check(nf90_put_att(writer%id, id, "long_name", trim(variable%long_name)), writer, status)
         call check(nf90_put_att(writer%id, id, "units", trim(variable%units)), writer, status)
-        if (variable%length > 0) call check(nf90_put_att(writer%id, id, "length", variable%length), writer, status)
+        if (variable%length > 0) &
+            call check(nf90_put_att(writer%id, id, "length", real(variable%length, real64)), writer, status)
         if (len(companions(layout, variable)) > 0) &
             call check(nf90_put_att(writer%id, id, "coordinates", companions(layout, variable)), writer, status)
         if (variable%is_integer) call put_flags(writer, id, variable%flag, status)
