@@ -1,7 +1,7 @@
 !> The command line as a typed value, and the help texts.
 module linkdyn_cli
     use linkdyn_forward, only: integrator_options, choose_method, method_name
-    use linkdyn_inverse, only: inverse_options, choose_solver
+    use linkdyn_inverse, only: inverse_options, choose_solver, solver_name
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: wanted_type, choose_wanted, all_wanted, add_free
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -31,8 +31,6 @@ module linkdyn_cli
         "--help", "-o", "-q"]
     character(len=10), parameter :: other_option(2) = [character(len=10) :: "--help", "--matrix"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
-    character(len=12), parameter :: solver_name(4) = [character(len=12) :: &
-        "gauss-jordan", "lapack", "elimination", "reduced"]
 
     !> One word of the command line.
     type :: argument_type
@@ -406,7 +404,8 @@ contains
             "  --resume            go on where an interrupted run of the same sweep stands", &
             "  --yes               start though it is large or long", &
             "  --checkpoint S      seconds between two checkpoints; default 5", &
-            "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced", &
+            "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced,", &
+            "                      or gauss-jordan-plain (for comparison only)", &
             "  -q, --quiet         no table and no progress", &
             "  -h, --help          this text"
     end subroutine print_sweep_help
@@ -432,7 +431,8 @@ contains
             "                      is integrated in its place, and the summary says so", &
             "  --want LIST         driving_force, reaction, joint_variable, power (with energies), checks,", &
             "                      or all (default), with commas between; the rest is not computed", &
-            "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced", &
+            "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced,", &
+            "                      or gauss-jordan-plain (for comparison only)", &
             "  --threads N         threads for the forces at output instants; default 1", &
             "  --compress          compress the netCDF file", &
             "  -q, --quiet         no table and no progress", &
@@ -453,8 +453,8 @@ contains
             "  --want LIST         driving_force, reaction, joint_variable, power, checks, or all of these;", &
             "                      rcond, singularity_distance", &
             "                      (default), with commas between; the rest is not computed", &
-            "  --solver NAME       elimination (default), lapack, gauss-jordan, or reduced, which", &
-            "                      gives all but the reactions", &
+            "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced (gives all but the", &
+            "                      reactions), or gauss-jordan-plain (for comparison only)", &
             "  --error             also estimate the error of every force: takes up to three times as long", &
             "  --states FILE       q, qd, qdd from a CSV file, as written with --csv, instead of the", &
             "                      scene's motion: a row a sample; columns as the results have them", &

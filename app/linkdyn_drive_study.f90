@@ -9,7 +9,7 @@ module linkdyn_drive_study
     use linkdyn_output_file, only: output_file, open_output, open_text, write_text, finish_text
     use linkdyn_run_output, only: default_name, exit_done, exit_bad_input
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_study, only: study_row, study_states, study_inverse, study_forward, recommend
+    use linkdyn_study, only: study_row, study_states, study_inverse, study_forward, recommend, warn_of_growth
     use linkdyn_text, only: to_text
     use linkdyn_twin, only: find_twin, ask_inverse, ask_forward
     implicit none (type, external)
@@ -30,6 +30,7 @@ contains
         type(study_row), allocatable :: inverse(:), forward(:)
         type(status_type) :: status, inverse_status, forward_status
         character(len=:), allocatable :: twin, against
+        real(wp) :: tenfold
 
         exit_status = exit_bad_input
         call load_model(config%scene, .false., model, status)
@@ -38,7 +39,7 @@ contains
             against = "the quadruple twin"
             if (twin == "") against = "the most careful result of its own (the quadruple twin is not built: make real128)"
             call measure_inverse(config, model, twin, inverse, inverse_status)
-            call measure_forward(config, model, twin, forward, forward_status)
+            call measure_forward(config, model, twin, forward, tenfold, forward_status)
             if (size(inverse) + size(forward) == 0) call fail(status, status_bad_input, config%scene &
                 //": neither inverse nor forward dynamics can be computed: "//trim(inverse_status%message)//"; " &
                 //trim(forward_status%message))
@@ -54,7 +55,7 @@ contains
         write (unit, "(a)") "  errors against "//against
         if (size(inverse) > 0) call print_inverse(inverse, unit)
         if (size(inverse) == 0) write (unit, "(/, a)") "  no inverse dynamics: "//trim(inverse_status%message)
-        if (size(forward) > 0) call print_forward(forward, unit)
+        if (size(forward) > 0) call print_forward(forward, tenfold, unit)
         if (size(forward) == 0) write (unit, "(/, a)") "  no forward dynamics: "//trim(forward_status%message)
     end subroutine drive_study
 
@@ -88,17 +89,19 @@ contains
     end subroutine measure_inverse
 
     !> Integrators from the scene's start on.
-    subroutine measure_forward(config, model, twin, row, status)
+    subroutine measure_forward(config, model, twin, row, tenfold, status)
         type(command_line), intent(in) :: config
         type(model_type), intent(in), target :: model
         character(len=*), intent(in) :: twin
         type(study_row), allocatable, intent(out) :: row(:)
+        real(wp), intent(out) :: tenfold             !! see `study_forward`
         type(status_type), intent(out) :: status
         real(wp) :: exact(model%n_q, n_instant), first, last, t(n_instant)
         logical :: is_known
         integer :: i
 
         allocate (row(0))
+        tenfold = 0
         first = model%scene%time%first
         last = merge(config%until, model%scene%time%last, config%has_until)
         if (.not. last > first) then
@@ -110,9 +113,9 @@ contains
         is_known = .false.
         if (twin /= "") call ask_forward(twin, config%scene, last, n_instant, exact, is_known)
         if (is_known) then
-            call study_forward(model, t, exact, row, status)
+            call study_forward(model, t, exact, row, tenfold, status)
         else
-            call study_forward(model, t, row=row, status=status)
+            call study_forward(model, t, row=row, tenfold=tenfold, status=status)
         end if
     end subroutine measure_forward
 
@@ -128,8 +131,9 @@ contains
         call print_advice(row, "inverse", [1.0e-12_wp], unit)
     end subroutine print_inverse
 
-    subroutine print_forward(row, unit)
+    subroutine print_forward(row, tenfold, unit)
         type(study_row), intent(in) :: row(:)
+        real(wp), intent(in) :: tenfold
         integer, intent(in) :: unit
         integer :: i
 
@@ -144,6 +148,7 @@ contains
                     1.0e3_wp*row(i)%seconds, row(i)%error
             end if
         end do
+        if (tenfold > 0) write (unit, "(/, a)") "  "//warn_of_growth(tenfold)
         call print_advice(row, "forward", [1.0e-3_wp, 1.0e-6_wp, 1.0e-9_wp], unit)
     end subroutine print_forward
 

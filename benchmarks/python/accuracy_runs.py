@@ -1,4 +1,5 @@
-"""Forward runs against the quadruple twin, for docs/accuracy.md: do the error estimates hold, and what do they cost?"""
+"""Motions, for docs/accuracy.md: forward runs against the quadruple twin (do the error estimates hold, what do they cost?), hard
+cases in motion order, long runs."""
 
 from __future__ import annotations
 
@@ -14,7 +15,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from bench_forward import COLOURS
 from bench_inverse import finish
-from twin import quadruple_run, run_ratios
+from cases import motion_cases
+from linkdyn.cli import executable
+from long_runs import spin, whirl
+from twin import quadruple_run, run_ratios, run_states, true_errors
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SCENES = (
@@ -22,7 +26,7 @@ SCENES = (
     "fourbar_start/scene", "n_fourbar/scene", "rcsp_start/scene", "sixbar_slider/scene", "stephenson_iii/scene",
     "stewart_forward/scene", "stewart_tsai/scene", "watt_i/scene",
 )  # fmt: skip
-N_INSTANT = 65
+N_INSTANT = 33
 TOLERANCES = {
     "rkf45": (1e-4, 1e-7, 1e-10), "rk8pd": (1e-4, 1e-7, 1e-10, 1e-12, 1e-14),
     "msbdf": (1e-4, 1e-7, 1e-10), "gbs": (1e-4, 1e-7, 1e-10, 1e-12, 1e-14),
@@ -103,3 +107,76 @@ def draw_runs(runs: list[Run], file: Path) -> None:
     axis.set(yscale="log", xlabel="log10 of true error / estimate (those below -7 in the first bin)", ylabel="share of all numbers [%]",
              title="Forward runs of all examples")
     finish(figure, axis, file)
+
+
+# ------------------------------------------------------------------------------------------- hard cases in motion order
+def motions_table(program: Path) -> str:
+    """Largest error of each solver along each motion, relative to the sample's largest force or moment."""
+    solvers = ("elimination", "lapack", "gauss-jordan")
+    lines = ["| motion | samples | nearest | flagged | data allow | " + " | ".join(solvers) + " | above estimate | estimate/true |",
+             "|---|---:|---:|---:|---:|" + "---:|" * (len(solvers) + 2)]
+    for case in motion_cases():
+        exact = _forces(run_states(program, case, "--want", "driving_force,reaction", time=case.time))
+        cells: list[str] = []
+        for solver in solvers:
+            results = run_states(executable(), case, "--want", "driving_force,reaction", "--error", solver=solver, time=case.time)
+            good = results["status"][:, 0] == "ok"
+            true, estimate = true_errors(_forces(results), exact), _forces(results, "_error")
+            worst = true[good].max(axis=1) / np.abs(exact[good]).max(axis=1)
+            if solver == solvers[0]:
+                counts = np.isfinite(true) & ((true > 0) | (estimate > 0))
+                ratio = true[counts] / estimate[counts]
+                # A twentieth of an estimate is what changes of the data's last place do.
+                cells += [f"{case.distance[good].min():.0e} {case.distance_unit}", str(np.sum(~good)), f"{results['error'][good].max() / 20:.0e}"]
+            cells.append(f"{worst.max():.0e}")
+        cells += [f"{100 * np.mean(ratio > 1):.2g} %", f"{1 / np.median(ratio):.2g}"]
+        lines.append(f"| {case.title} | {len(case.q)} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def _forces(results: dict[str, np.ndarray], suffix: str = "") -> np.ndarray:
+    return np.concatenate([results[f"driving_force{suffix}"], results[f"reaction{suffix}"]], axis=1)
+
+
+# ------------------------------------------------------------------------------------------------------------ long runs
+LONG = (
+    ("rk4", "400 steps a turn", {"per_turn": 400}), ("rk4", "1000 steps a turn", {"per_turn": 1000}),
+    *((method, f"tol {tolerance:.0e}", {"rtol": tolerance, "atol": tolerance})
+      for method, ladder in (("rkf45", (1e-8, 1e-11)), ("rk8pd", (1e-10, 1e-14)), ("msbdf", (1e-8, 1e-11)), ("gbs", (1e-10, 1e-14)))
+      for tolerance in ladder),
+)  # fmt: skip
+TURNS, PARTS = 1000, 25
+
+
+def long_table() -> str:
+    """A thousand turns of a pendulum by every method, and a million steps of rk4 on a rotor."""
+    lines = ["| run | method | setting | steps | s | angle [rad] | energy |", "|---|---|---|---:|---:|---:|---:|"]
+    for method, setting, chosen in LONG:
+        start = time.perf_counter()
+        run = whirl(TURNS, PARTS, method, **chosen)
+        lines.append(f"| pendulum, {TURNS} turns | {method} | {setting} | {run.steps} | {time.perf_counter() - start:.2g} "
+                     f"| {run.state:.0e} | {run.energy:.0e} |")
+    for n in (10**4, 10**5, 10**6):
+        start = time.perf_counter()
+        run = spin(n)
+        lines.append(f"| rotor, 70 rad | rk4 | {8.0 / n:.0e} s | {run.steps} | {time.perf_counter() - start:.2g} "
+                     f"| {run.state:.0e} | {run.energy:.0e} |")
+    return "\n".join(lines)
+
+
+def draw_long(file: Path) -> None:
+    """How errors grow with the turns."""
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
+    turns = (10, 30, 100, 300, 1000)
+    for method, setting, chosen in LONG:
+        runs = [whirl(n, 10, method, **chosen) for n in turns]
+        style = "-" if setting == next(s for m, s, _ in LONG if m == method) else "--"
+        for axis, values in zip(axes, ([run.state for run in runs], [run.energy for run in runs])):
+            axis.plot(turns, values, f"o{style}", color=COLOURS[method], markersize=3, linewidth=1.1, label=f"{method}, {setting}")
+    for axis, title in zip(axes, ("error of the angle [rad]", "change of the energy, relative")):
+        axis.set(xscale="log", yscale="log", xlabel="turns of a pendulum", ylabel=title)
+        axis.grid(True, which="major", color="0.9", linewidth=0.6)
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+    figure.savefig(file, dpi=110)
+    plt.close(figure)

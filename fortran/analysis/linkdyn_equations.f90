@@ -3,7 +3,8 @@
 !> Per freedom either a driving force or the acceleration of a coordinate is unknown: inverse dynamics asks for all
 !> driving forces, forward dynamics for all accelerations, and any mix is solved alike.
 !>
-!> `gauss-jordan`: the lecture's dense method on the lecture's equations. `lapack`: dense with equilibration and
+!> `gauss-jordan`: the lecture's dense method on the lecture's equations; `gauss-jordan-plain`: without pivoting, rows put in
+!> order once, for comparison only. `lapack`: dense with equilibration and
 !> refinement on the same equations. `elimination`: the planned sparse elimination, the default. `reduced`: virtual
 !> work, as many equations as coordinates, no reactions.
 module linkdyn_equations
@@ -27,6 +28,7 @@ module linkdyn_equations
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_reactions, only: solution_type, unknown
+    use linkdyn_row_order, only: order_rows
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged
@@ -36,10 +38,12 @@ module linkdyn_equations
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations
     public :: prepare_workspace, solve_block, solve_equations, sample_system, fill_lane_matrix
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
+    public :: solver_gauss_jordan_plain
 
     integer, parameter :: solver_gauss_jordan = 1, solver_lapack = 2, solver_elimination = 3, solver_reduced = 4
-    character(len=12), parameter :: solver_name(4) = &
-        [character(len=12) :: "gauss-jordan", "lapack", "elimination", "reduced"]
+    integer, parameter :: solver_gauss_jordan_plain = 5
+    character(len=18), parameter :: solver_name(5) = &
+        [character(len=18) :: "gauss-jordan", "lapack", "elimination", "reduced", "gauss-jordan-plain"]
 
     !> What is unknown; the rest is given.
     type :: unknown_choice
@@ -57,6 +61,7 @@ module linkdyn_equations
         type(formulation_type) :: formulation
         type(acceleration_columns) :: accelerations
         type(elimination_plan) :: plan
+        integer, allocatable :: place(:)                !! of each row in the matrix of the plain method (n_row)
     end type equations_type
 
     !> Scratch and results of one block, one per thread.
@@ -98,7 +103,7 @@ contains
             end if
         end do
         call fail(status, status_bad_input, "solver '"//trim(text)//"' is not known (expected gauss-jordan, lapack, " &
-                  //"elimination or reduced)")
+                  //"elimination, reduced or gauss-jordan-plain)")
     end subroutine choose_solver
 
     !> Inverse dynamics: all driving forces are unknown, all accelerations given.
@@ -140,6 +145,7 @@ contains
             return
         end if
         if (solver == solver_elimination) call plan_elimination(model, equations)
+        if (solver == solver_gauss_jordan_plain) call put_in_order(model, equations)
     end subroutine build_equations
 
     !> As many driving forces and accelerations must be unknown as the mechanism has freedoms.
@@ -186,6 +192,16 @@ contains
         end associate
         call make_plan(system, equations%plan)
     end subroutine plan_elimination
+
+    !> An order of rows that serves the representative poses.
+    subroutine put_in_order(model, equations)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(inout) :: equations
+        type(sparse_system) :: system
+
+        call sample_system(model, equations, system)
+        equations%place = order_rows(system)
+    end subroutine put_in_order
 
     !> The equations with values at representative poses; all unknowns are wanted.
     subroutine sample_system(model, equations, system)
@@ -295,7 +311,7 @@ contains
         workspace%driving_force = 0
         workspace%load = 0
         select case (equations%solver)
-        case (solver_gauss_jordan)
+        case (solver_gauss_jordan, solver_gauss_jordan_plain)
             allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
         case (solver_lapack)
             call prepare_dense(n, workspace)
@@ -403,7 +419,9 @@ contains
             call assemble_right(model, formulation, workspace%state, workspace%load, formulation%n_slot, workspace%slot%value)
             select case (equations%solver)
             case (solver_gauss_jordan)
-                call solve_by_gauss_jordan(model, formulation, workspace)
+                call solve_by_gauss_jordan(model, formulation, [(k, k=1, model%n_row)], .true., workspace)
+            case (solver_gauss_jordan_plain)
+                call solve_by_gauss_jordan(model, formulation, equations%place, .false., workspace)
             case (solver_lapack)
                 do k = 1, lanes
                     if (workspace%status(k) == sample_ok) call solve_lane(model, formulation, workspace, k)
@@ -515,9 +533,11 @@ contains
         end do
     end subroutine fill_lane_matrix
 
-    subroutine solve_by_gauss_jordan(model, formulation, workspace)
+    subroutine solve_by_gauss_jordan(model, formulation, place, pivoting, workspace)
         type(model_type), intent(in) :: model
         type(formulation_type), intent(in) :: formulation
+        integer, intent(in) :: place(:)                 !! of each row in the matrix
+        logical, intent(in) :: pivoting
         type(equation_workspace), intent(inout) :: workspace
         logical :: is_singular(lanes)
         integer :: k
@@ -526,17 +546,19 @@ contains
         do k = 1, size(formulation%entry)
             associate (entry => formulation%entry(k))
                 if (entry%slot == 0) then
-                    workspace%matrix(:, entry%row, entry%column) = entry%value
+                    workspace%matrix(:, place(entry%row), entry%column) = entry%value
                 else
-                    workspace%matrix(:, entry%row, entry%column) = workspace%slot%value(:, entry%slot)
+                    workspace%matrix(:, place(entry%row), entry%column) = workspace%slot%value(:, entry%slot)
                 end if
             end associate
         end do
         workspace%right = 0
         do k = 1, model%n_row
-            if (formulation%row_has_right(k)) workspace%right(:, k, 1) = workspace%slot%value(:, formulation%n_slot + k)
+            if (formulation%row_has_right(k)) workspace%right(:, place(k), 1) = &
+                workspace%slot%value(:, formulation%n_slot + k)
         end do
-        call solve_gauss_jordan(formulation%n_unknown, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
+        call solve_gauss_jordan(formulation%n_unknown, 1, workspace%matrix, workspace%right, workspace%growth, is_singular, &
+                                pivoting=pivoting)
         do k = 1, formulation%n_unknown
             workspace%slot%value(:, workspace%solution%slot(k)) = workspace%right(:, k, 1)
         end do

@@ -6,21 +6,21 @@ module linkdyn_study
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_forward, only: forward_options, forward_results, forward_run, start_forward, advance_forward, &
-        finish_forward, method_name, method_rk4, method_gbs
+        finish_forward, method_name, method_rk4, method_rk8pd, method_gbs
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
-        solver_lapack, solver_reduced, solver_name
+        solver_lapack, solver_reduced, solver_gauss_jordan_plain, solver_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: study_row, study_states, study_inverse, study_forward, recommend
+    public :: study_row, study_states, study_inverse, study_forward, recommend, warn_of_growth
 
     !> One method, one setting.
     type :: study_row
         character(len=8) :: analysis = ""        !! inverse or forward
-        character(len=12) :: method = ""
+        character(len=18) :: method = ""
         character(len=24) :: setting = ""        !! "tol 1e-8", "step 0.001"; blank: none
         real(wp) :: seconds = 0                  !! a sample, or the whole run
         real(wp) :: error = 0                    !! relative; huge: the run failed
@@ -34,6 +34,7 @@ module linkdyn_study
 
     real(wp), parameter :: least_seconds = 0.02_wp    !! of a measurement
     real(wp), parameter :: most_seconds = 4.0_wp      !! a method that took longer goes no further down its ladder
+    real(wp), parameter :: unstable = 1.0e4_wp        !! growth of errors from a tenth of a run to its end; even motions have 100 at most
 
 contains
 
@@ -124,22 +125,26 @@ contains
 
     !> All integrators down a ladder of tolerances or steps. Error: largest difference of a coordinate at the output
     !> instants, relative to the largest length, or to the largest angle or 1 rad.
-    subroutine study_forward(model, t, exact, row, status)
+    subroutine study_forward(model, t, exact, row, tenfold, status)
         type(model_type), intent(in), target :: model
         real(wp), intent(in) :: t(:)                     !! instants of output [s]
         real(wp), intent(in), optional :: exact(:, :)    !! (n_q, n)
         type(study_row), allocatable, intent(out) :: row(:)
+        real(wp), intent(out) :: tenfold                 !! time in which errors grow tenfold [s]; 0: they do not grow like that
         type(status_type), intent(inout) :: status
-        real(wp), parameter :: tolerance(*) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-8_wp, 1.0e-10_wp, 1.0e-12_wp]
+        ! The last is for methods of high order.
+        real(wp), parameter :: tolerance(*) = [1.0e-4_wp, 1.0e-6_wp, 1.0e-8_wp, 1.0e-10_wp, 1.0e-12_wp, 1.0e-14_wp]
         integer, parameter :: n_step(*) = [50, 200, 800, 3200, 12800]    !! of a fixed step, over the run
         real(wp), parameter :: tightest = 1.0e-13_wp
         type(forward_options) :: options
         type(status_type) :: outcome
         real(wp) :: q(model%n_q, size(t)), reference(model%n_q, size(t)), seconds, span
+        real(wp), allocatable :: growth(:)
         integer :: method, k, n_taken
         logical :: is_done
 
-        allocate (row(0))
+        allocate (row(0), growth(0))
+        tenfold = 0
         span = t(size(t)) - t(1)
         options%wants_reactions = .false.
         options%t_start = t(1)
@@ -152,19 +157,70 @@ contains
         if (present(exact)) reference = exact
         do method = 1, size(method_name)
             options%integrator%method = method
-            do k = 1, size(tolerance)
+            do k = 1, merge(size(tolerance), size(n_step), method == method_rk8pd .or. method == method_gbs)
                 options%integrator%rtol = tolerance(k)
                 options%integrator%atol = tolerance(k)
-                options%integrator%step = merge(span/n_step(k), min(1.0e-3_wp, span/10), method == method_rk4)
+                options%integrator%step = min(1.0e-3_wp, span/10)
+                if (method == method_rk4) options%integrator%step = span/n_step(k)
                 outcome = status_type()
                 call run_integrator(model, options, t, q, seconds, n_taken, is_done, outcome)
                 if (.not. outcome%is_ok()) exit           ! a build without this method
                 row = [row, study_row("forward", method_name(method), setting_of(options), seconds, &
                                       worst_difference(model, q, reference, is_done), n_taken)]
+                if (tells_growth(row(size(row))%error)) growth = [growth, growth_of(model, q, reference)]
                 if (seconds > most_seconds) exit
             end do
         end do
+        if (size(growth) == 0) return
+        if (median(growth) > unstable) tenfold = (t(size(t)) - t(2))/log10(median(growth))
     end subroutine study_forward
+
+    !> Is an error at the end small enough to have grown all the way, and more than rounding?
+    pure logical function tells_growth(error)
+        real(wp), intent(in) :: error
+
+        tells_growth = error < 1.0e-3_wp .and. error > 1.0e-12_wp
+    end function tells_growth
+
+    !> Error at the last instant over that at the second; the first is the start.
+    pure real(wp) function growth_of(model, q, reference) result(growth)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :), reference(:, :)
+        real(wp) :: error(2)
+        integer :: i
+
+        do i = 1, 2
+            associate (at => merge(2, size(q, 2), i == 1))
+                error(i) = worst_difference(model, q(:, at:at), reference(:, at:at), .true.)
+            end associate
+        end do
+        growth = error(2)/max(error(1), epsilon(1.0_wp))
+    end function growth_of
+
+    pure real(wp) function median(values)
+        real(wp), intent(in) :: values(:)
+        integer :: i
+
+        ! The value that no more than half of them exceed.
+        median = maxval(values)
+        do i = 1, size(values)
+            if (2*count(values > values(i)) <= size(values)) median = min(median, values(i))
+        end do
+    end function median
+
+    !> What to tell of a motion in which errors grow; blank where they do not.
+    function warn_of_growth(tenfold) result(text)
+        real(wp), intent(in) :: tenfold                  !! [s]; 0: they do not
+        character(len=:), allocatable :: text
+        integer, parameter :: n_digit = 15
+        character(len=16) :: figure(2)
+
+        text = ""
+        if (.not. tenfold > 0) return
+        write (figure, "(g0.2)") [tenfold, n_digit*tenfold]
+        text = "unstable motion: errors grow tenfold every "//trim(figure(1))//" s; after some "//trim(figure(2)) &
+               //" s nothing is left of double precision"
+    end function warn_of_growth
 
     pure function setting_of(options) result(text)
         type(forward_options), intent(in) :: options
@@ -259,7 +315,8 @@ contains
         best = 0
         do i = 1, size(row)
             if (row(i)%analysis /= analysis .or. row(i)%error > target) cycle
-            if (row(i)%method == solver_name(solver_reduced)) cycle    ! it gives no reactions
+            ! No reactions; for comparison only.
+            if (any(row(i)%method == solver_name([solver_reduced, solver_gauss_jordan_plain]))) cycle
             if (best > 0) then
                 if (row(i)%seconds >= row(best)%seconds) cycle
             end if

@@ -9,7 +9,7 @@
 module linkdyn_watched_run
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf, ieee_is_nan
     use linkdyn_constants, only: two_pi
-    use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward, method_rk4
+    use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward
     use linkdyn_forward_block, only: advance_block
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, dyad_names
@@ -24,7 +24,7 @@ module linkdyn_watched_run
     integer, parameter :: n_companion = 2
     ! Sizes that change the digits of numbers in general, but keep sums of a few digits exact: what folds flat exactly still does.
     real(wp), parameter :: scale_of(n_companion) = [1.25_wp, 0.75_wp]
-    ! What their step (rk4) and tolerances are divided by. The second one's steps differ from the run's, lest they round alike.
+    ! What their step and tolerances are divided by. The second one's steps differ from the run's, lest they round alike.
     real(wp), parameter :: step_part(n_companion) = [2.0_wp, 1.25_wp], tolerance_part(n_companion) = [100.0_wp, 3.0_wp]
 
     ! An estimate is `safety` times the largest of the differences and of `floor_part` epsilons of the whole force, moment
@@ -90,7 +90,7 @@ contains
         type(forward_options) :: own
 
         own = options
-        if (own%integrator%method == method_rk4) own%integrator%step = own%integrator%step/step_part(i)
+        own%integrator%step = own%integrator%step/step_part(i)    ! of adaptive methods the first one, from which the others grow
         own%integrator%rtol = other_tolerance(own%integrator%rtol, i)
         own%integrator%atol = other_tolerance(own%integrator%atol, i)
     end function companion_options

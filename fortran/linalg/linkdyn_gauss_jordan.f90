@@ -1,4 +1,4 @@
-!> The lecture's solver: Gauss-Jordan elimination with partial pivoting, on lanes.
+!> The lecture's solver: Gauss-Jordan elimination with partial pivoting, on lanes. Without pivoting it is there for comparison.
 !>
 !> Every lane picks its own pivots; rows are not moved but remembered, so that the arithmetic stays
 !> one stream of vector operations. The reciprocal pivot growth says how much the elements grew on the way:
@@ -15,8 +15,9 @@ contains
     !> Solve A x = b on every lane; A and b are destroyed, x is left in b.
     !>
     !> **Cost**: n^3 + O(n^2) multiply-subtracts a lane.
-    !> **Errors**: a lane whose pivot column is all zero is flagged, its x is NaN; the others are untouched.
-    subroutine solve_gauss_jordan(n, n_rhs, a, b, growth, is_singular, determinant)
+    !> **Errors**: a lane whose pivot column is all zero is flagged, its x is NaN; the others are untouched. Without pivoting it is
+    !> flagged when a pivot is zero.
+    subroutine solve_gauss_jordan(n, n_rhs, a, b, growth, is_singular, determinant, pivoting)
         integer, intent(in) :: n                              !! unknowns
         integer, intent(in) :: n_rhs                          !! right-hand sides
         real(wp), intent(inout) :: a(lanes, n, n)             !! (lane, row, column)
@@ -24,8 +25,9 @@ contains
         real(wp), intent(out) :: growth(lanes)                !! reciprocal pivot growth: max|a| before / max|pivot row| on the way
         logical, intent(out) :: is_singular(lanes)            !! no pivot was left
         real(wp), intent(out), optional :: determinant(lanes) !! with its sign; 0 where singular
+        logical, intent(in), optional :: pivoting             !! absent: true
         real(wp) :: largest(lanes), reached(lanes), size_here(lanes), factor(lanes), pivot(lanes)
-        integer :: row(lanes), k, i, j, lane
+        integer :: row(lanes), k, i, j, lane, last
 
         largest = 0
         do j = 1, n
@@ -40,7 +42,9 @@ contains
         do k = 1, n
             row = k
             size_here = abs(a(:, k, k))
-            do i = k + 1, n
+            last = n
+            if (present(pivoting)) last = merge(n, k, pivoting)
+            do i = k + 1, last
                 where (abs(a(:, i, k)) > size_here)
                     size_here = abs(a(:, i, k))
                     row = i

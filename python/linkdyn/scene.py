@@ -265,7 +265,8 @@ class Scene:
             them, or "all": the first five (solver lapack has "rcond" among its checks); default: all that the solver
             gives but the last two. What is not wanted is not computed.
         solver
-            "elimination", "lapack", "gauss-jordan" or "reduced", which gives all but the reactions.
+            "elimination", "lapack", "gauss-jordan" or "reduced", which gives all but the reactions; "gauss-jordan-plain", which
+            does not pivot, for comparison only.
         threads
             Number of threads.
         error

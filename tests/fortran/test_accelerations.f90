@@ -147,7 +147,7 @@ contains
             unknown = find_drives(case%model)
             unknown%acceleration = .true.
             unknown%drive = .false.
-            do solver = 1, size(solver_name)
+            do solver = solver_gauss_jordan, solver_reduced
                 call compare(case, unknown, solver, error)
             end do
         end do
@@ -181,7 +181,7 @@ contains
         unknown = find_drives(case%model)
         unknown%drive = [.true., .false., .true., .false., .true., .false.]
         unknown%acceleration = [.false., .false., .false., .true., .true., .true.]
-        do solver = 1, size(solver_name)
+        do solver = solver_gauss_jordan, solver_reduced
             call compare(case, unknown, solver, error)
         end do
     end subroutine test_mixed
@@ -224,7 +224,7 @@ contains
         unknown = find_drives(case%model)
         unknown%acceleration = .true.
         unknown%drive = .false.
-        do solver = 1, size(solver_name)
+        do solver = solver_gauss_jordan, solver_reduced
             call compare(case, unknown, solver, error)
         end do
     end subroutine compare_all
@@ -258,7 +258,7 @@ contains
         unknown = find_drives(case%model)
         unknown%drive = [.true., .false.]
         unknown%acceleration = [.false., .true.]
-        do solver = 1, size(solver_name)
+        do solver = solver_gauss_jordan, solver_reduced
             call compare(case, unknown, solver, error)
         end do
     end subroutine test_planar_mixed

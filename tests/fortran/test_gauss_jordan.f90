@@ -39,12 +39,13 @@ contains
         end do
     end subroutine test_random
 
-    !> Without an exchange of rows the first pivot would be zero on every lane, or tiny on one.
+    !> Without an exchange of rows the first pivot would be zero on every lane, or tiny on one; and is, if none is allowed.
     subroutine test_zero_diagonal(error)
         type(test_error), intent(inout) :: error
         integer, parameter :: n = 6
         type(random_stream) :: stream
-        real(wp) :: a(lanes, n, n), b(lanes, n, 1)
+        real(wp) :: a(lanes, n, n), b(lanes, n, 1), growth(lanes)
+        logical :: is_singular(lanes)
         integer :: k
 
         a = reshape(stream%vector(size(a)), shape(a))
@@ -54,6 +55,9 @@ contains
         end do
         a(lanes, 1, 1) = eps
         call compare(error, n, a, b, "zero diagonal")
+        call solve_gauss_jordan(n, 1, a, b, growth, is_singular, pivoting=.false.)
+        call check(error, all(is_singular(:lanes - 1)) .and. all(ieee_is_nan(b(:lanes - 1, :, :))), "flagged without pivoting")
+        call check(error, .not. is_singular(lanes) .and. growth(lanes) < 1.0e6_wp*eps, "a tiny pivot shows in the growth")
     end subroutine test_zero_diagonal
 
     !> Every lane against the dense solver; also: the flags and the growth of a regular system.

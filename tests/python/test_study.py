@@ -28,3 +28,11 @@ def test_study_of_a_scene(tmp_path):
     still = text.replace('[[actuator]]\njoint = "J1"\n', "").replace("end = 6.0\nsamples = 601", "end = 0.0\nsamples = 1")
     with pytest.raises(linkdyn.LinkdynError, match="neither inverse nor forward"):
         linkdyn.Scene(still).study()
+
+
+def test_an_unstable_motion_is_called_so():
+    """The five-bar under the torques of its motion, with nothing to hold it there: errors grow tenfold every 0.16 s."""
+    report = linkdyn.load("examples/fivebar_parallel/scene.toml").study().attrs["report"]
+    line = next(line for line in report.splitlines() if "unstable motion: errors grow tenfold every" in line)
+    assert 0.1 < float(line.split("every")[1].split()[0]) < 0.3
+    assert "unstable" not in linkdyn.load("examples/stephenson_iii/scene.toml").study().attrs["report"]
