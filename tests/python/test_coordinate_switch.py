@@ -311,6 +311,18 @@ def test_turns_are_counted() -> None:
         assert abs(energy - energy[0]).max() < 1e-9 * run.kinetic_energy.max()
 
 
+def test_a_wound_spring_stays_wound() -> None:
+    """A spring at the coordinate, one turn from its rest, pushes with that turn while another joint stands in."""
+    given = with_coordinates(triple_rocker(), ("J4",))
+    rest = given["coordinate"][0]["start"]["position"] - 2 * np.pi
+    law = {"type": "spring-damper", "stiffness": 2e3, "damping": 10.0, "rest": rest}
+    given["actuator"] = [{"joint": "J4", "law": law}]
+    run = linkdyn.Scene(given).forward(t=np.linspace(0.0, 3.0, 121))
+    assert np.any(run.stand_in > 0) and np.any(run.stand_in == 0)
+    want = -(2e3 * (run.q.values - rest) + 10.0 * run.qd.values)
+    np.testing.assert_allclose(run.driving_force.values, want, rtol=1e-10)
+
+
 def test_a_stand_in_counts_no_turns() -> None:
     """A spring on a joint that is no coordinate is at the angle nearest to its rest, also while that joint stands in."""
     given = slider_crank()
