@@ -450,9 +450,9 @@ contains
             "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
             "  --csv               a CSV table instead of netCDF-4", &
             "  --no-output         keep nothing but the summary: for runs of any length", &
-            "  --want LIST         driving_force, reaction, joint_variable, power, checks, or all of these;", &
-            "                      rcond, singularity_distance", &
-            "                      (default), with commas between; the rest is not computed", &
+            "  --want LIST         driving_force, reaction, joint_variable, power, checks, or all of these (default);", &
+            "                      and rcond, singularity_distance, which take longer; with commas between;", &
+            "                      what is not named is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced (gives all but the", &
             "                      reactions), or gauss-jordan-plain (for comparison only)", &
             "  --error             also estimate the error of every force: takes up to three times as long", &

@@ -9,9 +9,9 @@ module linkdyn_kinematic_pass
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, is_slide
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, orientation_of
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_group, orientation_of
+    use linkdyn_newton_group, only: close_group
     use linkdyn_planar_pass, only: run_planar_step
-    use linkdyn_spatial_group, only: close_spatial_group
     use linkdyn_point, only: point_velocity, point_acceleration, point_column
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion
@@ -98,6 +98,14 @@ contains
         type(kinematic_state), intent(inout) :: state
         integer :: i
 
+        if (step%kind == step_group) then
+            call close_group(model, model%group(step%first), state)
+            if (model%is_planar) return
+            do i = 1, size(model%group(step%first)%link)
+                call turn_into_link(model, model%group(step%first)%link(i), state)
+            end do
+            return
+        end if
         if (model%is_planar) then
             call run_planar_step(model, step, state)
             return
@@ -109,15 +117,10 @@ contains
             call walk_joint(model, step, state)
         case (step_ups)
             call close_ups_leg(model, step, state)
-        case (step_csp)
+        case default
             call close_csp(model, step, state)
             call turn_into_link(model, step%link(1), state)
             call turn_into_link(model, step%link(2), state)
-        case default
-            call close_spatial_group(model, model%group(step%first), state)
-            do i = 1, size(model%group(step%first)%link)
-                call turn_into_link(model, model%group(step%first)%link(i), state)
-            end do
         end select
     end subroutine run_step
 

@@ -1,4 +1,4 @@
-!> Any planar Assur group (triads and larger, joints with given variables): closed by Newton's method on its constraints.
+!> Constraints of any planar Assur group (triads and larger, joints with given variables), for Newton's method.
 !>
 !> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it; a
 !> joint whose variable is a coordinate one more. Velocities and accelerations obey the Jacobian of the same gaps.
@@ -15,11 +15,7 @@ module linkdyn_planar_group
         operator(.rotate.), perp, rot2_by_angle, zero_vec2, vec2_of
     implicit none (type, external)
     private
-    public :: close_group
-
-    integer, parameter :: most_steps = 30
-    ! Newton's method squares the error: after a correction below this, the next error is below rounding.
-    real(wp), parameter :: small_step = 1.0e-2_wp*sqrt(epsilon(1.0_wp))
+    public :: put_planar_links, assemble_gaps, move_planar_group
 
     !> A joint of the group, world axes.
     type :: joint_view
@@ -34,45 +30,8 @@ module linkdyn_planar_group
 
 contains
 
-    !> Positions from where the iteration stands, then all levels.
-    subroutine close_group(model, group, state)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        type(kinematic_state), intent(inout) :: state
-        real(wp) :: largest(lanes), growth(lanes)
-        logical :: is_singular(lanes)
-        integer :: n, step
-
-        n = 3*size(group%link)
-        ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
-        largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
-        associate (matrix => state%group%matrix, right => state%group%right)
-            do step = 1, most_steps
-                call put_links(model, group, state)
-                call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
-                call solve_part(n, 1, matrix, right, growth, is_singular)
-                call correct(group, right(:, :n, 1), state%group%place, largest)
-                if (all(largest <= small_step)) exit
-            end do
-            state%not_converged = state%not_converged .or. .not. largest <= small_step
-            state%singular = state%singular .or. is_singular
-            call put_links(model, group, state)
-        end associate
-        call move_group(model, group, state)
-    end subroutine close_group
-
-    !> The leading n x n part of the work space.
-    subroutine solve_part(n, n_rhs, matrix, right, growth, is_singular)
-        integer, intent(in) :: n, n_rhs
-        real(wp), intent(inout) :: matrix(:, :, :), right(:, :, :)
-        real(wp), intent(out) :: growth(lanes)
-        logical, intent(out) :: is_singular(lanes)
-
-        call solve_gauss_jordan(n, n_rhs, matrix(:, :n, :n), right(:, :n, :n_rhs), growth, is_singular)
-    end subroutine solve_part
-
     !> The iterate as rotations and positions.
-    subroutine put_links(model, group, state)
+    subroutine put_planar_links(model, group, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         type(kinematic_state), intent(inout) :: state
@@ -84,36 +43,7 @@ contains
                 if (group%turns(i)) state%plane%rotation(orientation_of(model, l)) = rot2_by_angle(place(:, 3, l))
             end associate
         end do
-    end subroutine put_links
-
-    !> Take the correction, unless the last one was small; how large it was, relative to the links' distances.
-    subroutine correct(group, correction, place, largest)
-        type(group_type), intent(in) :: group
-        real(wp), intent(in) :: correction(:, :)
-        real(wp), intent(inout) :: place(:, :, :)
-        real(wp), intent(inout) :: largest(lanes)
-        real(wp) :: extent(lanes), shift(lanes), part(lanes)
-        integer :: i
-
-        extent = 0
-        shift = 0
-        part = merge(0.0_wp, 1.0_wp, largest <= small_step)
-        largest = merge(largest, 0.0_wp, largest <= small_step)
-        do i = 1, size(group%link)
-            associate (l => group%link(i), d => correction(:, 3*i - 2:3*i))
-                where (part == 1)
-                    place(:, 1, l) = place(:, 1, l) - d(:, 1)
-                    place(:, 2, l) = place(:, 2, l) - d(:, 2)
-                    place(:, 3, l) = place(:, 3, l) - d(:, 3)
-                    largest = max(largest, abs(d(:, 3)))
-                end where
-                shift = max(shift, abs(d(:, 1)), abs(d(:, 2)))
-                extent = max(extent, abs(place(:, 1, l)), abs(place(:, 2, l)))
-            end associate
-        end do
-        where (part == 1) largest = largest + shift/max(extent, tiny(1.0_wp))
-        where (.not. largest <= huge(1.0_wp)) largest = huge(1.0_wp)
-    end subroutine correct
+    end subroutine put_planar_links
 
     ! ---------------------------------------------------------------- gaps and their Jacobian
 
@@ -223,33 +153,34 @@ contains
     ! ---------------------------------------------------------------- velocities and accelerations
 
     !> All levels but the given acceleration at once, then that one, which needs the velocities.
-    subroutine move_group(model, group, state)
+    subroutine move_planar_group(model, group, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         type(kinematic_state), intent(inout) :: state
         real(wp) :: growth(lanes)
         logical :: is_singular(lanes)
-        integer :: n, level
+        integer :: n, n_column, level
 
         n = 3*size(group%link)
+        n_column = state%n_column
         associate (matrix => state%group%matrix, right => state%group%right)
             call rest_links(model, group, state%plane)
             call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_level(model, group, state, level_velocity, right(:, :n, 1))
-            do level = 1, state%n_column
+            do level = 1, n_column
                 call assemble_level(model, group, state, level, right(:, :n, level + 1))
             end do
-            call solve_part(n, state%n_column + 1, matrix, right, growth, is_singular)
+            call solve_gauss_jordan(n, n_column + 1, matrix(:, :n, :n), right(:, :n, :n_column + 1), growth, is_singular)
             call take_level(model, group, right(:, :n, 1), level_velocity, state%plane)
-            do level = 1, state%n_column
+            do level = 1, n_column
                 call take_level(model, group, right(:, :n, level + 1), level, state%plane)
             end do
             call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_level(model, group, state, level_given, right(:, :n, 1))
-            call solve_part(n, 1, matrix, right, growth, is_singular)
+            call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)
             call take_level(model, group, right(:, :n, 1), level_given, state%plane)
         end associate
-    end subroutine move_group
+    end subroutine move_planar_group
 
     subroutine rest_links(model, group, plane)
         type(model_type), intent(in) :: model

@@ -8,8 +8,7 @@ module linkdyn_planar_pass
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, joint_type, step_pose, step_joint, step_rrr, step_rrp, step_rpr, &
-        step_prp, step_ppr, orientation_of, side_of
-    use linkdyn_planar_group, only: close_group
+        step_prp, orientation_of, side_of
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_rpr_dyad, only: locate_rpr, map_rpr, bias_rpr
     use linkdyn_rrp_dyad, only: locate_rrp, map_rrp, bias_rrp, drift_rrp
@@ -38,7 +37,7 @@ module linkdyn_planar_pass
 
 contains
 
-    !> One step on the block whose coordinates are in the state.
+    !> A step with a closed form, on the block whose coordinates are in the state.
     subroutine run_planar_step(model, step, state)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
@@ -55,10 +54,8 @@ contains
             call close_rrp(model, step, state)
         case (step_rpr)
             call close_rpr(model, step, state)
-        case (step_prp, step_ppr)
-            call close_slides(model, step, state)
         case default
-            call close_group(model, model%group(step%first), state)
+            call close_slides(model, step, state)
         end select
     end subroutine run_planar_step
 

@@ -6,12 +6,12 @@
 module linkdyn_planar_start
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: evaluate_law
     use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, &
         orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
-    use linkdyn_planar_pass, only: run_planar_step
     use linkdyn_scene, only: law_none, joint_prismatic
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
@@ -49,7 +49,7 @@ contains
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (is_dyad(step%kind)) call choose_branch(model, step, state, status)
-                call run_planar_step(model, step, state)
+                call run_step(model, step, state)
                 if (step%kind == step_group) call keep_group(model, model%group(step%first), state, status)
             end associate
             if (.not. status%is_ok()) return
@@ -88,7 +88,7 @@ contains
         else if (has_hints .or. fits_as_written(model, step%link, step%joint, state%plane)) then
             do i = 1, 2
                 state%plane%branch(:, step%first) = 3 - 2*i
-                call run_planar_step(model, step, state)
+                call run_step(model, step, state)
                 distance(i) = distance_to_hints(model, step, has_hints, state)
             end do
             if (distance(2) < distance(1)) model%branch(step%first) = -1

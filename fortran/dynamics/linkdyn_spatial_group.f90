@@ -1,4 +1,4 @@
-!> Any spatial Assur group (closed loops other than UPS legs and CSP groups): closed by Newton's method on its constraints.
+!> Constraints of any spatial Assur group, closed loops other than UPS legs and CSP groups, for Newton's method.
 !>
 !> Unknown are shift and turn of each link, seen from the world. A joint is a few constraints of two kinds: a gap between
 !> its markers along some direction, and an angle of the second link against the first about some axis. Each is linear in
@@ -13,18 +13,13 @@ module linkdyn_spatial_group
     use linkdyn_model, only: model_type, group_type, orientation_of
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_point, only: point_column
-    use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate
+    use linkdyn_quaternion, only: rotation_of_quaternion
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), vec3_of, zero_vec3
     implicit none (type, external)
     private
-    public :: close_spatial_group
-
-    integer, parameter :: most_steps = 30
-    ! Newton's method squares the error: after a correction below this, the next error is below rounding.
-    real(wp), parameter :: small_step = 1.0e-2_wp*sqrt(epsilon(1.0_wp))
-    real(wp), parameter :: largest_turn = 0.5_wp     !! [rad] of a link in one step
+    public :: put_spatial_links, assemble_errors, refuse_turned_joints, move_spatial_group
 
     !> A joint of the group, world axes.
     type :: joint_view
@@ -50,36 +45,8 @@ module linkdyn_spatial_group
 
 contains
 
-    !> Positions from where the iteration stands, then all rates.
-    subroutine close_spatial_group(model, group, state)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        type(kinematic_state), intent(inout) :: state
-        real(wp) :: largest(lanes), growth(lanes)
-        logical :: is_singular(lanes)
-        integer :: n, step
-
-        n = 6*size(group%link)
-        ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
-        largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
-        associate (matrix => state%group%matrix, right => state%group%right)
-            do step = 1, most_steps
-                call put_links(model, group, state)
-                call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
-                call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)
-                call correct(group, right(:, :n, 1), state%group%place, largest)
-                if (all(largest <= small_step)) exit
-            end do
-        end associate
-        state%not_converged = state%not_converged .or. .not. largest <= small_step
-        state%singular = state%singular .or. is_singular
-        call put_links(model, group, state)
-        call refuse_turned_joints(model, group, state)
-        call move_group(model, group, state)
-    end subroutine close_spatial_group
-
     !> The iterate as rotations and positions.
-    subroutine put_links(model, group, state)
+    subroutine put_spatial_links(model, group, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         type(kinematic_state), intent(inout) :: state
@@ -91,43 +58,7 @@ contains
                 if (group%turns(i)) state%rotation(orientation_of(model, l)) = rotation_of_quaternion(place(:, 4:7, l))
             end associate
         end do
-    end subroutine put_links
-
-    !> Take the correction, unless the last one was small; how large it was, relative to the links' distances.
-    subroutine correct(group, correction, place, largest)
-        type(group_type), intent(in) :: group
-        real(wp), intent(in) :: correction(:, :)
-        real(wp), intent(inout) :: place(:, :, :)
-        real(wp), intent(inout) :: largest(lanes)
-        real(wp), dimension(lanes) :: part, turn, shift, extent
-        real(wp) :: moved(lanes, 7)
-        integer :: i, k
-
-        turn = 0
-        shift = 0
-        extent = 0
-        do i = 1, size(group%link)
-            do k = 1, 3
-                shift = max(shift, abs(correction(:, 6*(i - 1) + k)))
-                turn = max(turn, abs(correction(:, 6*(i - 1) + 3 + k)))
-                extent = max(extent, abs(place(:, k, group%link(i))))
-            end do
-        end do
-        ! Far off, a step is cut so that no link turns further than its equations hold.
-        part = min(1.0_wp, largest_turn/max(turn, tiny(1.0_wp)))
-        do i = 1, size(group%link)
-            associate (l => group%link(i), d => correction(:, 6*i - 5:6*i))
-                moved(:, :3) = place(:, :3, l) - spread(part, 2, 3)*d(:, :3)
-                moved(:, 4:) = place(:, 4:, l) - quaternion_rate(place(:, 4:, l), vec3(part*d(:, 4), part*d(:, 5), part*d(:, 6)))
-                moved(:, 4:) = moved(:, 4:)/spread(norm2(moved(:, 4:), dim=2), 2, 4)
-                do k = 1, 7
-                    where (.not. largest <= small_step) place(:, k, l) = moved(:, k)
-                end do
-            end associate
-        end do
-        where (.not. largest <= small_step) largest = turn + shift/max(extent, tiny(1.0_wp))
-        where (.not. largest <= huge(1.0_wp)) largest = huge(1.0_wp)
-    end subroutine correct
+    end subroutine put_spatial_links
 
     !> An axis turned end for end satisfies the equations but is no assembly of the joint.
     subroutine refuse_turned_joints(model, group, state)
@@ -338,7 +269,7 @@ contains
     ! ---------------------------------------------------------------- velocities and accelerations
 
     !> Velocities and columns at once, then the acceleration, whose bias needs the velocities.
-    subroutine move_group(model, group, state)
+    subroutine move_spatial_group(model, group, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         type(kinematic_state), intent(inout) :: state
@@ -364,7 +295,7 @@ contains
             call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)
             call take_rates(model, group, right(:, :n, 1), state%acceleration(0, :), state%alpha(0, :))
         end associate
-    end subroutine move_group
+    end subroutine move_spatial_group
 
     !> How fast the constraints would change if the group's links had no rates at this level, less what the coordinates
     !> prescribe.

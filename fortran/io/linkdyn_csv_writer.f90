@@ -4,7 +4,7 @@
 module linkdyn_csv_writer
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, discard_output, open_text, write_text, close_text, finish_text
-    use linkdyn_results, only: layout_type, block_type, variable_type, samples_width
+    use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, label_of_value
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
@@ -153,17 +153,9 @@ contains
         type(variable_type), intent(in) :: variable
         integer, intent(in) :: place
         character(len=:), allocatable :: text
-        integer :: k, rest, entry
 
-        text = ""
-        rest = place - 1
-        do k = variable%n_dim, 2, -1
-            associate (dimension => layout%dimension(variable%dim(k)))
-                entry = mod(rest, dimension%size) + 1
-                rest = rest/dimension%size
-                text = " "//trim(dimension%label(entry))//text
-            end associate
-        end do
+        text = label_of_value(layout, variable, place)
+        if (len(text) > 0) text = " "//text
         if (.not. variable%is_integer) text = text//" ["// &
             trim(variable%entry_unit(mod(place - 1, size(variable%entry_unit)) + 1))//"]"
     end function entry_name
