@@ -79,6 +79,7 @@ contains
         options%t_start = t_start
         options%solver = config%options%solver
         options%wants_reactions = config%wanted%reaction
+        options%wants_rcond = config%wanted%rcond
         options%switches = config%switches
         options%threads = config%options%threads
     end function options_of

@@ -1,7 +1,8 @@
 !> A part of a forward run in which the same coordinates are integrated: its model, its equations.
 module linkdyn_forward_phase
+    use linkdyn_condition, only: make_condition
     use linkdyn_coordinate_watch, only: prepare_watch
-    use linkdyn_equations, only: build_equations, unknown_choice, solver_elimination
+    use linkdyn_equations, only: build_equations, unknown_choice, solver_elimination, solver_lapack
     use linkdyn_exchange, only: coordinate_now, is_same_place
     use linkdyn_forward_state, only: fill_start
     use linkdyn_forward_system, only: forward_system, build_forward_system, choose_unknowns
@@ -21,6 +22,7 @@ module linkdyn_forward_phase
         integer :: stage_solver = 0                    !! of the right-hand side, which needs no reactions; 0: the fastest
         integer :: solver = solver_elimination         !! of the forces at output instants
         logical :: wants_reactions = .true.
+        logical :: wants_rcond = .false.               !! condition number at output instants; solver lapack always has it
         logical :: switches = .true.                   !! a coordinate at its dead point is exchanged for another joint variable
         integer :: threads = 1
     end type forward_options
@@ -54,6 +56,10 @@ contains
         call choose_unknowns(phase%model, unknown, status)
         if (status%is_ok()) call build_equations(phase%model, options%solver, options%wants_reactions, &
                                                  phase%output%equations, status, unknown)
+        if (status%is_ok() .and. options%wants_rcond .and. options%solver /= solver_lapack) then
+            allocate (phase%output%condition)
+            call make_condition(phase%model, unknown, phase%output%condition, status)
+        end if
         if (.not. status%is_ok()) return
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
         phase%system%watch%may_exchange = options%switches

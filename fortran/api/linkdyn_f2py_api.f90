@@ -429,6 +429,7 @@ contains
             options%switches = switches == 1
             options%threads = threads
             options%wants_reactions = wanted%reaction
+            options%wants_rcond = wanted%rcond
             wanted%errors = has_errors == 1
         end if
         if (status%code == 0) then

@@ -96,3 +96,13 @@ def test_failed_samples_have_none() -> None:
     case = BY_NAME["dead_centre_outer"]
     run = linkdyn.Scene(case.scene).solve([[3.9], [4.1]], want="rcond")
     assert run["status"][1] != 0 and np.isnan(run["rcond"][1]) and np.isfinite(run["rcond"][0])
+
+
+@pytest.mark.parametrize("name", ["fivebar_motors", "stewart_forward", "spatial_slider_crank", "flyball_governor"])
+def test_forward_runs_have_it(name: str) -> None:
+    """Of the equations of forward dynamics, whose unknowns are accelerations too: as LAPACK's, but for rounding."""
+    scene = linkdyn.load(ROOT / "examples" / name / "scene.toml")
+    times = np.linspace(0.0, 0.1, 6)
+    plan, lapack = (scene.forward(t=times, solver=solver, want="rcond").rcond.values for solver in ("elimination", "lapack"))
+    # both estimate the same norm, here exactly
+    np.testing.assert_allclose(plan, lapack, rtol=1e-10)
