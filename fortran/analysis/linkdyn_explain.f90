@@ -1,5 +1,6 @@
 !> What linkdyn makes of a scene, in words: links, equations, unknowns, order of computation, what is left out.
 module linkdyn_explain
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_equations, only: equations_type, build_equations, solver_elimination
     use linkdyn_elimination_plan, only: elimination_plan
     use linkdyn_formulation, only: n_transmitted
@@ -10,6 +11,7 @@ module linkdyn_explain
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
+    use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
     use linkdyn_transmission, only: smallest_transmission
     implicit none (type, external)
@@ -28,6 +30,7 @@ contains
         call explain_unknowns(model, unit)
         call explain_order(model, unit)
         call explain_equations(model, unit)
+        if (model%scene%sweep%is_given) call explain_sweep(model, unit)
         call explain_left_out(model, unit)
     end subroutine explain_model
 
@@ -245,6 +248,48 @@ contains
         write (unit, "(2x,a)") what//": "//to_text(2*plan%n_term + plan%n_scale)//" flops and " &
             //to_text(plan%n_reciprocal)//" divisions a pose"
     end subroutine explain_cost
+
+    !> What `linkdyn sweep` goes through; axes of one group advance together.
+    subroutine explain_sweep(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        character(len=:), allocatable :: text
+        integer(int64) :: n_sample
+        integer :: i, first, width
+
+        write (unit, "(/,a)") "Sweep"
+        n_sample = 1
+        associate (axis => model%scene%sweep%axis, wants => model%scene%sweep%wants)
+            width = maxval(len_trim(axis%name)) + 2
+            do i = 1, size(axis)
+                first = findloc(axis%group, axis(i)%group, dim=1)
+                if (first == i) then
+                    n_sample = n_sample*axis(i)%n
+                    text = number(axis(i)%n)//" values"
+                    if (axis(i)%sampling /= sampling_values) text = text//", "//trim(sampling_name(axis(i)%sampling))
+                else
+                    text = "together with "//trim(axis(first)%name)
+                end if
+                write (unit, "(2x,a)") axis(i)%name(:width)//text
+            end do
+            text = ""
+            do i = 1, size(wants)
+                if (wants(i)) text = text//" "//trim(quantity_name(i))
+            end do
+        end associate
+        write (unit, "(2x,a)") number(n_sample)//" samples; of each:"//text
+
+    contains
+
+        function number(n)
+            integer(int64), intent(in) :: n
+            character(len=:), allocatable :: number
+            character(len=20) :: digits
+
+            write (digits, "(i0)") n
+            number = trim(digits)
+        end function number
+    end subroutine explain_sweep
 
     subroutine explain_left_out(model, unit)
         type(model_type), intent(in) :: model

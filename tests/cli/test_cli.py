@@ -289,6 +289,13 @@ def test_explain(tsai_file):
     assert result.stdout == linkdyn.load(tsai_file).explain()
 
 
+def test_explain_of_a_sweep():
+    """Axes that advance together count once: 11 * 11 * 9**4 poses, 14 load cases."""
+    report = linkdyn.load(ROOT / "examples" / "stewart_workspace" / "scene.toml").explain()
+    assert f"{11 * 11 * 9**4 * 14} samples; of each: driving_force" in report
+    assert "rate of platform.x              together with Fz on platform.tool" in report
+
+
 # ---- files that cannot be written
 
 
