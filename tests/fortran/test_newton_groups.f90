@@ -9,12 +9,15 @@ module test_newton_groups
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_group
+    use linkdyn_planar_motion, only: planar_motion
+    use linkdyn_planar_scenes, only: dyad_scene
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_numbers, only: random_stream, eps
     use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
+    use linkdyn_vec2, only: lane_of_vec2 => lane_of
     use linkdyn_vec3, only: lane_of
     implicit none (type, external)
     private
@@ -29,7 +32,9 @@ contains
             new_test("UPS legs", test_stewart), &
             new_test("UPS legs on a carriage", test_carriage), &
             new_test("open chain", test_open_chain), &
-            new_test("CSP group", test_csp)]
+            new_test("CSP group", test_csp), &
+            new_test("dyads", test_dyads), &
+            new_test("slides parallel to a moving link", test_parallel_slides)]
     end subroutine collect_newton_groups
 
     subroutine test_stewart(error)
@@ -66,6 +71,35 @@ contains
         if (status%is_ok()) call compare(error, scene)
     end subroutine test_csp
 
+    subroutine test_dyads(error)
+        type(test_error), intent(inout) :: error
+        character(len=3), parameter :: signature(5) = ["RRR", "PRR", "RPR", "PRP", "PPR"]
+        type(scene_type) :: scene
+        integer :: i
+
+        do i = 1, size(signature)
+            call dyad_scene(signature(i), scene)
+            call compare(error, scene)
+            if (allocated(error%message)) return
+        end do
+    end subroutine test_dyads
+
+    !> A link whose axes are parallel to those of the link on which it slides has no orientation of its own.
+    subroutine test_parallel_slides(error)
+        type(test_error), intent(inout) :: error
+        type(scene_type) :: scene
+        integer :: first, second
+
+        call dyad_scene("PRR", scene)
+        associate (joint => scene%joint(3))
+            first = joint%marker(1)
+            second = joint%marker(2)
+            scene%link(joint%link(2))%marker(second)%axis = scene%link(joint%link(1))%marker(first)%axis
+            scene%link(joint%link(2))%marker(second)%x_axis = scene%link(joint%link(1))%marker(first)%x_axis
+        end associate
+        call compare(error, scene)
+    end subroutine test_parallel_slides
+
     !> Positions, velocities, accelerations and columns of all links, at random states about the start.
     subroutine compare(error, scene)
         type(test_error), intent(inout) :: error
@@ -99,13 +133,17 @@ contains
         found%qdd = known%qdd
         call evaluate_kinematics(direct, known)
         call evaluate_kinematics(iterated, found)
-        call check(error, .not. any(found%not_converged .or. found%singular), "closed")
+        call check(error, .not. any(known%unreachable .or. found%not_converged .or. found%singular), "closed")
         do i = 1, direct%n_link
             o = direct%link(i)%orientation
             do l = 1, lanes
                 call same("position", link_position(direct, known, i, l), link_position(iterated, found, i, l))
                 call same("rotation", reshape(link_rotation(direct, known, i, l), [9]), &
                           reshape(link_rotation(iterated, found, i, l), [9]))
+                if (direct%is_planar) then
+                    call same_in_plane(known%plane, found%plane)
+                    cycle
+                end if
                 call same("angular velocity", lane_of(known%omega_body(o), l), lane_of(found%omega_body(o), l))
                 do k = 0, direct%n_q
                     call same("acceleration", lane_of(known%acceleration_body(k, i), l), lane_of(found%acceleration_body(k, i), l))
@@ -118,6 +156,15 @@ contains
         end do
 
     contains
+
+        subroutine same_in_plane(a, b)
+            type(planar_motion), intent(in) :: a, b
+
+            call same("angular rates and columns", a%angular(l, :, o), b%angular(l, :, o))
+            do k = -1, direct%n_q
+                call same("rates and columns", lane_of_vec2(a%linear(k, i), l), lane_of_vec2(b%linear(k, i), l))
+            end do
+        end subroutine same_in_plane
 
         !> Groups have condition numbers of some hundred, and rates of second order take them twice.
         subroutine same(what, expected, got)
