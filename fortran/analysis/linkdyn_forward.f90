@@ -9,14 +9,14 @@
 !> another phase. Results are told in the user's coordinates all the same.
 module linkdyn_forward
     use, intrinsic :: iso_fortran_env, only: int64
-    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_builder, only: build_model
     use linkdyn_carried_assembly, only: keep_accepted
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at
-    use linkdyn_forward_phase, only: forward_options, forward_phase, phase_box, plan_phase, enter_phase, release_phase
+    use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &

@@ -8,7 +8,7 @@ module linkdyn_forward_state
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, step_pose
+    use linkdyn_model, only: model_type, step_pose
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy

@@ -3,7 +3,7 @@ module linkdyn_forward_system
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, is_near_dead_point, dead_coordinate, &
         may_be_near
-    use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
+    use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, solver_elimination, solver_reduced
     use linkdyn_forward_state, only: state_layout, plan_layout, choose_free, unpack_state, pack_rates
@@ -15,7 +15,7 @@ module linkdyn_forward_system
     use linkdyn_lane_system, only: lane_system
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
-    use linkdyn_scene, only: drive_inverse, drive_dc_motor, drive_pd, drive_table, law_none
+    use linkdyn_scene, only: drive_inverse
     use linkdyn_status, only: status_type, sample_ok
     implicit none (type, external)
     private

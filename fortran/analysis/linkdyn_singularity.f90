@@ -20,7 +20,7 @@ module linkdyn_singularity
     use linkdyn_scene, only: joint_prismatic, joint_cylindrical
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_vec2, only: rot2
-    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.cross.), operator(.dot.)
+    use linkdyn_vec3, only: operator(+), operator(*), operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
     public :: singularity_space, prepare_singularity, find_singularity_distance

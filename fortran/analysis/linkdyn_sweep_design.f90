@@ -9,14 +9,14 @@ module linkdyn_sweep_design
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_loads
-    use linkdyn_scene, only: scene_type, link_spec
+    use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
     use linkdyn_sweep_plan, only: sweep_plan, sweep_cursor, axis_values
     use linkdyn_sweep_quantities, only: quantity_row
     use linkdyn_sweep_source, only: design_source
-    use linkdyn_sweep_spec, only: sweep_spec, axis_time, quantity_driving_force, quantity_driving_power, quantity_reaction, &
-        quantity_reaction_force, quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, &
-        quantity_condition, quantity_determinant, quantity_swing, quantity_clearance
+    use linkdyn_sweep_spec, only: sweep_spec, axis_time, quantity_reaction, quantity_reaction_force, &
+        quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, quantity_condition, &
+        quantity_determinant, quantity_swing, quantity_clearance
     use linkdyn_sweep_totals, only: lane_totals
     implicit none (type, external)
     private

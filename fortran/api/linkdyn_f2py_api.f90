@@ -24,7 +24,7 @@ module linkdyn_f2py_api
     use linkdyn_report, only: open_report, read_report
     use linkdyn_results, only: layout_type, block_type, wanted_type, describe_results, prepare_block, choose_wanted, &
         all_wanted, add_free, find_driving_power
-    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link
+    use linkdyn_scene, only: scene_type, load_spec, name_len
     use linkdyn_scene_reader, only: parse_scene, check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion

@@ -2,7 +2,6 @@
 module linkdyn_failure
     use linkdyn_kinematic_pass, only: run_step, clear_flags
     use linkdyn_kinematic_state, only: kinematic_state
-    use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_type, step_group
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged
     use linkdyn_text, only: join

@@ -17,7 +17,7 @@ module linkdyn_kinematic_pass
     use linkdyn_quaternion, only: rotation_of_quaternion
     use linkdyn_ups_leg, only: locate_ups_leg, move_ups_leg, accelerate_ups_leg, map_ups_column
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
-        operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
+        operator(.rotate.), operator(.unrotate.), vec3_of
     implicit none (type, external)
     private
     public :: evaluate_kinematics, run_step, clear_flags

@@ -7,11 +7,11 @@ module linkdyn_planar_group
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, joint_type, orientation_of
+    use linkdyn_model, only: model_type, group_type, orientation_of
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
     use linkdyn_scene, only: joint_prismatic
-    use linkdyn_vec2, only: vec2, rot2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), perp, rot2_by_angle, zero_vec2, vec2_of
     implicit none (type, external)
     private

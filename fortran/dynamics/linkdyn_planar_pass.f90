@@ -7,16 +7,16 @@ module linkdyn_planar_pass
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_type, joint_type, step_pose, step_joint, step_rrr, step_rrp, step_rpr, &
-        step_prp, orientation_of, side_of
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_rrr, step_rrp, step_rpr, step_prp, &
+        orientation_of, side_of
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_rpr_dyad, only: locate_rpr, map_rpr, bias_rpr
     use linkdyn_rrp_dyad, only: locate_rrp, map_rrp, bias_rrp, drift_rrp
     use linkdyn_rrr_dyad, only: locate_rrr, map_rrr, bias_rrr, drift_rrr
     use linkdyn_scene, only: joint_prismatic
     use linkdyn_slide_dyads, only: map_prp, map_ppr, bias_prp, bias_ppr
-    use linkdyn_vec2, only: vec2, rot2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
-        operator(.rotate.), perp, rot2_by_angle, rot2_of_directions, zero_vec2
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.rotate.), perp, rot2_by_angle, &
+        rot2_of_directions
     use linkdyn_planar_point, only: carried, carry
     implicit none (type, external)
     private

@@ -15,7 +15,7 @@ module linkdyn_planar_start
     use linkdyn_scene, only: law_none, joint_prismatic
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
-    use linkdyn_vec2, only: vec2, vec2_of, operator(+), operator(-), operator(.rotate.), lane_of
+    use linkdyn_vec2, only: operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
     public :: assemble_start, start_of_coordinate, keep_group

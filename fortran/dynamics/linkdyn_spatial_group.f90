@@ -14,7 +14,7 @@ module linkdyn_spatial_group
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_point, only: point_column
     use linkdyn_quaternion, only: rotation_of_quaternion
-    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
+    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), vec3_of, zero_vec3
     implicit none (type, external)

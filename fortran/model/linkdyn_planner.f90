@@ -8,10 +8,10 @@ module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
-    use linkdyn_model, only: model_type, step_type, group_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, &
-        step_rpr, step_prp, step_ppr, step_group, is_dyad, side_of, link_freedom, place_size
-    use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_revolute, joint_prismatic, &
-        joint_cylindrical, joint_universal, joint_spherical
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, step_rpr, &
+        step_prp, step_ppr, step_group, side_of, link_freedom, place_size
+    use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_prismatic, joint_cylindrical, &
+        joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)

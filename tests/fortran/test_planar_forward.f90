@@ -10,7 +10,7 @@ module test_planar_forward
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
-    use linkdyn_planar_scenes, only: planar_scene, add_body, connect, drive, dyad_scene, triad_scene, four_bar_chain
+    use linkdyn_planar_scenes, only: planar_scene, connect, drive, dyad_scene, triad_scene, four_bar_chain
     use linkdyn_scene, only: scene_type, spring_spec, drive_constant, joint_revolute
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
