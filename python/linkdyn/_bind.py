@@ -219,7 +219,7 @@ def inverse(
     first
         Number of the first sample, for messages.
     in_order
-        The samples follow each other: the assembly of a planar mechanism is followed by continuity.
+        The samples follow each other: the assembly is followed by continuity.
     inputs
         q, qd, qdd (n, n_q) and load (n, n_load, 6).
     outputs

@@ -106,7 +106,9 @@ def ensemble_dataset(
         "coordinate": ("coordinate", [c["name"] for c in coordinates]),
         "coordinate_unit": ("coordinate", [c["unit"] for c in coordinates]),
     }
-    return xr.Dataset(variables, axes, run_attributes(scene, scene_text, "reduced") | {"method": "rk4"})
+    attributes = run_attributes(scene, scene_text, "") | {"method": "rk4"}
+    del attributes["solver"]  # of forces at output instants, which an ensemble does not have
+    return xr.Dataset(variables, axes, attributes)
 
 
 def run_attributes(scene: dict[str, Any], scene_text: str, solver: str) -> dict[str, Any]:

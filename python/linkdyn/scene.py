@@ -212,7 +212,7 @@ class Scene:
         q
             (N, n) or (n,) coordinates [m, rad]; default: the scene's motion.
         in_order
-            The samples follow each other along a motion, and so does the assembly of a planar mechanism, as in
+            The samples follow each other along a motion, and so does the assembly, as in
             `inverse`; otherwise each is on the branch of the start. Default: only without ``q``.
         joint_variable
             (N, n_variable) all joint variables instead of the coordinates, as results have them [m, rad]: they tell the
@@ -338,7 +338,7 @@ class Scene:
             Also the error that the run has gathered since its start, estimated: "q_error", "qd_error", "qdd_error",
             "driving_force_error", "reaction_error", "joint_rate_error". Takes up to five times as long.
         switch
-            Let another joint variable be integrated where a coordinate of a planar mechanism comes to its dead point.
+            Let another joint variable be integrated where a coordinate comes to its dead point.
             The results stay in the scene's coordinates; "stand_in" and ``attrs["coordinates_integrated"]`` say what was
             integrated when. False: the run stops there.
 
