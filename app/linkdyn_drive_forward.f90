@@ -1,18 +1,18 @@
 !> `linkdyn forward`: integrate from the scene's start, writing chunk by chunk.
 module linkdyn_drive_forward
-    use, intrinsic :: iso_fortran_env, only: error_unit, int64
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
+    use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
     use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, method_name, method_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_output_file, only: watch_interrupts, interrupt_noted
     use linkdyn_results, only: block_type, prepare_block
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
-    use linkdyn_terminal, only: progress_type, start_progress, show_share, end_progress, seconds_since
+    use linkdyn_terminal, only: show_stage, show_share, say, seconds_since
     use linkdyn_text, only: to_text
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &
         time_reached
@@ -51,7 +51,7 @@ contains
         if (status%is_ok()) call run_blocks(config, watched, t, output, summary, seconds, status)
         if (.not. status%is_ok()) then
             call finish_watched(watched)
-            write (error_unit, "(a)") trim(status%message)
+            call say(status%message)
             return
         end if
         if (.not. config%quiet) then
@@ -61,9 +61,9 @@ contains
         end if
         exit_status = exit_done
         if (watched%run%has_stopped) then
-            write (error_unit, "(a)") trim(config%scene)//": "//trim(watched%run%reason)
+            call say(trim(config%scene)//": "//trim(watched%run%reason))
         else if (summary%n_failed > 0) then
-            write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
+            call say(trim(config%scene)//": failed samples: "//failure_text(summary))
         end if
         if (summary%n_failed > 0 .or. watched%run%has_stopped) exit_status = exit_samples_failed
         if (interrupt_noted() > 0) exit_status = exit_of_signal + interrupt_noted()
@@ -116,13 +116,12 @@ contains
         real(wp), intent(out) :: seconds              !! spent computing
         type(status_type), intent(inout) :: status
         type(block_type) :: block
-        type(progress_type) :: progress
-        integer(int64) :: start
+        integer(int64) :: start, run_start
         integer :: first, n, n_done, n_fallback
 
         call prepare_block(watched%layout, min(block_length, size(t)), block)
         call start_summary(watched%layout, summary)
-        call start_progress(config%quiet, progress)
+        call system_clock(run_start)
         seconds = 0
         first = 1
         call watch_interrupts()
@@ -135,12 +134,12 @@ contains
             if (.not. status%is_ok()) exit
             call add_to_summary(watched%layout, block, n_done, n_fallback, summary)
             first = first + n_done
-            call show_share((time_reached(watched) - t(1))/(t(size(t)) - t(1)), progress)
+            call show_share((time_reached(watched) - t(1))/(t(size(t)) - t(1)), run_start)
             if (interrupt_noted() == 0 .or. first > size(t)) cycle
             call interrupt_watched(watched)
             exit
         end do
-        call end_progress(progress)
+        call show_stage("writing")
         call note_run(watched%run, output, status)
         call close_results(output, status)
     end subroutine run_blocks

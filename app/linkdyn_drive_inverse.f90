@@ -2,7 +2,7 @@
 !> with the length of the run. Results that are written are computed block by block, each by all threads; where
 !> only the summary is kept, threads take groups of blocks and meet at the end only.
 module linkdyn_drive_inverse
-    use, intrinsic :: iso_fortran_env, only: error_unit, int64
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
     use linkdyn_cli, only: command_line
@@ -23,7 +23,8 @@ module linkdyn_drive_inverse
     use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text
-    use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
+    use linkdyn_terminal, only: show_stage, show_progress, say, seconds_since
+    use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
     public :: drive_inverse, load_model
@@ -71,7 +72,7 @@ contains
         if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
         call solver%free()
         if (.not. status%is_ok()) then
-            write (error_unit, "(a)") trim(status%message)
+            call say(status%message)
             return
         end if
         if (.not. config%quiet) call print_summary(model%scene, layout, summary, config%solver, &
@@ -79,7 +80,7 @@ contains
         exit_status = exit_done
         if (summary%n_failed == 0) return
         exit_status = exit_samples_failed
-        write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
+        call say(trim(config%scene)//": failed samples: "//failure_text(summary))
     end subroutine drive_inverse
 
     !> Read and plan a scene; messages start with the file's name.
@@ -90,6 +91,7 @@ contains
         type(status_type), intent(inout) :: status
         type(scene_type) :: scene
 
+        call show_stage("reading and planning")
         call read_scene(file, scene, status)
         if (status%is_ok() .and. is_inverse) call check_actuators(scene, status)
         if (status%is_ok()) call build_model(scene, model, status)
@@ -109,25 +111,26 @@ contains
         type(summary_type), intent(out) :: summary
         real(wp), intent(out) :: seconds              !! spent computing, mean of the threads
         type(status_type), intent(inout) :: status
-        type(progress_type) :: progress
         type(assembly_trail) :: trail
         type(summary_type), allocatable :: part(:)    !! of each group: joined in order, whichever thread made it
+        integer(int64) :: run_start
         integer :: length, n_block, n_group, n_taker, n_helper, n_done, k
 
         length = merge(passing_block, written_block, output%is_none)
         n_block = (n_sample - 1)/length + 1
         n_group = min(n_block, most_groups)
         ! Where assemblies are followed along the motion, blocks are taken in their order.
-        n_taker = merge(min(config%options%threads, n_group), 1, output%is_none .and. model%n_dyad == 0)
+        n_taker = 1
+        if (output%is_none .and. model%n_dyad == 0) n_taker = team_size(config%options%threads, n_group)
         n_helper = merge(1, config%options%threads, output%is_none .and. model%n_dyad == 0)
         allocate (part(n_group))
         n_done = 0
         seconds = 0
-        call start_progress(config%quiet, progress)
+        call system_clock(run_start)
         !$omp parallel num_threads(n_taker) default(shared)
         call take_groups()
         !$omp end parallel
-        call end_progress(progress)
+        call show_stage("writing")
         call close_results(output, status)
         seconds = seconds/n_taker
         call start_summary(layout, summary)
@@ -176,7 +179,7 @@ contains
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n
-            call show_progress(int(n_done, int64), int(n_sample, int64), progress)
+            call show_progress(int(n_done, int64), int(n_sample, int64), run_start)
             !$omp end critical (linkdyn_progress)
         end subroutine take_block
     end subroutine run_blocks

@@ -4,6 +4,7 @@ module linkdyn_run_output
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
     use linkdyn_model, only: model_type
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
+    use linkdyn_path, only: refuse_inputs
     use linkdyn_results, only: layout_type, block_type
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
@@ -46,6 +47,8 @@ contains
         else
             output%name = default_name(config%scene)//trim(merge(".csv", ".nc ", config%csv))
         end if
+        call refuse_inputs(output%name, model%scene, status, config%states)
+        if (.not. status%is_ok()) return
         if (config%csv) then
             call create_csv(output%name, layout, output%csv, status)
             return

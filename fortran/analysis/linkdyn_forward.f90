@@ -31,6 +31,7 @@ module linkdyn_forward
     use linkdyn_scene, only: law_spec, scene_type, frame_link
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
     use linkdyn_text, only: to_text, quoted
+    use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
@@ -472,14 +473,15 @@ contains
         real(wp), intent(out) :: good_until(:)         !! last good instant (n_member) [s]
         type(status_type), intent(inout) :: status
         type(status_type) :: block_status
-        integer :: block
+        integer :: block, n_block
 
         if (options%integrator%method /= method_rk4) call fail(status, status_bad_input, "an ensemble runs at a fixed step, " &
             //"not by "//quoted(trim(method_name(options%integrator%method)))//" (expected method rk4)")
         call check_options(options%integrator, status)
         if (.not. status%is_ok()) return
-        !$omp parallel do num_threads(max(1, options%threads)) private(block_status) schedule(dynamic)
-        do block = 1, (size(q_start, 2) + lanes - 1)/lanes
+        n_block = (size(q_start, 2) + lanes - 1)/lanes
+        !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
+        do block = 1, n_block
             block_status = status_type()
             call run_block(block, block_status)
             !$omp critical (linkdyn_ensemble_status)

@@ -25,6 +25,7 @@ module linkdyn_inverse
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
     use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_threads, only: team_size
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
@@ -182,7 +183,7 @@ contains
 
         n = size(q, 2)
         n_block = (n + lanes - 1)/lanes
-        n_thread = max(1, min(threads, n_block))
+        n_thread = team_size(threads, n_block)
         share = max(1, min(largest_share, n_block/(2*n_thread)))
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)

@@ -15,6 +15,7 @@ module linkdyn_sweep
     use linkdyn_sweep_spec, only: sweep_spec, quantity_driving_power, quantity_determinant
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, join_totals, first_bound
     use linkdyn_text, only: to_text
+    use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
     public :: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
@@ -175,7 +176,7 @@ contains
         type(kept_chunk), intent(inout) :: kept(:)      !! likewise
         integer :: worker, next, n_worker
 
-        n_worker = max(1, min(threads, size(part)))
+        n_worker = team_size(threads, size(part))
         call provide_designs(run, n_worker)
         next = 1
         call hold_blas_threads()

@@ -31,7 +31,7 @@ module linkdyn_f2py_api
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_handles, only: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
-    use linkdyn_text, only: to_text, quoted
+    use linkdyn_text, only: to_text, quoted, printable
     use linkdyn_version, only: version
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched, time_reached
     implicit none
@@ -940,7 +940,7 @@ contains
         character(len=*), intent(out) :: message
 
         code = status%code
-        message = status%message
+        message = printable(trim(status%message))
     end subroutine report
 
     function from_bytes(bytes) result(text)

@@ -17,7 +17,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
     use linkdyn_scene_joints, only: read_joints
     use linkdyn_scene_chain, only: count_legs, read_chains
-    use linkdyn_scene_laws, only: table_shelf
+    use linkdyn_scene_laws, only: table_shelf, files_of
     use linkdyn_scene_motion, only: read_coordinates
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_time, only: read_time
@@ -118,6 +118,7 @@ contains
         call read_actuators(root, driven, shelf, scene, status)
         call read_loads(root, shelf, scene, status)
         call read_springs(root, scene, status)
+        scene%table_file = files_of(shelf)
         call read_time(root, scene, status)
         call read_sweep(root, scene, status)
         if (status%is_ok()) call start_on_motion(scene)
