@@ -24,6 +24,12 @@ module linkdyn_drive_forward
     real(wp), parameter :: breath = 0.25_wp          !! seconds between two looks at interrupts and progress
     integer, parameter :: exit_of_signal = 128       !! plus its number, as shells have it
 
+    !> Evenly spaced instants of output.
+    type :: instants_type
+        real(wp) :: first = 0, last = 0              !! [s]
+        integer :: n = 0
+    end type instants_type
+
 contains
 
     !> Run and report; the exit status says how it went.
@@ -36,19 +42,19 @@ contains
         type(output_type) :: output
         type(summary_type) :: summary
         type(status_type) :: status
-        real(wp), allocatable :: t(:)
+        type(instants_type) :: instants
         real(wp) :: seconds
 
         exit_status = exit_bad_input
         call load_model(config%scene, .false., model, status)
-        if (status%is_ok()) call choose_times(config, model, t, status)
-        if (status%is_ok()) call start_watched(model, options_of(config, t(1)), config%wanted, watched, status)
+        if (status%is_ok()) call choose_times(config, model, instants, status)
+        if (status%is_ok()) call start_watched(model, options_of(config, instants%first), config%wanted, watched, status)
         if (status%is_ok()) then
-            call open_results(config, model, watched%layout, size(t), output, status, may_end_early=.true.)
+            call open_results(config, model, watched%layout, instants%n, output, status, may_end_early=.true.)
         else if (index(status%message, config%scene//":") /= 1) then
             status%message = config%scene//": "//trim(status%message)
         end if
-        if (status%is_ok()) call run_blocks(config, watched, t, output, summary, seconds, status)
+        if (status%is_ok()) call run_blocks(config, watched, instants, output, summary, seconds, status)
         if (.not. status%is_ok()) then
             call finish_watched(watched)
             call say(status%message)
@@ -85,14 +91,14 @@ contains
     end function options_of
 
     !> Instants of output: the scene's, unless the command says otherwise.
-    subroutine choose_times(config, model, t, status)
+    subroutine choose_times(config, model, instants, status)
         type(command_line), intent(in) :: config
         type(model_type), intent(in) :: model
-        real(wp), allocatable, intent(out) :: t(:)    !! [s]
+        type(instants_type), intent(out) :: instants
         type(status_type), intent(inout) :: status
         integer, parameter :: usual_n_sample = 201
         real(wp) :: first, last
-        integer :: i, n
+        integer :: n
 
         first = model%scene%time%first
         last = merge(config%until, model%scene%time%last, config%has_until)
@@ -103,14 +109,24 @@ contains
                       //to_text(last)//" s goes nowhere (expected [time] end, or --until)")
             return
         end if
-        t = [(first + (last - first)*(real(i - 1, wp)/max(1, n - 1)), i=1, n)]
-        t(n) = last
+        instants = instants_type(first, last, n)
     end subroutine choose_times
 
-    subroutine run_blocks(config, watched, t, output, summary, seconds, status)
+    !> Some of the instants.
+    pure function times_of(instants, from, n) result(t)
+        type(instants_type), intent(in) :: instants
+        integer, intent(in) :: from, n               !! number of the first one, from 1, and how many
+        real(wp) :: t(n)                             !! [s]
+        integer :: i
+
+        t = [(instants%first + (instants%last - instants%first)*(real(i - 1, wp)/max(1, instants%n - 1)), i=from, from + n - 1)]
+        if (from + n - 1 == instants%n) t(n) = instants%last
+    end function times_of
+
+    subroutine run_blocks(config, watched, instants, output, summary, seconds, status)
         type(command_line), intent(in) :: config
         type(watched_run), intent(inout) :: watched
-        real(wp), intent(in) :: t(:)                  !! instants [s]
+        type(instants_type), intent(in) :: instants
         type(output_type), intent(inout) :: output
         type(summary_type), intent(out) :: summary
         real(wp), intent(out) :: seconds              !! spent computing
@@ -119,23 +135,23 @@ contains
         integer(int64) :: start, run_start
         integer :: first, n, n_done, n_fallback
 
-        call prepare_block(watched%layout, min(block_length, size(t)), block)
+        call prepare_block(watched%layout, min(block_length, instants%n), block)
         call start_summary(watched%layout, summary)
         call system_clock(run_start)
         seconds = 0
         first = 1
         call watch_interrupts()
-        do while (first <= size(t))
-            n = min(block_length, size(t) - first + 1)
+        do while (first <= instants%n)
+            n = min(block_length, instants%n - first + 1)
             call system_clock(start)
-            call advance_watched(watched, t(first:first + n - 1), block, n_fallback, n_done, breath)
+            call advance_watched(watched, times_of(instants, first, n), block, n_fallback, n_done, breath)
             seconds = seconds + seconds_since(start)
             if (n_done > 0) call put_results(watched%layout, block, first, n_done, output, status)
             if (.not. status%is_ok()) exit
             call add_to_summary(watched%layout, block, n_done, n_fallback, summary)
             first = first + n_done
-            call show_share((time_reached(watched) - t(1))/(t(size(t)) - t(1)), run_start)
-            if (interrupt_noted() == 0 .or. first > size(t)) cycle
+            call show_share((time_reached(watched) - instants%first)/(instants%last - instants%first), run_start)
+            if (interrupt_noted() == 0 .or. first > instants%n) cycle
             call interrupt_watched(watched)
             exit
         end do

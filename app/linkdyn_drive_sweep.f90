@@ -61,7 +61,7 @@ contains
         if (status%is_ok()) call prepare_run(config, run, status)
         hash = 0
         if (status%is_ok()) hash = sweep_hash(run)
-        call agree(hash, status)
+        call agree(trim(config%scene), hash, status)
         if (status%is_ok() .and. is_first) then
             call choose_output(config, run%scene, output, status)
             call take_lock(output, lock, status)

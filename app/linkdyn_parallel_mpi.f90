@@ -35,21 +35,25 @@ contains
 
     !> All processes must have come as far with the same work: where one has failed, or has another scene (a copy on its
     !> machine that is out of date), all fail, and with the same words.
-    subroutine agree(hash, status)
+    subroutine agree(scene, hash, status)
+        character(len=*), intent(in) :: scene      !! its file
         integer(int64), intent(in) :: hash         !! of the work
         type(status_type), intent(inout) :: status
         character(len=message_len) :: message
         character(len=mpi_max_processor_name) :: machine
-        integer(int64) :: own(2), all(2, 0:n_process() - 1)
+        integer(int64) :: own(2)
+        integer(int64), allocatable :: every(:, :)
         integer :: p, length
 
         own = [merge(1_int64, 0_int64, status%is_ok()), hash]
-        call mpi_allgather(own, size(own)*8, mpi_byte, all, size(own)*8, mpi_byte, mpi_comm_world)
-        p = findloc(all(1, :) == 1 .and. all(2, :) == all(2, 0), .false., dim=1) - 1
+        allocate (every(2, 0:n_process() - 1))
+        call mpi_allgather(own, size(own)*8, mpi_byte, every, size(own)*8, mpi_byte, mpi_comm_world)
+        p = findloc(every(1, :) == 1 .and. every(2, :) == every(2, 0), .false., dim=1) - 1
         if (p < 0) return
         if (this_process() == p) then
             call mpi_get_processor_name(machine, length)
-            call fail(status, status_bad_input, "has another scene or table than process 0 (expected the same files everywhere)")
+            call fail(status, status_bad_input, scene//": it, or a table of it, is not what process 0 has (expected the same " &
+                      //"files on every machine)")
             message = status%message
             if (p > 0) message = "process "//to_text(p)//" on "//machine(:length)//": "//status%message
         end if

@@ -36,7 +36,8 @@ contains
     end function this_process
 
     !> All processes must have come as far with the same work.
-    subroutine agree(hash, status)
+    subroutine agree(scene, hash, status)
+        character(len=*), intent(in) :: scene
         integer(int64), intent(in) :: hash
         type(status_type), intent(inout) :: status
     end subroutine agree
