@@ -130,6 +130,14 @@ def test_version_and_help():
         (["inverse", "SCENE", "--no-output", "--csv"], ["--no-output", "--csv"]),
         (["inverse", "SCENE", "--no-output", "-o", "run.nc"], ["--no-output", "--output"]),
         (["explain", "SCENE", "--csv"], ["'--csv'", "unknown option"]),
+        (["--version", "--csv"], ["'--csv'"]),
+        (["inverse", "SCENE", "-o", "a.nc", "--output=b.nc"], ["--output", "given twice"]),
+        (["inverse", "SCENE", "-o", "--csv"], ["-o", "value missing"]),
+        (["inverse", "SCENE", "--csv", "--compress"], ["--compress", "--csv"]),
+        (["forward", "SCENE", "--method", "rk4", "--rtol", "1e-6"], ["--rtol", "rk4"]),
+        (["forward", "SCENE", "--until", "1+2"], ["--until", "'1+2'"]),
+        (["forward", "SCENE", "--until", "1e999"], ["--until", "'1e999'"]),
+        (["forward", "SCENE", "--checkpoint", "3"], ["'--checkpoint'", "linkdyn forward", "expected with linkdyn sweep"]),
         (["inverse", "no_such_file.toml"], ["no_such_file.toml"]),
         (["inverse", "/"], ["/"]),
     ],
@@ -137,6 +145,33 @@ def test_version_and_help():
 def test_wrong_command_line(arguments, fragments, tsai_file, tmp_path):
     refused(run(*(str(tsai_file) if word == "SCENE" else word for word in arguments), cwd=tmp_path), *fragments)
     assert list(tmp_path.iterdir()) == []
+
+
+COMMANDS = ["inverse", "forward", "sweep", "study", "explain"]
+VALUES = {"--until": "1", "--step": "1e-3", "--rtol": "1e-6", "--atol": "1e-6", "--samples": "3", "--threads": "1",
+          "--checkpoint": "5", "--method": "rk8pd", "--solver": "lapack", "--want": "checks", "--keep": "driving_force",
+          "--output": "x", "--states": "x", "--sheet": "x.html"}
+
+
+def options_in_help(command: str) -> set[str]:
+    """Long options that the help of a command explains."""
+    text = run(command, "--help").stdout
+    return {word for line in text.splitlines() if re.match(r"  -", line) for word in re.findall(r"--[a-z-]+", line[:24])}
+
+
+def test_a_command_takes_the_options_of_its_help_and_no_other(tmp_path):
+    """What is not in the help is refused by name, and told where it belongs; what is in it gets as far as the missing scene."""
+    of = {command: options_in_help(command) for command in COMMANDS}
+    everything = set().union(*of.values())
+    assert len(everything) >= 23
+    for command in COMMANDS:
+        for option in sorted(everything - {"--help", "--sheet"}):
+            result = run(command, "none.toml", option, *([VALUES[option]] if option in VALUES else []), cwd=tmp_path)
+            if option in of[command]:
+                refused(result, "none.toml: there is no such file")
+            else:
+                owners = [name for name in COMMANDS if option in of[name]]
+                refused(result, f"'{option}'", f"linkdyn {command}", f"linkdyn {owners[0]}")
 
 
 def test_inverse_writes_netcdf_named_after_the_scene(tsai_file, tmp_path):
