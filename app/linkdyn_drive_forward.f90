@@ -8,8 +8,9 @@ module linkdyn_drive_forward
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: block_type, prepare_block
-    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, close_results, exit_done, exit_bad_input, &
-        exit_samples_failed
+    use linkdyn_roads, only: road_counts
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, close_results, &
+        exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
     use linkdyn_terminal, only: show_stage, show_share, say, seconds_since
@@ -133,7 +134,8 @@ contains
         type(status_type), intent(inout) :: status
         type(block_type) :: block
         integer(int64) :: start, run_start
-        integer :: first, n, n_done, n_fallback
+        type(road_counts) :: roads
+        integer :: first, n, n_done
 
         call prepare_block(watched%layout, min(block_length, instants%n), block)
         call start_summary(watched%layout, summary)
@@ -144,11 +146,11 @@ contains
         do while (first <= instants%n)
             n = min(block_length, instants%n - first + 1)
             call system_clock(start)
-            call advance_watched(watched, times_of(instants, first, n), block, n_fallback, n_done, breath)
+            call advance_watched(watched, times_of(instants, first, n), block, roads, n_done, breath)
             seconds = seconds + seconds_since(start)
             if (n_done > 0) call put_results(watched%layout, block, first, n_done, output, status)
             if (.not. status%is_ok()) exit
-            call add_to_summary(watched%layout, block, n_done, n_fallback, summary)
+            call add_to_summary(watched%layout, block, n_done, roads, summary)
             first = first + n_done
             call show_share((time_reached(watched) - instants%first)/(instants%last - instants%first), run_start)
             if (interrupt_noted() == 0 .or. first > instants%n) cycle
@@ -157,6 +159,7 @@ contains
         end do
         call show_stage("writing")
         call note_run(watched%run, output, status)
+        call note_roads(summary%roads, output, status)
         call close_results(output, status)
     end subroutine run_blocks
 
@@ -168,9 +171,9 @@ contains
 
         associate (i => run%integrator)
             call note_result("method", trim(method_name(i%options%method)), output, status)
-            call note_result("steps", to_text(i%n_step), output, status)
-            call note_result("rejected_steps", to_text(i%n_rejected), output, status)
-            call note_result("right_hand_sides", to_text(i%n_evaluation), output, status)
+            call note_result("steps", i%n_step, output, status)
+            call note_result("rejected_steps", i%n_rejected, output, status)
+            call note_result("right_hand_sides", i%n_evaluation, output, status)
             call note_result("stopped", trim(run%reason), output, status)
             call note_result("coordinates_integrated", coordinates_in_words(run), output, status)
         end associate

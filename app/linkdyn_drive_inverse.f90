@@ -12,11 +12,12 @@ module linkdyn_drive_inverse
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
-        find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
-        result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
-        result_singularity_distance, result_error, result_growth, result_transmission_angle, result_power_imbalance, &
-        result_driving_force_error, result_reaction_error
-    use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
+        find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
+        result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
+        result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
+        result_power_imbalance, result_driving_force_error, result_reaction_error
+    use linkdyn_roads, only: road_counts
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_roads, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
@@ -130,13 +131,14 @@ contains
         !$omp parallel num_threads(n_taker) default(shared)
         call take_groups()
         !$omp end parallel
-        call show_stage("writing")
-        call close_results(output, status)
         seconds = seconds/n_taker
         call start_summary(layout, summary)
         do k = 1, n_group
             if (status%is_ok()) call join_summaries(part(k), summary)
         end do
+        call show_stage("writing")
+        call note_roads(summary%roads, output, status)
+        call close_results(output, status)
 
     contains
 
@@ -168,14 +170,14 @@ contains
             type(summary_type), intent(inout) :: part
             integer(int64) :: start
             real(wp) :: elapsed
-            integer :: n_fallback
+            type(road_counts) :: roads
 
             if (.not. status%is_ok()) return
             call system_clock(start)
-            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, n_fallback)
+            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, roads)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
-            call add_to_summary(layout, block, n, n_fallback, part)
+            call add_to_summary(layout, block, n, roads, part)
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n
@@ -198,7 +200,7 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, n_fallback)
+    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, roads)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads
@@ -208,7 +210,7 @@ contains
         type(block_type), intent(inout), target :: block
         type(scratch_type), intent(inout), target :: scratch
         type(assembly_trail), intent(inout) :: trail  !! instants follow each other
-        integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
+        type(road_counts), intent(out) :: roads       !! of the samples
         type(inverse_results) :: results
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
 
@@ -248,8 +250,9 @@ contains
         else
             call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail)
         end if
-        n_fallback = results%n_fallback
+        roads = results%roads
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)
+        call flag_unsound(layout, n, block)
     end subroutine compute_block
 end module linkdyn_drive_inverse

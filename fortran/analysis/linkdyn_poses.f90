@@ -8,7 +8,7 @@ module linkdyn_poses
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_scene, only: joint_n_variable, joint_cylindrical
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_undefined
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.rotate.), identity_mat3, zero_vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
@@ -57,6 +57,8 @@ contains
                     position(:, i, sample) = link_position(model, state, i, lane)
                     rotation(:, :, i, sample) = link_rotation(model, state, i, lane)
                 end do
+                if (sample_status(sample) == sample_ok .and. .not. (all(abs(position(:, :, sample)) <= huge(1.0_wp)) &
+                    .and. all(abs(rotation(:, :, :, sample)) <= huge(1.0_wp)))) sample_status(sample) = sample_undefined
             end do
         end do
     end subroutine find_poses

@@ -1,6 +1,7 @@
 !> A sweep on its way: chunks computed by any number of threads (or by other processes), joined in their order.
 module linkdyn_sweep
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_clearance, only: have_gaps
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -12,9 +13,10 @@ module linkdyn_sweep
     use linkdyn_sweep_plan, only: sweep_plan, make_sweep_plan, samples_of_chunk, too_many
     use linkdyn_sweep_quantities, only: quantity_row, make_row
     use linkdyn_sweep_source, only: design_source
-    use linkdyn_sweep_spec, only: sweep_spec, quantity_driving_power, quantity_determinant
+    use linkdyn_sweep_spec, only: sweep_spec, quantity_name, quantity_driving_power, quantity_determinant, quantity_swing, &
+        quantity_clearance, quantity_force_amplification, quantity_moment_amplification
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, join_totals, first_bound
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
@@ -68,6 +70,8 @@ contains
             return
         end if
         call make_row(scene, run%spec, run%row)
+        call refuse_lacking(run, status)
+        if (.not. status%is_ok()) return
         call make_shape(run)
         allocate (run%design(1))
         associate (design => run%design(1))
@@ -79,6 +83,11 @@ contains
                 return
             end if
         end associate
+        if (run%design(1)%status%is_ok() .and. run%row%place(quantity_clearance) > 0) then
+            if (.not. have_gaps(run%design(1)%rod)) call refuse_quantity(run, quantity_clearance, "no two legs that share no end", &
+                                                                         status)
+        end if
+        if (.not. status%is_ok()) return
         if (run%design(1)%status%is_ok() .and. run%design(1)%wants_map) run%length = run%design(1)%map%length
         call choose_bins(run)
         call make_map(run%spec, run%plan, size(run%row%quantity), run%map)
@@ -87,6 +96,35 @@ contains
             call empty_totals(run%shape, run%total(k))
         end do
     end subroutine start_sweep
+
+    !> Quantities that are wanted of every sample must be there.
+    subroutine refuse_lacking(run, status)
+        type(sweep_run), intent(in) :: run
+        type(status_type), intent(inout) :: status
+        integer, parameter :: amplification(2) = [quantity_force_amplification, quantity_moment_amplification]
+        integer :: i
+
+        associate (place => run%row%place)
+            if (place(quantity_swing) > 0) then
+                if (run%row%quantity(place(quantity_swing))%n == 0) &
+                    call refuse_quantity(run, quantity_swing, "no universal or spherical joint", status)
+            end if
+            do i = 1, size(amplification)
+                if (place(amplification(i)) > 0 .and. run%spec%tool_link == 0) call refuse_quantity(run, amplification(i), &
+                    "no marker on which unit forces and moments act, [sweep] on", status)
+            end do
+        end associate
+    end subroutine refuse_lacking
+
+    subroutine refuse_quantity(run, id, lack, status)
+        type(sweep_run), intent(in) :: run
+        integer, intent(in) :: id                       !! of the quantity
+        character(len=*), intent(in) :: lack
+        type(status_type), intent(inout) :: status
+
+        call fail(status, status_bad_input, trim(run%scene%file)//": the sweep has no "//quoted(quantity_name(id)) &
+                  //": there is "//lack)
+    end subroutine refuse_quantity
 
     !> What is reduced, from the wishes.
     subroutine make_shape(run)

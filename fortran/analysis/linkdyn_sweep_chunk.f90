@@ -12,7 +12,7 @@ module linkdyn_sweep_chunk
     use linkdyn_lane_count, only: lanes
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_reactions, only: collect_reactions
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined
     use linkdyn_sweep_design, only: sweep_design
     use linkdyn_sweep_map, only: sweep_map, map_part, cell_of, start_part, add_to_part
     use linkdyn_sweep_plan, only: sweep_plan, place_cursor, advance_cursor
@@ -203,6 +203,7 @@ contains
             where (state%unreachable) code = sample_unreachable
         end associate
         call evaluate_early(row, design)
+        call flag_unsound(design%value(:, :row%n_early), code)
         call check_bounds(spec, row, .false., design%value, code)
         if (.not. design%needs_forces) return
         call check_counts(spec, code, n_here, counts)
@@ -212,8 +213,23 @@ contains
             where (counts .and. design%workspace%status /= sample_ok) code = design%workspace%status
         end if
         call evaluate_late(row, design)
+        call flag_unsound(design%value(:, row%n_early + 1:), code)
         call check_bounds(spec, row, .true., design%value, code)
     end subroutine evaluate_block
+
+    !> The last check: nothing that is not finite is reduced or kept.
+    pure subroutine flag_unsound(value, code)
+        real(wp), intent(in) :: value(:, :)             !! (lane, entry)
+        integer, intent(inout) :: code(lanes)
+        real(wp) :: total(lanes)
+        integer :: k
+
+        total = 0
+        do k = 1, size(value, 2)
+            total = total + abs(value(:, k))
+        end do
+        where ((code == code_feasible .or. code >= first_bound) .and. .not. total <= huge(1.0_wp)) code = sample_undefined
+    end subroutine flag_unsound
 
     !> What needs no forces.
     subroutine evaluate_early(row, design)

@@ -24,9 +24,10 @@ module linkdyn_f2py_api
     use linkdyn_report, only: open_report, read_report
     use linkdyn_results, only: layout_type, block_type, wanted_type, describe_results, prepare_block, choose_wanted, &
         all_wanted, add_free, find_driving_power
+    use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type, load_spec, name_len
     use linkdyn_scene_reader, only: parse_scene, check_actuators
-    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined
     use linkdyn_suggest, only: suggestion
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_handles, only: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
@@ -286,33 +287,34 @@ contains
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
             n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
-            n_variable, joint_variable, joint_rate, n_check, growth, power_imbalance, n_rcond, rcond, &
+            n_variable, joint_variable, joint_rate, n_check, power_imbalance, n_rcond, rcond, &
             n_distance, distance, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
-            sample_status, code, message)
+            n_growth, growth, sample_status, roads, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(11)           ! 1: driving force, power, reaction, joint variables, checks,
-                                                           ! rcond, distance, relative error, errors of driving forces, of reactions, transmission angles
+        integer(c_int), intent(in) :: wanted(12)           ! 1: driving force, power, reaction, joint variables, checks,
+                                                           ! rcond, distance, relative error, errors of driving forces, of reactions, transmission angles, growth
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
-        integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission
+        integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission, n_growth
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
         real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: joint_variable(n_variable), joint_rate(n_variable)  ! (n_variable, n)
-        real(c_double), intent(inout), target :: growth(n_check), power_imbalance(n_check)       ! (n)
+        real(c_double), intent(inout), target :: growth(n_growth), power_imbalance(n_check)      ! (n)
         real(c_double), intent(inout), target :: rcond(n_rcond), distance(n_distance), error(n_error)  ! (n)
         real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
         integer(c_int), intent(inout), target :: sample_status(n)
+        integer(c_int), intent(out) :: roads(3)            ! samples closed in closed form, by iteration; handed to the dense solver
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
@@ -324,6 +326,7 @@ contains
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
 
+        roads = 0
         call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
             model => scene%model
@@ -341,6 +344,7 @@ contains
             call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(9))
             call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(10))
             call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(11))
+            call check_size("growth", n_growth, n, status, wanted(12))
         end if
         if (status%code == 0) then
             call check_finite("q", model, first, n, q, status)
@@ -360,16 +364,14 @@ contains
                 results%joint_variable(1:model%n_variable, 1:n) => joint_variable
                 results%joint_rate(1:model%n_variable, 1:n) => joint_rate
             end if
-            if (wanted(5) == 1) then
-                results%growth => growth
-                results%power_imbalance => power_imbalance
-            end if
+            if (wanted(5) == 1) results%power_imbalance => power_imbalance
             if (wanted(6) == 1) results%rcond => rcond
             if (wanted(7) == 1) results%singularity_distance => distance
             if (wanted(8) == 1) results%error => error
             if (wanted(9) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
             if (wanted(10) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
             if (wanted(11) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
+            if (wanted(12) == 1) results%growth => growth
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
                 allocate (own_force(model%n_actuator, n))
                 results%driving_force => own_force
@@ -383,10 +385,13 @@ contains
             else
                 call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results)
             end if
+            roads = [results%roads%closed, results%roads%iterated, results%roads%dense]
             if (wanted(2) == 1) then
                 speed2(1:model%n_actuator, 1:n) => driving_speed
                 power2(1:model%n_actuator, 1:n) => driving_power
                 call find_driving_power(scene%layout, results%driving_force, results%joint_rate, speed2, power2)
+                where (sample_status == sample_ok .and. .not. all(abs(power2) <= huge(1.0_c_double), dim=1)) &
+                    sample_status = sample_undefined
             end if
         end if
         call report(status, code, message)
@@ -458,7 +463,7 @@ contains
     end subroutine api_forward
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
-    subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, &
+    subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, roads, &
             stopped, coordinates, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: run_handle
@@ -470,6 +475,7 @@ contains
         integer(c_int), intent(out) :: n_done
         real(c_double), intent(out) :: reached             ! [s]
         integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
+        integer(c_int), intent(out) :: roads(3)            ! of these instants, as in `api_inverse`
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
         integer(c_int), intent(out) :: code
@@ -477,11 +483,13 @@ contains
         type(watched_run), pointer :: here
         type(status_type) :: status
         type(block_type) :: block
-        integer :: i, place, whole_place, n_fallback
+        type(road_counts) :: taken
+        integer :: i, place, whole_place
 
         n_done = 0
         reached = 0
         statistics = 0
+        roads = 0
         stopped = ""
         coordinates = ""
         call find_run(run_handle, here, status)
@@ -497,8 +505,9 @@ contains
             call check_size("numbers", n_numbers, whole_place, status)
         end if
         if (status%code == 0) then
-            call advance_watched(here, t, block, n_fallback, i, seconds)
+            call advance_watched(here, t, block, taken, i, seconds)
             n_done = i
+            roads = [taken%closed, taken%iterated, taken%dense]
             place = 0
             whole_place = 0
             do i = 1, size(block%of)

@@ -27,13 +27,14 @@ _GROUPS = (
     ("driving_speed", "driving_power"),
     ("reaction",),
     ("joint_variable", "joint_rate"),
-    ("growth", "power_imbalance"),
+    ("power_imbalance",),
     ("rcond",),
     ("singularity_distance",),
     ("error",),
     ("driving_force_error",),
     ("reaction_error",),
     ("transmission_angle",),
+    ("growth",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
@@ -211,7 +212,7 @@ def inverse(
     in_order: bool,
     inputs: tuple[Floats, Floats, Floats, Floats],
     outputs: dict[str, NDArray[Any]],
-) -> None:
+) -> NDArray[np.intc]:
     """Inverse dynamics of some samples, into the arrays given.
 
     Parameters
@@ -224,11 +225,18 @@ def inverse(
         q, qd, qdd (n, n_q) and load (n, n_load, 6).
     outputs
         Result arrays by name, C-ordered, sample first; what is not there is not computed. "status" must be.
+
+    Returns
+    -------
+    roads
+        Samples whose links were placed in closed form, by iteration; that the dense solver took over.
     """
     wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
     arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for name in _OUTPUTS]
     settings = (handle, solver, threads, first, int(in_order), wanted)
-    check(*_api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"]))
+    roads, code, message = _api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"])
+    check(code, message)
+    return roads
 
 
 class _Row:
@@ -280,6 +288,8 @@ class Run:
         check(code, message)
         self.statistics = np.zeros(3, dtype=np.intc)
         """Steps, rejected steps, right-hand sides."""
+        self.roads = np.zeros(3, dtype=np.intc)
+        """As `inverse` returns them."""
         self.stopped = ""
         """Why the run stopped early; empty if it did not."""
         self.coordinates = ""
@@ -305,10 +315,11 @@ class Run:
             Their results by name.
         """
         rows = {kind: _Row(len(t), kind, shapes) for kind in (np.float64, np.intc)}
-        n_done, self.reached, self.statistics, stopped, coordinates, code, message = _api.api_advance(
+        n_done, self.reached, self.statistics, roads, stopped, coordinates, code, message = _api.api_advance(
             self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values
         )
         check(code, message)
+        self.roads += roads
         self.stopped = stopped.decode("utf-8", errors="replace").strip()
         self.coordinates = coordinates.decode("utf-8", errors="replace").strip()
         return n_done, {name: rows[kind].take(name)[:n_done] for name, (shape, kind) in shapes.items()}

@@ -295,8 +295,9 @@ class Scene:
         else:
             given = self._given(q, qd, qdd)
             load = self._loads_at(job, t, len(given["q"]))
-        outputs = self._run(job, threads, given, load, wrench)
-        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver)
+        extra = self._wrenches(wrench, len(given["q"]))
+        outputs, roads = self._run(job, threads, given, load, extra)
+        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver, roads, self._told(extra, len(given["q"])))
 
     def forward(
         self,
@@ -388,7 +389,7 @@ class Scene:
 
         def result() -> xr.Dataset:
             arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-            data = to_dataset(schema, arrays, self.description, self.text, solver)
+            data = to_dataset(schema, arrays, self.description, self.text, solver, run.roads)
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics))), "stopped": run.stopped}
             data.attrs["coordinates_integrated"] = run.coordinates
@@ -594,7 +595,8 @@ class Scene:
         """
         job = self._job(want, solver, wrench, False, error)
         given = self._given(q, qd, qdd)
-        return self._run(job, threads, given, self._loads_at(job, t, len(given["q"])), wrench)
+        n = len(given["q"])
+        return self._run(job, threads, given, self._loads_at(job, t, n), self._wrenches(wrench, n))[0]
 
     def _job(
         self,
@@ -642,11 +644,10 @@ class Scene:
         threads: int,
         given: dict[str, NDArray[np.float64]],
         load: NDArray[np.float64],
-        wrench: Mapping[str, ArrayLike] | None,
-    ) -> dict[str, NDArray[Any]]:
-        """Blocks of samples through the engine; loads are spread over the samples block by block."""
-        n, threads = len(given["q"]), _count("threads", threads)
-        extra = [self._wrench(marker, values, n) for marker, values in (wrench or {}).items()]
+        wrench: dict[str, NDArray[np.float64]],
+    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc]]:
+        """Blocks of samples through the engine; loads are spread over the samples block by block. Also the roads they took."""
+        n, threads, roads = len(given["q"]), _count("threads", threads), np.zeros(3, dtype=np.intc)
         outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         inputs = (given["q"], given["qd"], given["qdd"])
         in_order = "time" in given
@@ -654,16 +655,16 @@ class Scene:
         length = max(1, n) if in_order else BLOCK
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
-            _bind.inverse(
+            roads += _bind.inverse(
                 job.handle,
                 job.solver,
                 threads,
                 first,
                 in_order,
-                (*(values[block] for values in inputs), _spread(load, extra, block, n)),
+                (*(values[block] for values in inputs), _spread(load, list(wrench.values()), block, n)),
                 {name: values[block] for name, values in outputs.items()},
             )
-        return outputs
+        return outputs, roads
 
     def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:
         """The scene's loads (N or 1, n_load, 6) at the instants of a batch."""
@@ -684,6 +685,15 @@ class Scene:
         if bad.size:
             raise InputError(f"t[{bad[0]}] is not a finite number")
         return instants
+
+    def _wrenches(self, wrench: Mapping[str, ArrayLike] | None, n: int) -> dict[str, NDArray[np.float64]]:
+        """All given wrenches as (N or 1, 6)."""
+        return {marker: self._wrench(marker, values, n) for marker, values in (wrench or {}).items()}
+
+    def _told(self, wrench: dict[str, NDArray[np.float64]], n: int) -> dict[str, NDArray[np.float64]]:
+        """The same for the results: one a sample, in the components that the scene has."""
+        columns = [0, 1, 5] if self.planar else slice(None)
+        return {marker: np.broadcast_to(values[:, columns], (n, values[:, columns].shape[1])) for marker, values in wrench.items()}
 
     def _wrench(self, marker: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
         """A given wrench as (N or 1, 6)."""

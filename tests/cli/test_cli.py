@@ -215,7 +215,9 @@ def test_solver_is_used_and_recorded(solver, tsai_file, tmp_path):
     assert run("inverse", tsai_file, f"--solver={solver}", "-q", "-o", tmp_path / "run.nc").returncode == DONE
     with xr.open_dataset(tmp_path / "run.nc") as data:
         assert data.attrs["solver"] == solver
-        assert np.isfinite(data.growth).all() == (solver == "gauss-jordan")
+        assert {name for name in ("error", "growth", "rcond") if name in data} == {
+            "gauss-jordan": {"growth"}, "lapack": {"error", "rcond"}, "elimination": set()}[solver]
+        assert all(np.isfinite(data[name]).all() for name in data.data_vars)
 
 
 def test_threads_do_not_change_results(tsai_file, tmp_path):
