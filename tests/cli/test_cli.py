@@ -326,6 +326,15 @@ def test_explain(tsai_file):
     assert result.stdout == linkdyn.load(tsai_file).explain()
 
 
+def test_explain_of_a_pose_in_the_plane():
+    """Three coordinates there, six in space."""
+    link = {"name": "body", "mass": 1.0, "inertia": 0.1}
+    plane = linkdyn.Scene({"space": "planar", "link": [link], "coordinate": [{"link": "body"}]})
+    assert "pose of body from its three coordinates" in plane.explain()
+    space = linkdyn.Scene({"space": "spatial", "link": [link | {"inertia": [0.1, 0.1, 0.1, 0, 0, 0]}], "coordinate": [{"link": "body"}]})
+    assert "pose of body from its six coordinates" in space.explain()
+
+
 def test_explain_of_a_sweep():
     """Axes that advance together count once: 11 * 11 * 9**4 poses, 14 load cases."""
     report = linkdyn.load(ROOT / "examples" / "stewart_workspace" / "scene.toml").explain()
