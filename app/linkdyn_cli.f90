@@ -8,6 +8,7 @@ module linkdyn_cli
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: quoted
+    use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
     public :: command_line, argument_type, read_arguments, parse_arguments, print_help
@@ -300,6 +301,7 @@ contains
                 config%options%threads = whole_number(value)
                 if (config%options%threads < 1) &
                     call refuse("--threads: "//quoted(value)//" (expected a whole number from 1 on)")
+                config%options%threads = team_size(config%options%threads, config%options%threads)
             case ("--method")
                 call choose_method(value, config%integrator%method, outcome)
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, method_name))

@@ -9,9 +9,10 @@ module linkdyn_drive_inverse
     use linkdyn_force_map, only: typical_length
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
-    use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
+    use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, samples_width, &
         find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
         result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
         result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
@@ -32,6 +33,7 @@ module linkdyn_drive_inverse
 
     integer, parameter :: written_block = 16384      !! samples computed and written at a time
     integer, parameter :: passing_block = 2048       !! samples whose results stay in the cache until they are summed up
+    integer, parameter :: most_values = 2**24        !! computed at a time: a large mechanism has fewer samples in a block
     integer, parameter :: most_groups = 1024         !! of blocks: every group has a summary of its own
 
     !> Values that are computed but not stored.
@@ -118,6 +120,7 @@ contains
         integer :: length, n_block, n_group, n_taker, n_helper, n_done, k
 
         length = merge(passing_block, written_block, output%is_none)
+        length = max(lanes, min(length, most_values/width_of(layout)/lanes*lanes))
         n_block = (n_sample - 1)/length + 1
         n_group = min(n_block, most_groups)
         ! Where assemblies are followed along the motion, blocks are taken in their order.
@@ -185,6 +188,17 @@ contains
             !$omp end critical (linkdyn_progress)
         end subroutine take_block
     end subroutine run_blocks
+
+    !> Values of a sample.
+    pure integer function width_of(layout) result(width)
+        type(layout_type), intent(in) :: layout
+        integer :: k
+
+        width = 0
+        do k = 1, size(layout%variable)
+            width = width + samples_width(layout, layout%variable(k))
+        end do
+    end function width_of
 
     !> Room for what the run needs beside what it stores.
     subroutine prepare_scratch(config, model, n, scratch)

@@ -22,6 +22,7 @@ module linkdyn_forward
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
@@ -506,7 +507,8 @@ contains
         call finish_forward(run)
     end subroutine run_forward
 
-    !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants.
+    !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
+    !> is told to stop nothing of it can be used.
     subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, status)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
@@ -554,7 +556,8 @@ contains
                 call collect_kinks(model, run%kink)
                 call run%integrator%start(options%integrator, run%system, options%t_start, status)
                 do i = 1, size(t)
-                    call go_to(run, t(i))
+                    call go_on_to(run, t(i))
+                    if (is_interrupted()) exit
                     call store(run, member, t(i), i)
                 end do
                 do i = 1, lanes
@@ -563,6 +566,19 @@ contains
             end if
             call finish_forward(run)
         end subroutine run_block
+
+        !> With a pause now and then to hear whether to stop.
+        subroutine go_on_to(run, t)
+            type(forward_run), intent(inout) :: run
+            real(wp), intent(in) :: t
+            real(wp), parameter :: breath = 0.25_wp    !! [s]
+
+            do
+                run%integrator%pause_at = pause_after(breath)
+                call go_to(run, t)
+                if (.not. run%integrator%is_paused .or. is_interrupted()) return
+            end do
+        end subroutine go_on_to
 
         subroutine store(run, member, instant, i)
             type(forward_run), intent(inout) :: run

@@ -25,7 +25,7 @@ contains
         real(wp), intent(in), optional :: seconds     !! come back after about that time
         type(forward_results) :: results
         real(wp), pointer :: time(:), speed(:, :), power(:, :)
-        real(wp), target :: driving_force(run%model%n_actuator, size(t)), joint_rate(run%model%n_variable, size(t))
+        real(wp), allocatable, target :: driving_force(:, :), joint_rate(:, :)    ! if they are not among the results
         integer :: n
 
         n = size(t)
@@ -52,8 +52,14 @@ contains
             call view_values(layout, result_kinetic_energy, n, block, forces%kinetic_energy)
             call view_values(layout, result_potential_energy, n, block, forces%potential_energy)
             call view_values(layout, result_closure, n, block, forces%closure)
-            if (.not. associated(forces%driving_force)) forces%driving_force => driving_force
-            if (.not. associated(forces%joint_rate)) forces%joint_rate => joint_rate
+            if (.not. associated(forces%driving_force)) then
+                allocate (driving_force(run%model%n_actuator, n))
+                forces%driving_force => driving_force
+            end if
+            if (.not. associated(forces%joint_rate)) then
+                allocate (joint_rate(run%model%n_variable, n))
+                forces%joint_rate => joint_rate
+            end if
         end associate
         time = t
         call advance_forward(run, t, results, n_done, seconds)

@@ -13,6 +13,7 @@ module linkdyn_inverse
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
         choose_solver
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
@@ -166,6 +167,8 @@ contains
     !>
     !> Where coordinates of the model stand in for those of another one, accelerations and transmission angles found are
     !> told of that one's coordinates and dyads.
+    !>
+    !> When the process is told to stop the batch is left unfinished: ask `is_interrupted`.
     subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
@@ -207,6 +210,7 @@ contains
         space%workspace%state%world_rates = wants_world
         !$omp do schedule(dynamic, share) reduction(+:n_dense)
         do block = 1, n_block
+            if (is_interrupted()) cycle
             call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition, &
                            space%singularity)
             n_dense = n_dense + count(space%workspace%fell_back(:min(lanes, n - (block - 1)*lanes)))

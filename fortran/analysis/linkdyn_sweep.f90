@@ -3,6 +3,7 @@ module linkdyn_sweep
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_clearance, only: have_gaps
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_scene, only: scene_type
@@ -169,6 +170,7 @@ contains
         call empty_totals(shape, found)
         n_design = min(run%plan%n_design, int(coarse_designs, int64))
         do spot = 0, coarse_spots - 1
+            if (is_interrupted()) return
             design = (run%plan%n_design*modulo(spot*n_design/coarse_spots, n_design))/n_design
             n = int(min(run%plan%n_pose, int(coarse_length, int64)))
             first = int(modulo(spot*golden, 1.0_wp)*real(run%plan%n_pose - n + 1, wp), int64)
@@ -205,7 +207,7 @@ contains
         end do
     end function quantity_of
 
-    !> Compute chunks first, first + stride, ... on some threads.
+    !> Compute chunks first, first + stride, ... on some threads. When the process is told to stop none of them can be used.
     subroutine compute_chunks(run, first, stride, threads, part, kept)
         type(sweep_run), intent(inout) :: run
         integer(int64), intent(in) :: first, stride     !! chunks, from 0
@@ -238,7 +240,7 @@ contains
                 k = next
                 next = next + 1
                 !$omp end atomic
-                if (k > size(part)) exit
+                if (k > size(part) .or. is_interrupted()) exit
                 call samples_of_chunk(run%plan, first + (k - 1)*stride, number, first_sample, n)
                 call open_design(run%spec, run%plan, run%row, run%source, run%solver, number, design)
                 if (.not. design%status%is_ok()) call note_bad_design(design)

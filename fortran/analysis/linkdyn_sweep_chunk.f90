@@ -6,6 +6,7 @@ module linkdyn_sweep_chunk
     use linkdyn_clearance, only: swing_angle, smallest_gap
     use linkdyn_equations, only: solve_equations
     use linkdyn_force_map, only: evaluate_force_map, scaled_condition
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_rates, only: actuator_rates, measure_joints, measure_variable
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: evaluate_kinematics
@@ -39,7 +40,7 @@ module linkdyn_sweep_chunk
 
 contains
 
-    !> Reduce the samples of one chunk of the open design.
+    !> Reduce the samples of one chunk of the open design. When the process is told to stop nothing of it can be used.
     subroutine reduce_chunk(spec, plan, row, shape, bins, map, keep, first, n, design, totals, kept)
         type(sweep_spec), intent(in) :: spec
         type(sweep_plan), intent(in) :: plan
@@ -69,6 +70,7 @@ contains
         end if
         call place_cursor(plan, first, design%cursor)
         do block = 0, (n - 1)/lanes
+            if (is_interrupted()) exit
             n_here = min(lanes, n - block*lanes)
             call fill_lanes(plan, map, n_here, design, axis, cell)
             call evaluate_block(spec, row, n_here, design, code)

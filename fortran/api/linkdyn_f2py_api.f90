@@ -16,6 +16,7 @@ module linkdyn_f2py_api
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_force_map, only: typical_length
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, method_rk4, run_ensemble
+    use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
     use linkdyn_model, only: model_type, dyad_names
@@ -27,7 +28,7 @@ module linkdyn_f2py_api
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type, load_spec, name_len
     use linkdyn_scene_reader, only: parse_scene, check_actuators
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined
+    use linkdyn_status, only: status_type, fail, status_bad_input, status_interrupted, sample_ok, sample_undefined
     use linkdyn_suggest, only: suggestion
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_handles, only: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
@@ -326,6 +327,7 @@ contains
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
 
+        call start_listening()
         roads = 0
         call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
@@ -394,7 +396,7 @@ contains
                     sample_status = sample_undefined
             end if
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_inverse
 
     !> Start a forward run. It goes on by api_advance and must be ended by api_finish.
@@ -578,6 +580,7 @@ contains
         integer :: width
         real(c_double), pointer :: q2(:, :), position3(:, :, :), rotation4(:, :, :, :)
 
+        call start_listening()
         call find_model(handle, model, status)
         if (status%code == 0) width = merge(model%n_variable, model%n_q, in_order == 2)
         if (status%code == 0) call check_size("q", n_q_values, width*n, status)
@@ -596,7 +599,7 @@ contains
                 call find_poses(model, q2, position3, rotation4, sample_status)
             end if
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_poses
 
     !> Forward runs by rk4 from many starts.
@@ -617,6 +620,7 @@ contains
         type(forward_options) :: options
         real(c_double), pointer :: q_start2(:, :), qd_start2(:, :), q3(:, :, :), qd3(:, :, :)
 
+        call start_listening()
         call find_model(handle, model, status)
         if (status%code == 0) call check_size("q", n_start, model%n_q*n, status)
         if (status%code == 0) call check_size("qd", n_start_rate, model%n_q*n, status)
@@ -635,7 +639,7 @@ contains
             options%threads = threads
             call run_ensemble(model, options, q_start2, qd_start2, t, q3, qd3, good_until, status)
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_ensemble
 
     !> Plan the sweep of a scene. It is advanced, read and closed by its own handle.
@@ -657,6 +661,7 @@ contains
         type(status_type) :: status
         integer :: number
 
+        call start_listening()
         sweep = 0
         n_sample = 0
         n_chunk = 0
@@ -673,7 +678,7 @@ contains
             chunk = int(run%plan%chunk, c_int)
             width = kept_width(run)
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_sweep_open
 
     !> Compute the next chunks. What is kept of their samples comes out, sample after sample.
@@ -692,6 +697,7 @@ contains
         type(status_type) :: status
         real(c_double), pointer :: values(:, :)
 
+        call start_listening()
         n_done = 0
         n_kept = 0
         call find_sweep(sweep, run, status)
@@ -702,7 +708,7 @@ contains
             call advance_sweep(run, n_chunk, int(threads), values, n_kept)
             n_done = real(run%n_done, c_double)
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_sweep_advance
 
     !> Dimensions, variables, labels of the results as JSON; text as in `api_describe_scene`.
@@ -942,6 +948,20 @@ contains
 
         if (index(status%message, trim(file)//":") /= 1) status%message = trim(file)//": "//status%message
     end subroutine name_file
+
+    !> The end of a call that listened to Ctrl-C: an interrupt that came on the way is its outcome, whatever else was found.
+    subroutine report_heard(status, code, message)
+        type(status_type), intent(in) :: status
+        integer(c_int), intent(out) :: code
+        character(len=*), intent(out) :: message
+
+        call report(status, code, message)
+        if (is_interrupted()) then
+            code = status_interrupted
+            message = "interrupted"
+        end if
+        call stop_listening()
+    end subroutine report_heard
 
     subroutine report(status, code, message)
         type(status_type), intent(in) :: status

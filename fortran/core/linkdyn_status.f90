@@ -6,7 +6,7 @@ module linkdyn_status
     implicit none (type, external)
     private
     public :: status_type, fail
-    public :: status_ok, status_bad_input, status_io_error, status_unavailable, status_internal
+    public :: status_ok, status_bad_input, status_io_error, status_unavailable, status_internal, status_interrupted
     public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined, n_sample_status
     public :: sample_status_name
     public :: message_len
@@ -17,6 +17,7 @@ module linkdyn_status
     integer, parameter :: status_io_error = 4      !! a file could not be read or written
     integer, parameter :: status_unavailable = 5   !! built without the library this needs
     integer, parameter :: status_internal = 6      !! a defect of linkdyn
+    integer, parameter :: status_interrupted = 8   !! told to stop: nothing of what was asked for can be used
 
     integer, parameter :: sample_ok = 0            !! solved
     integer, parameter :: sample_unreachable = 1   !! a loop cannot close at this position

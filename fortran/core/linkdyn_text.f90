@@ -69,12 +69,13 @@ contains
         character(len=*), intent(in) :: text
         logical, intent(in), optional :: has_lines     !! default: no
         character(len=:), allocatable :: line
-        character(len=4*len(text)) :: buffer
+        character(len=:), allocatable :: buffer        ! a report may be too long for the stack
         logical :: keeps_lines
         integer :: i, n, length
 
         keeps_lines = .false.
         if (present(has_lines)) keeps_lines = has_lines
+        allocate (character(len=4*len(text)) :: buffer)
         length = 0
         i = 1
         do while (i <= len(text))

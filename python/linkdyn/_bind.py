@@ -15,7 +15,7 @@ from .errors import ClosedSceneError, FileError, InputError, LinkdynError, Scene
 
 _api = _engine.linkdyn_f2py_api
 
-BAD_INPUT, IO_ERROR, UNAVAILABLE, STALE_HANDLE = 2, 4, 5, 7
+BAD_INPUT, IO_ERROR, UNAVAILABLE, STALE_HANDLE, INTERRUPTED = 2, 4, 5, 7, 8
 _ERRORS: dict[int, type[LinkdynError]] = {
     BAD_INPUT: InputError,
     IO_ERROR: FileError,
@@ -63,6 +63,19 @@ def check(code: int, message: bytes, bad_input: type[LinkdynError] = InputError)
         return
     text = message.decode("utf-8", errors="replace").strip()
     raise bad_input(text) if code == BAD_INPUT else _ERRORS.get(code, LinkdynError)(text)
+
+
+def _listen(procedure: Any, *arguments: Any, **named: Any) -> list[Any]:
+    """Call a procedure that may take long: a signal such as Ctrl-C ends it within a fraction of a second.
+
+    Python's own handler runs as soon as the call is back, and usually raises. If it does not, the program wants to go on, and
+    the call is made once more.
+    """
+    while True:
+        *results, code, message = procedure(*arguments, **named)
+        if code != INTERRUPTED:
+            check(code, message)
+            return results
 
 
 def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str) -> Floats:
@@ -127,18 +140,14 @@ class Sweep:
 
 def open_sweep(handle: int, folder: str, solver: str, keep: str) -> Sweep:
     """Plan the sweep of a scene."""
-    sweep, n_sample, n_chunk, chunk, width, code, message = _api.api_sweep_open(
-        handle, _to_codes(folder), solver, _to_codes(keep)
-    )
-    check(code, message)
+    sweep, n_sample, n_chunk, chunk, width = _listen(_api.api_sweep_open, handle, _to_codes(folder), solver, _to_codes(keep))
     return Sweep(sweep, int(n_sample), int(n_chunk), chunk, width)
 
 
 def advance_sweep(sweep: Sweep, n_chunk: int, threads: int) -> tuple[int, Floats]:
     """Compute the next chunks: how many are done in all, and (samples, width) what is kept of these."""
     records = np.empty(max(1, sweep.width * n_chunk * sweep.chunk))
-    n_done, n_kept, code, message = _api.api_sweep_advance(sweep.handle, n_chunk, threads, records)
-    check(code, message)
+    n_done, n_kept = _listen(_api.api_sweep_advance, sweep.handle, n_chunk, threads, records)
     return int(n_done), records[: n_kept * sweep.width].reshape(n_kept, sweep.width)
 
 
@@ -234,8 +243,7 @@ def inverse(
     wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
     arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for name in _OUTPUTS]
     settings = (handle, solver, threads, first, int(in_order), wanted)
-    roads, code, message = _api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"])
-    check(code, message)
+    (roads,) = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
     return roads
 
 
@@ -353,7 +361,8 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
     columns = np.empty((n, n_link, 3, 3))
     status = np.zeros(n, dtype=np.intc)
     if n > 0:
-        check(*_api.api_poses(handle, 2 if by_joints else int(in_order), _flat(q), _flat(position), _flat(columns), status))
+        kind = 2 if by_joints else int(in_order)
+        _listen(_api.api_poses, handle, kind, _flat(q), _flat(position), _flat(columns), status)
     return position, columns.swapaxes(-1, -2), status
 
 
@@ -373,7 +382,7 @@ def ensemble(
     found, rate = np.empty((n, len(t), n_q)), np.empty((n, len(t), n_q))
     good_until = np.empty(n)
     if n > 0:
-        check(*_api.api_ensemble(handle, threads, step, t, good_until, _flat(q), _flat(qd), _flat(found), _flat(rate)))
+        _listen(_api.api_ensemble, handle, threads, step, t, good_until, _flat(q), _flat(qd), _flat(found), _flat(rate))
     return found, rate, good_until
 
 

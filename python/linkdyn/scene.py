@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 import weakref
@@ -27,8 +28,8 @@ __all__ = ["Scene", "Poses", "load"]
 
 BLOCK = 65536
 """Samples in one call of the engine: an interrupt (Ctrl-C) is heard between two calls."""
-RUN_BLOCK, BREATH = 4096, 0.25
-"""Instants of a forward run, and seconds, in one call of the engine at most."""
+RUN_BLOCK, RUN_VALUES, BREATH = 4096, 1 << 20, 0.25
+"""Instants of a forward run, their values, and seconds, in one call of the engine at most."""
 ENSEMBLE_BLOCK = 512
 """Members of an ensemble in one call of the engine."""
 
@@ -384,11 +385,12 @@ class Scene:
     ) -> xr.Dataset:
         """Through all instants of output, with an ear for interrupts."""
         shapes = result_shapes(schema, True)
-        parts: list[dict[str, NDArray[Any]]] = []
+        found = {name: np.empty((len(t), *shape), kind) for name, (shape, kind) in shapes.items()}
+        length = max(1, min(RUN_BLOCK, RUN_VALUES // sum(math.prod(shape) for shape, _ in shapes.values())))
         n_done = 0
 
         def result() -> xr.Dataset:
-            arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+            arrays = {name: values[:n_done] for name, values in found.items()}
             data = to_dataset(schema, arrays, self.description, self.text, solver, run.roads)
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics))), "stopped": run.stopped}
@@ -398,13 +400,14 @@ class Scene:
         sign = Progress(progress)
         try:
             while n_done < len(t):
-                n, arrays = run.advance(t[n_done : n_done + RUN_BLOCK], shapes, BREATH)
-                parts.append(arrays)
+                n, arrays = run.advance(t[n_done : n_done + length], shapes, BREATH)
+                for name, values in arrays.items():
+                    found[name][n_done : n_done + n] = values
                 n_done += n
                 sign.show((run.reached - t[0]) / (t[-1] - t[0]) if len(t) > 1 else 1.0)
         except KeyboardInterrupt:
             run.stopped = f"interrupted at t = {run.reached:.6g} s"
-            raise Interrupted(run.stopped, result() if parts else None) from None
+            raise Interrupted(run.stopped, result() if n_done else None) from None
         finally:
             sign.end()
         return result()
