@@ -108,6 +108,20 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
+def dimensions(name: str, values: ArrayLike, says: str) -> int:
+    """Number of dimensions of some values.
+
+    Raises
+    ------
+    InputError
+        Rows of unequal length.
+    """
+    try:
+        return np.ndim(values)
+    except ValueError as error:
+        raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from error
+
+
 def _shape_text(shape: tuple[int, ...]) -> str:
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 

@@ -385,7 +385,7 @@ def test_planar_input_that_is_wrong(fivebar, arguments, message):
 
 
 def test_planar_poses(fivebar):
-    with pytest.raises(linkdyn.InputError, match=r"q: expected shape \(N, 2\), got \(1, 3\)"):
+    with pytest.raises(linkdyn.InputError, match=r"q: expected shape \(N, 2\) or \(2,\), got \(3,\)"):
         fivebar.poses([1.0, 2.0, 3.0])
     poses = fivebar.poses([[1.0, 2.2], [0.6, 1.8]])
     tips = poses.position[:, 1] - poses.position[:, 2]  # J3 of rod1, J4 of rod2
