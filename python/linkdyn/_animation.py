@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ._drawing import Postures, draw, find_postures, picture_size, poses_of, set_limits
+from ._drawing_arguments import checked
 from ._planar_shapes import unit_of
 from .errors import InputError, SceneError, UnavailableError
 from .scene import Scene
@@ -52,6 +53,7 @@ class _Arrows:
     is_torque: bool = False
 
 
+@checked
 def animate(
     run: xr.Dataset,
     file: str | os.PathLike[str],

@@ -7,12 +7,17 @@ import os
 from pathlib import Path
 from typing import Any
 
+import matplotlib
+
+matplotlib.use("Agg")
+
 import numpy as np
 import pytest
 import tomli_w
+from matplotlib import pyplot
 
 import linkdyn
-from linkdyn import lecture
+from linkdyn import lecture, plot
 
 ROOT = Path(__file__).resolve().parents[2]
 NONSENSE = {
@@ -86,6 +91,58 @@ CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
         "axis_point": lecture.Point((0.0, 0.0, 0.0)), "axis_frame": lecture.Attitude(), "slide_point": lecture.Point((0.5, 0.0, 0.0)),
         "slide_frame": lecture.Attitude(), "s_c": (1.0, 0.0, 0.0), "s_p": (0.0, 0.0, 0.0), "mode": 1}),
 }
+
+
+@pytest.fixture(scope="module")
+def drawn(scene, tmp_path_factory) -> dict[str, Any]:
+    """What pictures are made of."""
+    platform = linkdyn.load(ROOT / "examples" / "stewart_tsai" / "scene.toml")
+    axes = [{"coordinate": f"platform.{name}", "linspace": [at - 0.1, at + 0.1, 3]} for name, at in (("x", -1.5), ("y", 0.0))]
+    sweep = {"reduce": ["driving_force", "driving_speed"], "histogram": {"driving_force": True}, "axis": axes}
+    return {"inverse": scene.inverse(), "forward": scene.forward(0.1), "planar": scene, "spatial": platform,
+            "sweep": platform.sweep(sweep, keep=["driving_force", "driving_speed"]), "folder": tmp_path_factory.mktemp("drawn")}
+
+
+CURVE = [(0.0, 10.0), (100.0, 5.0)]
+PICTURES: dict[str, tuple[Any, dict[str, Any]]] = {
+    "mechanism": (plot.mechanism, {"scene": "planar", "q": [0.1], "names": True, "ax": None}),
+    "driving_forces": (plot.driving_forces, {"run": "inverse"}),
+    "reactions": (plot.reactions, {"run": "inverse"}),
+    "hodograph": (plot.hodograph, {"run": "inverse", "joints": ["J1"], "components": "xy"}),
+    "polar": (plot.polar, {"run": "inverse", "joints": ["J1"], "coordinate": "J1"}),
+    "motion": (plot.motion, {"run": "forward"}),
+    "energies": (plot.energies, {"run": "forward"}),
+    "steps": (plot.steps, {"run": "forward"}),
+    "animate": (plot.animate, {"run": "inverse", "file": "x.gif", "scene": "planar", "frames": 1, "fps": 5.0, "forces": "all", "names": False}),
+    "workspace": (plot.workspace, {"run": "sweep", "quantity": "driving_force", "axes": ["platform.x", "platform.y"], "at": None,
+                                   "where": {}, "kind": "slices", "design": None}),
+    "force_map": (plot.force_map, {"run": "sweep", "axes": ["platform.x", "platform.y"], "where": {}}),
+    "histograms": (plot.histograms, {"run": "sweep", "quantity": "driving_force", "at": None, "design": None}),
+    "sizing": (plot.sizing, {"run": "sweep", "limit": CURVE, "continuous": CURVE, "design": None}),
+    "screw_limit": (plot.screw_limit, {"motor": CURVE, "lead": 0.01, "ratio": 1.0, "efficiency": 0.9}),
+    "sheet": (linkdyn.sheet, {"run": "sweep", "file": "x.html", "design": None, "scene": "spatial"}),
+}
+
+
+@pytest.mark.parametrize(("picture", "argument"), [(name, key) for name, (_, good) in PICTURES.items() for key in good])
+@pytest.mark.filterwarnings("ignore")
+def test_nonsense_is_not_drawn(picture, argument, drawn, monkeypatch):
+    """The same of pictures and sheets."""
+    monkeypatch.chdir(drawn["folder"])
+    procedure, good = PICTURES[picture]
+    good = {key: drawn.get(value, value) if isinstance(value, str) else value for key, value in good.items()}
+    procedure(**good)
+    for kind, value in NONSENSE.items():
+        if argument == "frames" and "large" in kind:
+            continue    # not wrong: all samples
+        try:
+            procedure(**good | {argument: value})
+        except linkdyn.LinkdynError as error:
+            assert picture in str(error) or argument in str(error) or "design" in str(error), (kind, error)
+        finally:
+            pyplot.close("all")
+
+
 SLOW = {("study", "t_end", "large"), ("study", "t_end", "fraction"), ("forward", "t_end", "large"),
         ("study", "t_end", "nothing")}
 """Not wrong, but long."""
