@@ -13,10 +13,10 @@ module linkdyn_drive_sweep
     use linkdyn_run_output, only: default_name, run_attributes, exit_done, exit_bad_input
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
-    use linkdyn_scene_variant, only: scene_variants
+    use linkdyn_scene_variant, only: variants_of
     use linkdyn_spool, only: spool_type, spool_mark, open_spool, reopen_spool, append_spool, sync_spool, close_spool
     use linkdyn_status, only: status_type, fail, status_bad_input, status_io_error
-    use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
+    use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, close_designs, finish_sweep
     use linkdyn_sweep_chunk, only: kept_chunk, make_records
     use linkdyn_sweep_output, only: write_sweep
     use linkdyn_sweep_plan, only: samples_of_chunk
@@ -103,7 +103,7 @@ contains
         if (allocated(config%keep)) call choose_kept(config%keep, scene%sweep, status)
         if (.not. status%is_ok() .and. index(status%message, "keep:") == 1) &
             status%message = "linkdyn: --"//trim(status%message)
-        if (status%is_ok()) call start_sweep(scene, scene_variants(scene, folder_of(trim(config%scene))), &
+        if (status%is_ok()) call start_sweep(scene, variants_of(scene, folder_of(trim(config%scene))), &
             config%options%solver, run, status)
     end subroutine prepare_run
 
@@ -193,7 +193,7 @@ contains
         real(wp) :: pass_seconds(2)
         integer :: n, pass
 
-        call finish_sweep(run)
+        call close_designs(run)
         do pass = 1, 2                                    ! the first one plans
             call system_clock(start)
             call compute_chunks(run, 0_int64, 1_int64, 1, part, kept)

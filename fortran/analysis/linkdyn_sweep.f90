@@ -21,7 +21,7 @@ module linkdyn_sweep
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
-    public :: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
+    public :: sweep_run, start_sweep, compute_chunks, join_chunks, close_designs, finish_sweep
 
     integer, parameter :: coarse_spots = 64, coarse_length = 64   !! of the pass that sets the histograms' bins
     integer, parameter :: coarse_designs = 16
@@ -282,7 +282,7 @@ contains
 
         if (associated(run%design)) then
             if (size(run%design) >= n) return
-            call close_all(run)
+            call close_designs(run)
         end if
         allocate (run%design(n))
     end subroutine provide_designs
@@ -303,21 +303,24 @@ contains
         end do
     end subroutine join_chunks
 
-    !> Give the scratch back.
+    !> Give everything back.
     subroutine finish_sweep(run)
         type(sweep_run), intent(inout) :: run
 
-        if (associated(run%design)) call close_all(run)
+        call close_designs(run)
+        if (allocated(run%source)) call run%source%free()
     end subroutine finish_sweep
 
-    subroutine close_all(run)
+    !> Give the designs' scratch back: those that come are planned anew.
+    subroutine close_designs(run)
         type(sweep_run), intent(inout) :: run
         integer :: i
 
+        if (.not. associated(run%design)) return
         do i = 1, size(run%design)
             call close_design(run%design(i))
         end do
         deallocate (run%design)
         nullify (run%design)
-    end subroutine close_all
+    end subroutine close_designs
 end module linkdyn_sweep

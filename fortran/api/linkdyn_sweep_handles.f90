@@ -5,7 +5,7 @@ module linkdyn_sweep_handles
     use linkdyn_dataset, only: dataset_type
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_scene, only: scene_type
-    use linkdyn_scene_variant, only: scene_variants
+    use linkdyn_scene_variant, only: variants_of
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
     use linkdyn_sweep_chunk, only: kept_chunk, make_records
@@ -40,7 +40,7 @@ contains
         if (len(keep) > 0) call choose_kept(keep, wished%sweep, status)
         if (.not. status%is_ok()) return
         allocate (new)
-        call start_sweep(wished, scene_variants(wished, folder), solver, new, status)
+        call start_sweep(wished, variants_of(wished, folder), solver, new, status)
         if (.not. status%is_ok() .or. is_interrupted()) then
             call finish_sweep(new)
             deallocate (new)
