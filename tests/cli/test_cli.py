@@ -363,13 +363,6 @@ def test_folder_without_permission(tsai_file, tmp_path):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-def test_full_device(tsai_file):
-    refused(run("inverse", tsai_file, "--csv", "-o", "/dev/full"), "/dev/full: cannot be written", "No space left")
-    refused(run("inverse", tsai_file, "-o", "/dev/full"), "/dev/full: cannot be written")
-    assert Path("/dev/full").is_char_device()
-
-
-@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 @pytest.mark.parametrize(
     "arguments", [["explain", "SCENE"], ["inverse", "SCENE", "--no-output"], ["inverse", "--help"], ["--version"]]
 )
