@@ -10,6 +10,7 @@ module linkdyn_planner
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, step_rpr, &
         step_prp, step_ppr, step_group, side_of, link_freedom, place_size
+    use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_prismatic, joint_cylindrical, &
         joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -437,24 +438,45 @@ contains
         type(grouping_type), intent(in) :: grouping
         integer, intent(in) :: tie_coordinate(:)
         type(status_type), intent(inout) :: status
-        character(len=:), allocatable :: joints
-        integer :: i, failed
+        integer :: failed, i
+        integer, allocatable :: joint(:), link(:)
+        type(redundancy_type) :: redundancy
 
         failed = tie_coordinate(grouping%failed_tie)
-        joints = joint_names(model, pack([(i, i=1, model%n_joint)], grouping%tie_at_fault(:model%n_joint)))
-        if (failed > 0) then
+        joint = pack([(i, i=1, model%n_joint)], grouping%tie_at_fault(:model%n_joint))
+        link = pack([(i, i=1, model%n_link)], grouping%link_at_fault)
+        redundancy = find_redundancy(model, link, joint)
+        if (redundancy%is_known .and. redundancy%count > 0) then
+            call refuse_redundancy(model, joint, link, redundancy, status)
+        else if (failed > 0) then
             call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(failed)%name) &
-                      //" is one too many: joints "//joints//" and the other coordinates determine its links without it " &
-                      //"(mobility is "//to_text(mobility_of(model))//", "//to_text(model%n_q)//" coordinate(s) given)")
-        else if (count(grouping%link_at_fault) == 0) then
-            call fail(status, status_bad_input, "joint "//joints//" over-constrains its links by "//to_text(grouping%excess) &
-                      //": both are already determined by the coordinates")
+                      //" is one too many: joints "//joint_names(model, joint)//" and the other coordinates determine its links " &
+                      //"without it (mobility is "//to_text(mobility_of(model))//", "//to_text(model%n_q)//" coordinate(s) given)")
+        else if (size(link) == 0) then
+            call fail(status, status_bad_input, "joint "//joint_names(model, joint)//" over-constrains its links by " &
+                      //to_text(grouping%excess)//": both are already determined by the coordinates")
         else
-            call fail(status, status_bad_input, "joints "//joints//" over-constrain links " &
-                      //link_names(model, pack([(i, i=1, model%n_link)], grouping%link_at_fault)) &
-                      //" by "//to_text(grouping%excess))
+            call fail(status, status_bad_input, "joints "//joint_names(model, joint)//" over-constrain links " &
+                      //link_names(model, link)//" by "//to_text(grouping%excess))
         end if
     end subroutine refuse_excess
+
+    !> Directions that a loop holds more often than once, though it may move: reactions there cannot be told apart.
+    subroutine refuse_redundancy(model, joint, link, redundancy, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: joint(:), link(:)
+        type(redundancy_type), intent(in) :: redundancy
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: what, remedy
+
+        what = "1 constraint direction is redundant, held by the other joints already: "
+        if (redundancy%count > 1) what = to_text(redundancy%count) &
+            //" constraint directions are redundant, held by the other joints already: "
+        remedy = ""
+        if (redundancy%remedy /= "") remedy = "; "//redundancy%remedy
+        call fail(status, status_bad_input, "joints "//joint_names(model, joint)//" over-constrain links " &
+                  //link_names(model, link)//": "//what//redundancy%directions//remedy)
+    end subroutine refuse_redundancy
 
     subroutine refuse_lack(model, grouping, status)
         type(model_type), intent(in) :: model
@@ -470,24 +492,58 @@ contains
                   //hint_of_spin(model, grouping%link_at_fault))
     end subroutine refuse_lack
 
-    !> What most often leaves a freedom in space: a rod that spins between two spherical joints.
+    !> What most often leaves a freedom in space: rods and legs that spin between two spherical joints.
     function hint_of_spin(model, at_fault) result(hint)
         type(model_type), intent(in) :: model
         logical, intent(in) :: at_fault(:)
         character(len=:), allocatable :: hint
-        integer :: l
+        integer :: l, n_spinning
+        integer, allocatable :: member(:), ball(:)
+        logical :: is_seen(model%n_link)
 
         hint = ""
+        n_spinning = 0
+        is_seen = .false.
         do l = 1, model%n_link
-            associate (joint => model%joint_at(model%first_at(l):model%first_at(l + 1) - 1))
-                if (.not. at_fault(l) .or. size(joint) /= 2) cycle
-                if (any(model%joint(joint)%kind /= joint_spherical)) cycle
-                hint = "; link "//quoted(model%link(l)%name)//" can spin between its spherical joints " &
-                       //joint_names(model, joint)//" (make one of them universal)"
-                return
-            end associate
+            if (is_seen(l) .or. .not. at_fault(l)) cycle
+            call collect_between_balls(model, l, member, ball)
+            is_seen(pack(member, member > 0)) = .true.
+            if (any(member == 0) .or. size(ball) /= 2) cycle
+            n_spinning = n_spinning + 1
+            if (n_spinning > 1) cycle
+            hint = "; "//trim(merge("link ", "links", size(member) == 1))//" "//link_names(model, member) &
+                   //" can spin between "//trim(merge("its  ", "their", size(member) == 1))//" spherical joints " &
+                   //joint_names(model, ball)//" (make one of them universal)"
         end do
+        if (n_spinning > 1) hint = hint//", and so can "//to_text(n_spinning - 1)//" more"
     end function hint_of_spin
+
+    !> The links that hang together without spherical joints, and the spherical joints around them.
+    subroutine collect_between_balls(model, link, member, ball)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        integer, allocatable, intent(out) :: member(:)     !! 0 is the frame
+        integer, allocatable, intent(out) :: ball(:)
+        integer :: i, k, other
+
+        member = [link]
+        ball = [integer ::]
+        i = 0
+        do while (i < size(member))
+            i = i + 1
+            if (member(i) == 0) cycle
+            do k = model%first_at(member(i)), model%first_at(member(i) + 1) - 1
+                associate (joint => model%joint(model%joint_at(k)))
+                    if (joint%kind == joint_spherical) then
+                        ball = [ball, model%joint_at(k)]
+                    else
+                        other = joint%link(3 - side_of(joint, member(i)))
+                        if (all(member /= other)) member = [member, other]
+                    end if
+                end associate
+            end do
+        end do
+    end subroutine collect_between_balls
 
     function link_names(model, link) result(names)
         type(model_type), intent(in) :: model

@@ -1,0 +1,466 @@
+!> What a loop holds more often than once: the constraint directions that its other joints hold already.
+!>
+!> Counting says *that* joints over-constrain their links, not in which directions. This closes the loop once by damped
+!> Gauss-Newton steps, which take redundant constraints as they come, and builds an orthonormal basis of the constraint rows in
+!> the order of the joints: a row that lies in the span of those before it is redundant. The pose is off the start by a little in
+!> every joint, so that a start in a special position does not pass for redundancy.
+!>
+!> **Source**: for the rows, J. Angeles, *Fundamentals of Robotic Mechanical Systems*, 4th ed. (2014), section 10.2; for the
+!> damping, N. Yamashita, M. Fukushima, Computing Suppl. 15 (2001) 239: with lambda = |residual|^2 the convergence stays
+!> quadratic where the rows are dependent.
+module linkdyn_redundancy
+    use linkdyn_dense, only: dense_workspace, solve_dense
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, link_freedom, scene_size
+    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_kind_name
+    use linkdyn_text, only: to_text, quoted
+    implicit none (type, external)
+    private
+    public :: redundancy_type, find_redundancy
+
+    integer, parameter :: most_links = 40               !! of a loop that is looked at: the cost grows with the cube
+    integer, parameter :: most_steps = 200
+    real(wp), parameter :: off_start = 0.1_wp           !! [rad, scene sizes] how far the joints are moved off the start, at most
+    !> The loop may move: without damping the last steps would be undetermined. It slows them by this part of a singular value squared.
+    real(wp), parameter :: least_damping = 1.0e-10_wp
+    real(wp), parameter :: is_closed = 1.0e-11_wp       !! [rad, scene sizes]
+    !> A row is redundant if less of it than this is new. Closing leaves errors of 1e-11; independent rows of a mechanism that
+    !> can be built and is a tenth of a radian off its special positions are not that near to dependent.
+    real(wp), parameter :: hardly_new = 1.0e-6_wp
+
+    integer, parameter :: of_force = 1, of_moment = 2
+    integer, parameter :: across = 1, along = 2         !! the axis of the joint's marker
+
+    !> What was found.
+    type :: redundancy_type
+        logical :: is_known = .false.                   !! the loop was closed
+        integer :: count = 0                            !! redundant directions
+        integer :: mobility = 0                         !! freedoms that the joints leave, as the loop is made
+        character(len=:), allocatable :: directions     !! "of joint 'D' the force along its axis and ..."
+        character(len=:), allocatable :: remedy         !! "make joint 'D' spherical"; empty: no other kind helps
+    end type redundancy_type
+
+    !> A loop: its bodies in a pose, lengths in scene sizes. Body 0 is the frame.
+    type :: loop_type
+        integer, allocatable :: joint(:)                !! of the model
+        integer, allocatable :: kind(:)                 !! of these joints
+        integer, allocatable :: body(:, :)              !! that they connect (2, n joints)
+        real(wp), allocatable :: position(:, :)         !! (3, 0:n bodies)
+        real(wp), allocatable :: rotation(:, :, :)      !! (3, 3, 0:n bodies)
+        real(wp) :: size = 1                            !! [m]
+        integer, allocatable :: column(:)               !! freedoms of a body that count: all six, or those of the plane
+    end type loop_type
+
+    !> Constraint rows of a loop.
+    type :: rows_type
+        integer :: n = 0
+        real(wp), allocatable :: row(:, :)              !! (columns, n)
+        real(wp), allocatable :: residual(:)
+        integer, allocatable :: joint(:)                !! index in the loop
+        integer, allocatable :: sort(:)                 !! force or moment
+        integer, allocatable :: direction(:)            !! across or along
+    end type rows_type
+
+contains
+
+    !> Look at the loop that joints make of links.
+    function find_redundancy(model, link, joint) result(found)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:)                  !! whose other ends are the frame
+        integer, intent(in) :: joint(:)
+        type(redundancy_type) :: found
+        type(loop_type) :: loop
+        type(rows_type) :: rows
+        logical, allocatable :: is_redundant(:)
+
+        if (size(link) > most_links) return
+        call make_loop(model, link, joint, loop, found%is_known)
+        if (found%is_known) call close_loop(model, loop, found%is_known)
+        if (.not. found%is_known) return
+        call list_rows(model, loop, rows)
+        is_redundant = redundant_rows(rows)
+        found%count = count(is_redundant)
+        found%mobility = size(rows%row, 1) - rows%n + found%count
+        found%directions = words_of(model, loop, rows, is_redundant)
+        found%remedy = remedy_of(model, loop, found%count)
+    end function find_redundancy
+
+    ! ---------------------------------------------------------------- the loop
+
+    !> Place the bodies one behind the other, each by the first joint that leads to it.
+    subroutine make_loop(model, link, joint, loop, is_connected)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:), joint(:)
+        type(loop_type), intent(out) :: loop
+        logical, intent(out) :: is_connected
+        integer :: body(0:model%n_link), i, from
+        logical :: is_placed(0:size(link)), goes_on
+
+        is_connected = .false.
+        body = -1
+        body(0) = 0
+        body(link) = [(i, i=1, size(link))]
+        loop%joint = joint
+        loop%kind = model%joint(joint)%kind
+        allocate (loop%body(2, size(joint)))
+        do i = 1, size(joint)
+            loop%body(:, i) = body(model%joint(joint(i))%link)
+        end do
+        if (any(loop%body < 0)) return                  ! the other end is placed by coordinates
+        loop%size = scene_size(model)
+        loop%column = [1, 2, 3, 4, 5, 6]
+        if (model%is_planar) loop%column = [1, 2, 6]
+        allocate (loop%position(3, 0:size(link)), loop%rotation(3, 3, 0:size(link)))
+        loop%position = 0
+        loop%rotation(:, :, 0) = unit_matrix()
+        is_placed = .false.
+        is_placed(0) = .true.
+        do
+            goes_on = .false.
+            do i = 1, size(joint)
+                from = findloc(is_placed(loop%body(:, i)), .true., 1)
+                if (from == 0 .or. all(is_placed(loop%body(:, i)))) cycle
+                call place_behind(model, loop, i, from)
+                is_placed(loop%body(3 - from, i)) = .true.
+                goes_on = .true.
+            end do
+            if (.not. goes_on) exit
+        end do
+        is_connected = all(is_placed)
+    end subroutine make_loop
+
+    !> Place the body at the other end of a joint, its variables near their start.
+    subroutine place_behind(model, loop, i, from)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(inout) :: loop
+        integer, intent(in) :: i, from                  !! side that is placed
+        real(wp) :: turned(3, 3), shift(3), start(3), off(3)
+        integer :: known, next, to
+
+        to = 3 - from
+        known = loop%body(from, i)
+        next = loop%body(to, i)
+        associate (joint => model%joint(loop%joint(i)), spec => model%scene%joint(loop%joint(i)))
+            start = merge(spec%start, 0.0_wp, spec%has_start)
+            off = off_start*spread_out(i)
+            shift = 0
+            turned = unit_matrix()
+            select case (loop%kind(i))
+            case (joint_revolute)
+                turned = turn_by([0.0_wp, 0.0_wp, start(1) + off(1)])
+            case (joint_prismatic)
+                shift(3) = start(1)/loop%size + off(1)
+            case (joint_cylindrical)
+                turned = turn_by([0.0_wp, 0.0_wp, start(1) + off(1)])
+                shift(3) = start(2)/loop%size + off(2)
+            case default
+                turned = turn_by(off)
+            end select
+            if (from == 2) then
+                turned = transpose(turned)
+                shift = -matmul(turned, shift)
+            end if
+            associate (frame => matmul(loop%rotation(:, :, known), joint%frame(:, :, from)))
+                loop%rotation(:, :, next) = matmul(matmul(frame, turned), transpose(joint%frame(:, :, to)))
+                loop%position(:, next) = point_of(model, loop, i, from) + matmul(frame, shift) &
+                                         - matmul(loop%rotation(:, :, next), joint%point(:, to)/loop%size)
+            end associate
+        end associate
+    end subroutine place_behind
+
+    !> Three numbers in [-1, 1] without a pattern, the same in every run: multiples of the golden ratio and its kin.
+    pure function spread_out(i) result(x)
+        integer, intent(in) :: i
+        real(wp) :: x(3)
+
+        x = 2*modulo(i*[0.8191725134_wp, 0.6710436067_wp, 0.5497004779_wp], 1.0_wp) - 1
+    end function spread_out
+
+    pure function unit_matrix() result(r)
+        real(wp) :: r(3, 3)
+
+        r = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
+    end function unit_matrix
+
+    !> The rotation by a rotation vector (Rodrigues).
+    pure function turn_by(v) result(r)
+        real(wp), intent(in) :: v(3)
+        real(wp) :: r(3, 3), k(3, 3), angle
+
+        k = reshape([0.0_wp, v(3), -v(2), -v(3), 0.0_wp, v(1), v(2), -v(1), 0.0_wp], [3, 3])
+        angle = norm2(v)
+        r = unit_matrix() + k
+        if (angle > 0) r = unit_matrix() + sin(angle)/angle*k + 2*(sin(angle/2)/angle)**2*matmul(k, k)
+    end function turn_by
+
+    !> A joint's marker in space.
+    pure function point_of(model, loop, i, side) result(point)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        integer, intent(in) :: i, side
+        real(wp) :: point(3)
+
+        associate (b => loop%body(side, i))
+            point = loop%position(:, b) + matmul(loop%rotation(:, :, b), model%joint(loop%joint(i))%point(:, side)/loop%size)
+        end associate
+    end function point_of
+
+    !> Steps of least squares, damped by the square of what is open.
+    subroutine close_loop(model, loop, is_done)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(inout) :: loop
+        logical, intent(out) :: is_done
+        type(rows_type) :: rows
+        type(dense_workspace) :: workspace
+        real(wp), allocatable :: normal(:, :), step(:)
+        real(wp) :: rcond, error_bound, largest
+        logical :: is_singular
+        integer :: n, i
+
+        is_done = .false.
+        do n = 1, most_steps
+            call list_rows(model, loop, rows)
+            if (rows%n == 0) return
+            is_done = norm2(rows%residual(:rows%n)) <= is_closed
+            if (is_done) return
+            associate (j => rows%row(:, :rows%n), f => rows%residual(:rows%n))
+                normal = matmul(j, transpose(j))
+                do i = 1, size(normal, 1)
+                    normal(i, i) = normal(i, i) + min(1.0_wp, dot_product(f, f)) + least_damping
+                end do
+                step = -matmul(j, f)
+            end associate
+            call solve_dense(workspace, normal, step, rcond, error_bound, is_singular)
+            if (is_singular) return
+            largest = maxval(abs(step))
+            if (.not. largest < huge(largest)) return
+            call move(loop, step*min(1.0_wp, 0.3_wp/max(largest, tiny(largest))))
+        end do
+    end subroutine close_loop
+
+    subroutine move(loop, step)
+        type(loop_type), intent(inout) :: loop
+        real(wp), intent(in) :: step(:)
+        real(wp) :: six(6)
+        integer :: b, n
+
+        n = size(loop%column)
+        do b = 1, ubound(loop%position, 2)
+            six = 0
+            six(loop%column) = step(n*(b - 1) + 1:n*b)
+            loop%position(:, b) = loop%position(:, b) + six(:3)
+            loop%rotation(:, :, b) = matmul(turn_by(six(4:)), loop%rotation(:, :, b))
+        end do
+    end subroutine move
+
+    ! ---------------------------------------------------------------- rows
+
+    !> What each joint holds, by directions of its first marker, and how far it is from holding it.
+    subroutine list_rows(model, loop, rows)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        type(rows_type), intent(out) :: rows
+        real(wp), dimension(3, 3) :: first, second
+        real(wp), dimension(3) :: point, gap, tilt, twist
+        integer :: i, k
+
+        allocate (rows%row(size(loop%column)*ubound(loop%position, 2), 5*size(loop%joint)), source=0.0_wp)
+        allocate (rows%residual(5*size(loop%joint)), source=0.0_wp)
+        allocate (rows%joint(5*size(loop%joint)), rows%sort(5*size(loop%joint)), rows%direction(5*size(loop%joint)))
+        do i = 1, size(loop%joint)
+            first = frame_of(1)
+            second = frame_of(2)
+            point = point_of(model, loop, i, 2)
+            gap = point - point_of(model, loop, i, 1)
+            do k = 1, 3
+                if (holds_force(model, loop%kind(i), k)) call add_row(of_force, first(:, k), dot_product(first(:, k), gap))
+            end do
+            ! small rotations: the axis tilts, the frame twists
+            tilt = cross(first(:, 3), second(:, 3))
+            twist = (cross(first(:, 1), second(:, 1)) + cross(first(:, 2), second(:, 2)) + tilt)/2
+            select case (loop%kind(i))
+            case (joint_universal)
+                tilt = cross(second(:, 3), first(:, 3))
+                k = 1
+                call add_row(of_moment, tilt, dot_product(first(:, 3), second(:, 3)))
+            case (joint_prismatic)
+                do k = 1, 3
+                    if (holds_moment(model, k)) call add_row(of_moment, first(:, k), dot_product(first(:, k), twist))
+                end do
+            case (joint_revolute, joint_cylindrical)
+                do k = 1, 2
+                    if (.not. model%is_planar) call add_row(of_moment, first(:, k), dot_product(first(:, k), tilt))
+                end do
+            end select
+        end do
+
+    contains
+
+        pure function frame_of(side) result(frame)
+            integer, intent(in) :: side
+            real(wp) :: frame(3, 3)
+
+            frame = matmul(loop%rotation(:, :, loop%body(side, i)), model%joint(loop%joint(i))%frame(:, :, side))
+        end function frame_of
+
+        !> The velocity of the second body against the first along an axis, at the joint; or its angular velocity.
+        subroutine add_row(sort, axis, residual)
+            integer, intent(in) :: sort
+            real(wp), intent(in) :: axis(3), residual
+            real(wp) :: six(6)
+            integer :: side, b, n
+
+            rows%n = rows%n + 1
+            n = size(loop%column)
+            do side = 1, 2
+                b = loop%body(side, i)
+                if (b == 0) cycle
+                six = [0.0_wp, 0.0_wp, 0.0_wp, axis]
+                if (sort == of_force) six = [axis, cross(point - loop%position(:, b), axis)]
+                rows%row(n*(b - 1) + 1:n*b, rows%n) = rows%row(n*(b - 1) + 1:n*b, rows%n) + (2*side - 3)*six(loop%column)
+            end do
+            rows%residual(rows%n) = residual
+            rows%joint(rows%n) = i
+            rows%sort(rows%n) = sort
+            rows%direction(rows%n) = merge(along, across, k == 3)
+        end subroutine add_row
+    end subroutine list_rows
+
+    !> Does a joint hold a force along axis k of its first marker? In the plane, nothing is held across it.
+    pure logical function holds_force(model, kind, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: kind, k
+
+        holds_force = k < 3 .or. (kind /= joint_prismatic .and. kind /= joint_cylindrical)
+        if (model%is_planar) holds_force = merge(k == 1, k < 3, kind == joint_prismatic)
+    end function holds_force
+
+    !> Does a slide hold a moment about axis k of its first marker? In the plane, about the plane's normal: axis 2.
+    pure logical function holds_moment(model, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+
+        holds_moment = k == 2 .or. .not. model%is_planar
+    end function holds_moment
+
+    pure function cross(a, b) result(c)
+        real(wp), intent(in) :: a(3), b(3)
+        real(wp) :: c(3)
+
+        c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
+    end function cross
+
+    !> Rows in the span of those before them: Gram and Schmidt, twice.
+    pure function redundant_rows(rows) result(is_redundant)
+        type(rows_type), intent(in) :: rows
+        logical, allocatable :: is_redundant(:)
+        real(wp), allocatable :: basis(:, :), rest(:)
+        integer :: i, n, pass
+
+        allocate (is_redundant(rows%n), source=.false.)
+        allocate (basis(size(rows%row, 1), rows%n), source=0.0_wp)
+        n = 0
+        do i = 1, rows%n
+            rest = rows%row(:, i)/norm2(rows%row(:, i))
+            do pass = 1, 2
+                rest = rest - matmul(basis(:, :n), matmul(transpose(basis(:, :n)), rest))
+            end do
+            is_redundant(i) = norm2(rest) < hardly_new
+            if (is_redundant(i)) cycle
+            n = n + 1
+            basis(:, n) = rest/norm2(rest)
+        end do
+    end function redundant_rows
+
+    ! ---------------------------------------------------------------- words
+
+    function words_of(model, loop, rows, is_redundant) result(words)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        type(rows_type), intent(in) :: rows
+        logical, intent(in) :: is_redundant(:)
+        character(len=:), allocatable :: words, held
+        integer :: i
+
+        words = ""
+        do i = 1, size(loop%joint)
+            held = ""
+            call tell(of_force, across, "force", " across its axis")
+            call tell(of_force, along, "force", " along its axis")
+            call tell(of_moment, across, "moment", " across its axis")
+            call tell(of_moment, along, "moment", " about its axis")
+            if (held == "") cycle
+            if (words /= "") words = words//"; "
+            words = words//"of joint "//quoted(model%joint(loop%joint(i))%name)//" "//held
+        end do
+
+    contains
+
+        subroutine tell(sort, direction, noun, where)
+            integer, intent(in) :: sort, direction
+            character(len=*), intent(in) :: noun, where
+            integer :: n, of_all
+            logical :: is_meant(rows%n)
+
+            is_meant = rows%joint(:rows%n) == i .and. rows%sort(:rows%n) == sort .and. rows%direction(:rows%n) == direction
+            of_all = count(is_meant)
+            n = count(is_meant .and. is_redundant)
+            if (n == 0) return
+            if (held /= "") held = held//" and "
+            if (of_all == 1) then
+                held = held//"the "//noun
+            else if (n == of_all) then
+                held = held//"both "//noun//"s"
+            else
+                held = held//"one "//noun
+            end if
+            if (.not. model%is_planar .or. (sort == of_force .and. loop%kind(i) == joint_prismatic)) held = held//where
+        end subroutine tell
+    end function words_of
+
+    !> Other kinds of joints that hold less, taken while they free redundant directions only: those that free most first, from
+    !> the last joint on.
+    function remedy_of(model, loop, n_redundant) result(remedy)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        integer, intent(in) :: n_redundant
+        character(len=:), allocatable :: remedy
+        integer, parameter :: looser(2, 4) = reshape( &
+            [joint_revolute, joint_spherical, joint_universal, joint_spherical, &
+             joint_revolute, joint_cylindrical, joint_prismatic, joint_cylindrical], [2, 4])   !! a kind, and a looser one
+        type(loop_type) :: changed, tried
+        integer :: i, k, left, left_then, mobility, mobility_then
+
+        remedy = ""
+        if (model%is_planar) return
+        changed = loop
+        call count_rows(changed, left, mobility)
+        do k = 1, size(looser, 2)
+            do i = size(loop%joint), 1, -1
+                if (left == 0 .or. looser(1, k) /= changed%kind(i)) cycle
+                tried = changed
+                tried%kind(i) = looser(2, k)
+                call count_rows(tried, left_then, mobility_then)
+                if (mobility_then /= mobility .or. left_then >= left) cycle
+                changed = tried
+                left = left_then
+                if (remedy /= "") remedy = remedy//" and "
+                remedy = remedy//"joint "//quoted(model%joint(loop%joint(i))%name)//" "//trim(joint_kind_name(looser(2, k)))
+            end do
+        end do
+        if (left > 0 .or. n_redundant == 0) remedy = ""
+        if (remedy /= "") remedy = "make "//remedy
+
+    contains
+
+        subroutine count_rows(loop, n_redundant, mobility)
+            type(loop_type), intent(in) :: loop
+            integer, intent(out) :: n_redundant, mobility
+            type(rows_type) :: rows
+
+            call list_rows(model, loop, rows)
+            n_redundant = count(redundant_rows(rows))
+            mobility = size(rows%row, 1) - rows%n + n_redundant
+        end subroutine count_rows
+    end function remedy_of
+end module linkdyn_redundancy
