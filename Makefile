@@ -1,9 +1,10 @@
 # The front door. Everything is made inside this folder: .venv, build, results.
 #   make run     build, install into .venv, compute and draw the main example
 #   make test    the same set-up, then every test
-#   make bench   time against error of the solvers; `make bench-forward`: of the integrators
+#   make bench   time against error of the solvers; `make bench-forward`: of the integrators; `make accuracy`: of all
+#                methods on hard cases. Tables and pictures go to results/benchmarks
+#   make renew   put these where benchmarks/README.md and docs/accuracy.md show them
 #   make real128 linkdyn-real128, the same program in quadruple precision, beside the installed one
-#   make accuracy  tables and pictures of docs/accuracy.md
 #   make docs    reference of the Fortran sources in docs/html
 #   make clean   remove what was made; `make distclean` removes .venv too
 
@@ -32,7 +33,7 @@ SETUP := -Dtests=true -Dbenchmarks=true
 # the same sources in quadruple precision: the measure of accuracy, not part of the package
 REAL128 := build/real128
 
-.PHONY: run test bench bench-forward real128 accuracy docs clean distclean system
+.PHONY: run test bench bench-forward accuracy renew real128 docs clean distclean system
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -43,13 +44,17 @@ run: $(PACKAGE)
 test: real128
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
 
-bench: $(PACKAGE)
+bench: real128
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_inverse_real64
 	$(VENV)/bin/python benchmarks/python/bench_inverse.py
+	$(VENV)/bin/python benchmarks/python/planar_against_spatial.py
 
 bench-forward: $(PACKAGE)
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_forward_real64
 	$(VENV)/bin/python benchmarks/python/bench_forward.py
+
+renew: $(REQUIREMENTS)
+	$(VENV)/bin/python benchmarks/python/renew.py
 
 real128: $(PACKAGE)
 	@[ -f $(REAL128)/build.ninja ] || $(VENV)/bin/meson setup $(REAL128) -Dreal128=enabled
