@@ -34,6 +34,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _engine
+from ._arguments import as_count, quoted
 from .errors import InputError
 
 __all__ = [
@@ -259,7 +260,7 @@ def crank_input(j1: Point, length: float, theta: Angle, base: Angle | None = Non
     -------
     Point
     """
-    call = _Call("crank_input", [("j1", j1, 2), ("theta", theta, 0), ("base", base or Angle(), 0)])
+    call = _Call("crank_input", [("j1", j1, 2), ("theta", theta, 0), ("base", Angle() if base is None else base, 0)])
     pivot, turn, carrier = call.packed
     return call.point(_api.api_crank_input(pivot, _number("length", length), turn, carrier))
 
@@ -387,9 +388,9 @@ def fd_crank_input(
     """
     call = _Call(
         "fd_crank_input",
-        [("j1", j1, 2), ("theta", theta, 0), ("base", base or Angle(), 0)],
+        [("j1", j1, 2), ("theta", theta, 0), ("base", Angle() if base is None else base, 0)],
         [("j1_of", j1_of, 2), ("base_of", base_of, 0)],
-        cranks or (None if j1_of or base_of else 1),
+        cranks if cranks is not None else (None if j1_of or base_of else 1),
     )
     pivot, turn, carrier, pivot_of, carrier_of = call.packed
     number = call.crank(crank)
@@ -652,7 +653,7 @@ def fd_s_crank_input(
         "fd_s_crank_input",
         [("joint", joint, 3), ("frame", frame, 9), ("theta", theta, 0)],
         [("joint_of", joint_of, 3), ("frame_of", frame_of, 3)],
-        cranks or (None if joint_of or frame_of else 1),
+        cranks if cranks is not None else (None if joint_of or frame_of else 1),
     )
     start, axes, turn, *given_of = call.packed
     point, attitude, *of = _api.api_fd_s_crank_input(
@@ -794,9 +795,11 @@ class _Call:
         for label, of, size in given:
             parts += self._columns(label, of, size)
         self.samples = self._spread(parts)
-        count = int(np.prod(self.samples))
+        self.count = int(np.prod(self.samples))
+        count = max(1, self.count)  # the flat layer takes one sample at least
         flat = [
-            np.broadcast_to(array, self.samples + shape).reshape((count, -1)) for array, shape, _ in parts
+            np.broadcast_to(array, self.samples + shape).reshape((count, -1)) if self.count else np.zeros((1, int(np.prod(shape))))
+            for array, shape, _ in parts
         ]
         self.packed = [np.concatenate(flat[3 * k : 3 * k + 3], axis=1).T for k in range(len(items))]
         for k, (_, _, size) in enumerate(given):
@@ -818,7 +821,7 @@ class _Call:
         return [(of.rest, tail, f"{label}.rest"), (of.of, (self.cranks, *tail), f"{label}.of")]
 
     def _count_cranks(self, given: list[tuple[str, Coefficients | None, int]], cranks: int | None) -> int:
-        counts = {} if cranks is None else {"cranks": cranks}
+        counts = {} if cranks is None else {"cranks": as_count(f"{self.name}: cranks", cranks)}
         for label, of, size in given:
             if of is None:
                 continue
@@ -852,8 +855,9 @@ class _Call:
 
     def crank(self, number: int) -> int:
         """Number of a crank for the flat layer."""
-        if not 0 <= number < self.cranks:
-            raise InputError(f"{self.name}: crank: expected 0 to {self.cranks - 1}, got {number!r}")
+        number = as_count(f"{self.name}: crank", number, 0)
+        if number >= self.cranks:
+            raise InputError(f"{self.name}: crank: expected 0 to {self.cranks - 1}, got {number}")
         return number + 1
 
     def point(self, values: Floats) -> Point:
@@ -871,19 +875,19 @@ class _Call:
 
     def coefficients(self, values: Floats) -> Coefficients:
         """From (size, cranks + 1, samples) or (cranks + 1, samples)."""
-        columns = values.transpose()
+        columns = values.transpose()[: self.count]
         columns = columns.reshape(self.samples + columns.shape[1:])
         axis = len(self.samples)
         return Coefficients(np.delete(columns, 0, axis=axis), np.take(columns, 0, axis=axis))
 
     def _rows(self, values: Floats, parts: int, shape: tuple[int, ...]) -> list[Floats]:
-        return [np.ascontiguousarray(part.T).reshape(self.samples + shape) for part in np.split(values, parts)]
+        return [np.ascontiguousarray(part.T[: self.count]).reshape(self.samples + shape) for part in np.split(values, parts)]
 
 
 def _number(name: str, value: float) -> float:
     array = _floats(name, value)
     if array.ndim != 0 or not np.isfinite(array):
-        raise InputError(f"{name}: expected one finite number, got {value!r}")
+        raise InputError(f"{name}: expected one finite number, got {quoted(value)}")
     return float(array)
 
 
@@ -902,6 +906,6 @@ def _matrix(name: str, value: ArrayLike | None) -> Floats:
 
 
 def _mode(mode: int) -> int:
-    if mode not in (1, -1):
-        raise InputError(f"mode: expected +1 or -1, got {mode!r}")
+    if not isinstance(mode, (int, float, np.number)) or mode not in (1, -1):
+        raise InputError(f"mode: expected +1 or -1, got {quoted(mode)}")
     return int(mode)

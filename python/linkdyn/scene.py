@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import os
 import tomllib
 import weakref
@@ -16,9 +17,10 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
+from ._arguments import as_count, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, dimensions, quoted
 from ._changes import changed
 from ._progress import Progress
-from .errors import InputError, Interrupted
+from .errors import FileError, InputError, Interrupted
 from .results import ensemble_dataset, result_shapes, to_dataset
 from .study import run_study
 from .sweep import run_sweep
@@ -31,6 +33,8 @@ RUN_BLOCK, BREATH = 4096, 0.25
 """Instants of a forward run, and seconds, in one call of the engine at most."""
 ENSEMBLE_BLOCK = 512
 """Members of an ensemble in one call of the engine."""
+DEEPEST = 32
+"""Tables and lists inside each other, in a scene given as a mapping."""
 
 
 @dataclass(frozen=True)
@@ -72,10 +76,12 @@ def load(path: str | os.PathLike[str]) -> Scene:
     ------
     FileNotFoundError
         There is no such file.
+    FileError
+        It cannot be read.
     SceneError
         Something is wrong in it: file, line, what, what was expected.
     """
-    return Scene(Path(path))
+    return Scene(Path(as_path("path", path)))
 
 
 class Scene:
@@ -108,7 +114,7 @@ class Scene:
     ) -> None:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        self._folder = os.fspath(folder if folder is not None else beside)
+        self._folder = as_path("folder", folder) if folder is not None else os.fspath(beside)
         handle = _bind.open_scene(data, name, self._folder)
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
@@ -152,7 +158,8 @@ class Scene:
         >>> scene = linkdyn.load("examples/fourbar/scene.toml")
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
-        return Scene(changed(tomllib.loads(self.text), changes), folder=self._folder)
+        paths = as_mapping("with_", changes, "new values by their paths, such as 'link.crank.mass'")
+        return Scene(changed(tomllib.loads(self.text), paths), folder=self._folder)
 
     def explain(self, matrix: bool = False) -> str:
         """What is modelled, how it is computed, what is left out.
@@ -162,7 +169,7 @@ class Scene:
         matrix
             Write the equations [A]{F} = b at the scene's first instant out as well, in symbols and in numbers.
         """
-        return _bind.explain(self._handle, matrix)
+        return _bind.explain(self._handle, as_flag("matrix", matrix))
 
     def times(self) -> NDArray[np.float64]:
         """Instants of the scene's own run [s], shape (N,)."""
@@ -221,12 +228,14 @@ class Scene:
         if joint_variable is not None:
             if q is not None:
                 raise InputError("q, joint_variable: give one of them")
-            variables = np.ascontiguousarray(joint_variable, dtype=np.float64)
+            schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False, is_forward=True)
+            (width,), _ = result_shapes(schema)["joint_variable"]
+            variables = as_floats("joint_variable", joint_variable, (None, width), f"(N, {width})")
             return Poses(*_bind.poses(self._handle, variables, len(self.links), False, by_joints=True))
-        follows = q is None if in_order is None else in_order
+        follows = q is None if in_order is None else as_flag("in_order", in_order)
         if q is None:
             q = self.motion()[0]
-        elif np.ndim(q) == 1:
+        elif dimensions("q", q) == 1:
             q = np.asarray(q)[np.newaxis]
         values = self._batch("q", q, None)
         return Poses(*_bind.poses(self._handle, values, len(self.links), follows))
@@ -362,13 +371,15 @@ class Scene:
             raise InputError("t, t_end: give one of them")
         if len(instants) == 0 or np.any(np.diff(instants) <= 0):
             raise InputError("t: expected increasing instants")
-        wanted = want if isinstance(want, str) else ",".join(want or ())
-        schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True, error=bool(error))
-        settings = (float(step), float(rtol), float(atol))
-        kind = (str(method), str(solver), _count("threads", threads))
-        run = _bind.Run(self._handle, *kind, settings, bool(switch), wanted, bool(error), float(instants[0]))
+        wanted, has_errors = as_names("want", want), as_flag("error", error)
+        method, solver = as_name("method", method), as_name("solver", solver)
+        shows = None if progress is None else as_flag("progress", progress)
+        settings = (as_number("step", step), as_number("rtol", rtol), as_number("atol", atol))
+        kind = (method, solver, as_count("threads", threads))
+        schema = _bind.describe_results(self._handle, solver, wanted, True, is_forward=True, error=has_errors)
+        run = _bind.Run(self._handle, *kind, settings, as_flag("switch", switch), wanted, has_errors, float(instants[0]))
         try:
-            return self._follow(run, instants, schema, str(method), str(solver), progress)
+            return self._follow(run, instants, schema, method, solver, shows)
         finally:
             run.finish()
 
@@ -449,11 +460,11 @@ class Scene:
             raise InputError("t: expected increasing instants")
         start = self._batch("q", q, None)
         rate = self._batch("qd", qd, len(start))
-        parts, n_done, sign = [], 0, Progress(progress)
+        settings = (as_number("step", step), as_count("threads", threads))
+        parts, n_done, sign = [], 0, Progress(None if progress is None else as_flag("progress", progress))
         try:
             while n_done < len(start) or not parts:
                 block = slice(n_done, n_done + ENSEMBLE_BLOCK)
-                settings = (float(step), _count("threads", threads))
                 parts.append(_bind.ensemble(self._handle, start[block], rate[block], instants, *settings))
                 n_done += ENSEMBLE_BLOCK
                 sign.show(min(1.0, n_done / max(1, len(start))))
@@ -484,7 +495,7 @@ class Scene:
         LinkdynError
             Neither inverse nor forward dynamics of the scene can be computed.
         """
-        return run_study(self.text, self._folder, t_end)
+        return run_study(self.text, self._folder, None if t_end is None else as_number("t_end", t_end))
 
     def sweep(
         self,
@@ -525,23 +536,24 @@ class Scene:
             The scene has no sweep; an unknown quantity or solver; too many or too few actuators.
         """
         if sweep is not None:
-            content = tomllib.loads(self.text) | {"sweep": sweep}
+            table = as_mapping("sweep", sweep, "a table as in a scene file")
+            content = tomllib.loads(self.text) | {"sweep": table}
             return Scene(content, folder=self._folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
         return run_sweep(
             self._handle,
             self._folder,
             self.description,
             self.text,
-            keep=keep,
-            solver=str(solver),
-            threads=_count("threads", threads),
-            progress=progress,
+            keep=as_names("keep", keep),
+            solver=as_name("solver", solver),
+            threads=as_count("threads", threads),
+            progress=as_flag("progress", progress),
         )
 
     def _output_instants(self, t_end: float | None) -> NDArray[np.float64]:
         """Instants of a forward run: the scene's, or as many up to another end."""
         time = self.description["time"]
-        end = time["last"] if t_end is None else self._instants(t_end)[0]
+        end = time["last"] if t_end is None else as_number("t_end", t_end)
         if not end > time["first"]:
             raise InputError(f"t_end: a run from {time['first']} s to {end} s goes nowhere")
         n = time["n_sample"] if time["n_sample"] > 1 else 201
@@ -605,21 +617,20 @@ class Scene:
         error: bool,
     ) -> _Job:
         """Checked once for calls of one kind."""
-        wanted = want if isinstance(want, str) else ",".join(want or ())
-        key = (wanted, solver, tuple(wrench or ()), along_motion, bool(error))
+        markers = () if wrench is None else tuple(as_mapping("wrench", wrench, 'marker names such as "platform.tool" with their values'))
+        wanted, solver, has_errors = as_names("want", want), as_name("solver", solver), as_flag("error", error)
+        key = (wanted, solver, markers, along_motion, has_errors)
         job = self._jobs.get(key)
         if job is None:
-            handle, n_load = self._with_loads(key[2])
-            schema = _bind.describe_results(handle, str(solver), wanted, along_motion, error=bool(error))
+            handle, n_load = self._with_loads(markers)
+            schema = _bind.describe_results(handle, solver, wanted, along_motion, error=has_errors)
             load = _bind.motion(handle, np.zeros(1), len(self.coordinates), n_load)[3]
-            job = _Job(handle, n_load, str(solver), schema, result_shapes(schema), load)
+            job = _Job(handle, n_load, solver, schema, result_shapes(schema), load)
             self._jobs[key] = job
         return job
 
     def _with_loads(self, markers: tuple[str, ...]) -> tuple[int, int]:
         """Handle and number of loads of the scene with loads at these markers too."""
-        if not all(isinstance(marker, str) for marker in markers):
-            raise InputError('wrench: expected marker names such as "platform.tool" as keys')
         if markers not in self._handles:
             handle = _bind.add_loads(self._handle, markers)
             weakref.finalize(self, _bind.close_scene, handle)
@@ -645,7 +656,7 @@ class Scene:
         wrench: Mapping[str, ArrayLike] | None,
     ) -> dict[str, NDArray[Any]]:
         """Blocks of samples through the engine; loads are spread over the samples block by block."""
-        n, threads = len(given["q"]), _count("threads", threads)
+        n, threads = len(given["q"]), as_count("threads", threads)
         extra = [self._wrench(marker, values, n) for marker, values in (wrench or {}).items()]
         outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         inputs = (given["q"], given["qd"], given["qdd"])
@@ -676,10 +687,10 @@ class Scene:
 
     def _batch(self, name: str, values: ArrayLike, n: int | None) -> NDArray[np.float64]:
         columns = len(self.coordinates)
-        return _bind.as_floats(name, values, (n, columns), f"({'N' if n is None else n}, {columns})")
+        return as_floats(name, values, (n, columns), f"({'N' if n is None else n}, {columns})")
 
     def _instants(self, t: ArrayLike) -> NDArray[np.float64]:
-        instants = _bind.as_floats("t", t, (None,) * min(1, np.ndim(t)), "(N,)").reshape(-1)
+        instants = as_floats("t", t, (None,) * min(1, dimensions("t", t)), "(N,)").reshape(-1)
         bad = np.flatnonzero(~np.isfinite(instants))
         if bad.size:
             raise InputError(f"t[{bad[0]}] is not a finite number")
@@ -688,10 +699,10 @@ class Scene:
     def _wrench(self, marker: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
         """A given wrench as (N or 1, 6)."""
         name, width = f"wrench[{marker!r}]", 3 if self.planar else 6
-        if np.ndim(values) == 1:
-            array = _bind.as_floats(name, values, (width,), f"({n}, {width}) or ({width},)")[np.newaxis]
+        if dimensions(name, values) == 1:
+            array = as_floats(name, values, (width,), f"({n}, {width}) or ({width},)")[np.newaxis]
         else:
-            array = _bind.as_floats(name, values, (n, width), f"({n}, {width}) or ({width},)")
+            array = as_floats(name, values, (n, width), f"({n}, {width}) or ({width},)")
         if not self.planar:
             return array
         full = np.zeros((len(array), _bind.LOAD_WIDTH))
@@ -718,29 +729,38 @@ def _source(source: Any) -> tuple[bytes, str, str | os.PathLike[str]]:
     if isinstance(source, Mapping):
         return tomli_w.dumps(_plain(source)).encode(), "scene", "."
     if isinstance(source, str) and ("\n" in source or not source.strip()):
-        return source.encode(), "scene", "."
+        return source.encode(errors="surrogateescape"), "scene", "."
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"scene: expected a path, a text or a dict, got {type(source).__name__}")
-    path = Path(source)
-    return path.read_bytes(), str(path), path.parent
+    path = Path(as_path("scene", source))
+    try:
+        return path.read_bytes(), str(path), path.parent
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise FileError(f"{quoted(str(path))}: cannot be read: {error.strerror}") from error
 
 
-def _plain(value: Any) -> Any:
-    """Numpy arrays and numbers, tuples and paths as what TOML knows; values that are None are left out."""
+def _plain(value: Any, place: str = "") -> Any:
+    """Numpy arrays and numbers, tuples and paths as what TOML knows; keys whose value is None are left out."""
+    if place.count(".") + place.count("[") > DEEPEST:
+        raise InputError(f"scene: {quoted(place)}: tables inside each other without an end")
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items() if item is not None}
-    if isinstance(value, (np.ndarray, np.generic)):
-        return _plain(value.tolist())
+        return {
+            _plain(str(key), place): _plain(item, f"{place}.{key}".lstrip(".")) for key, item in value.items() if item is not None
+        }
+    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "biufU":
+        return _plain(value.tolist(), place)
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return os.fspath(value) if isinstance(value, os.PathLike) else value
+        return [_plain(item, f"{place}[{i}]") for i, item in enumerate(value)]
+    if isinstance(value, os.PathLike):
+        return as_path(f"scene: {place}", value)
+    if isinstance(value, str) and not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
+        raise InputError(f"scene: {place}: {quoted(value)} is no text (half of a character)")
+    if not isinstance(value, (str, bool, int, float, datetime.date, datetime.time)):
+        raise InputError(f"scene: {quoted(place)}: expected a number, a text, a list or a table, got {quoted(value)}")
+    return value
 
 
 def _names(entries: list[dict[str, Any]]) -> tuple[str, ...]:
     return tuple(entry["name"] for entry in entries)
-
-
-def _count(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise InputError(f"{name}: expected a whole number from 1 on, got {value!r}")
-    return int(value)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ def run_sweep(
     scene: dict[str, Any],
     text: str,
     *,
-    keep: str | Iterable[str],
+    keep: str,
     solver: str,
     threads: int,
     progress: bool,
@@ -41,14 +40,13 @@ def run_sweep(
     handle, folder, scene, text
         Of the scene: its number in the engine, where its tables lie, its description, its file.
     keep
-        Quantities kept of every sample.
+        Quantities kept of every sample, with commas between.
     solver, threads
         As for `Scene.inverse`.
     progress
         Show a bar.
     """
-    names = keep if isinstance(keep, str) else ",".join(keep)
-    sweep = _bind.open_sweep(handle, folder, solver, names)
+    sweep = _bind.open_sweep(handle, folder, solver, keep)
     try:
         samples = np.empty((sweep.n_sample if sweep.width else 0, sweep.width))
         _advance(sweep, threads, samples, progress)
