@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
+import linkdyn
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, object, object]:
+    """What a build without one of the optional libraries says it cannot do is no failure of it."""
+    try:
+        return (yield)
+    except linkdyn.UnavailableError as missing:
+        pytest.skip(str(missing))
 
 
 @pytest.fixture(scope="session")
