@@ -21,13 +21,12 @@ sys.path[:0] = [str(ROOT / "tests" / "hard"), str(ROOT / "benchmarks" / "python"
 from accuracy_runs import draw_long, draw_runs, long_table, measure_runs, motions_table, runs_table  # noqa: E402
 from bench_inverse import COLOURS, PLAIN  # noqa: E402
 from cases import Case, examples, hard_cases  # noqa: E402
+from estimates import SAFETY  # noqa: E402
 from linkdyn.cli import quadruple_twin  # noqa: E402
 from report import clear_axis, legend_beside, save_picture, save_table  # noqa: E402
-from twin import forces_of, quadruple_forces, true_errors  # noqa: E402
+from twin import forces_of, quadruple_forces, ratio_to_estimate, true_errors  # noqa: E402
 
 SOLVERS = ("elimination", "lapack", "gauss-jordan")
-SAFETY = 20
-"""Of the estimates (linkdyn_error_probe.f90): a twentieth of an estimate is what changes of the last place do."""
 DRAWN = ("four_bar_change_point", "dead_centre_outer", "slider_crank_1e-06", "fichter")
 STUDIED = ("stewart_tsai", "fourbar", "stewart_forward", "rcsp_start")
 
@@ -42,9 +41,8 @@ class Measured:
         forces, estimate = forces_of(run), forces_of(run, "_error")
         true = true_errors(forces, exact)
         self.solved = int((run.status.values == 0).sum())
-        counts = np.isfinite(true) & ((true > 0) | (estimate > 0))
-        with np.errstate(divide="ignore"):
-            self.ratio = true[counts] / estimate[counts]
+        ratio = ratio_to_estimate(true, estimate)
+        self.ratio = ratio[~np.isnan(ratio)]
         self.relative = true.max(axis=1) / np.abs(forces).max(axis=1)
         self.estimated = run.error.values
 
