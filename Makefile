@@ -1,6 +1,10 @@
 # The front door. Everything is made inside this folder: .venv, build, results.
 #   make run     build, install into .venv, compute and draw the main example
 #   make test    the same set-up, then every test
+#   make check   every test, then builds of other kinds with the tests that each is for: checked while running, sanitized,
+#                quadruple, other lanes and instructions, without GSL and OpenMP, with MPI, other BLAS kernels.
+#                `make check-NAME`: one of them; tools/check.py has their names
+#   make fuzz    100,000 mutated scenes and calls; CASES=N for another number
 #   make bench   time against error of the solvers; `make bench-forward`: of the integrators; `make accuracy`: of all
 #                methods on hard cases. Tables and pictures go to results/benchmarks
 #   make renew   put these where benchmarks/README.md and docs/accuracy.md show them
@@ -33,7 +37,7 @@ SETUP := -Dtests=true -Dbenchmarks=true
 # the same sources in quadruple precision: the measure of accuracy, not part of the package
 REAL128 := build/real128
 
-.PHONY: run test bench bench-forward accuracy renew real128 docs clean distclean system
+.PHONY: run test check fuzz bench bench-forward accuracy renew real128 docs clean distclean system system-mpi
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -43,6 +47,17 @@ run: $(PACKAGE)
 # the hard cases are measured against the quadruple twin
 test: real128
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
+
+check: real128 system-mpi
+	@$(VENV)/bin/python tools/check.py
+
+check-%: real128
+	@$(VENV)/bin/python tools/check.py $*
+
+check-mpi: system-mpi
+
+fuzz: $(PACKAGE)
+	@$(VENV)/bin/python tests/fuzz/fuzz.py --cases $(or $(CASES),100000)
 
 bench: real128
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_inverse_real64
@@ -72,6 +87,10 @@ docs: $(REQUIREMENTS)
 # looks every time, which is quick, and installs only what is missing
 system:
 	@sh tools/install_packages.sh $(PYTHON)
+
+# without it tools/check.py says what it leaves out
+system-mpi:
+	@MPI=1 sh tools/install_packages.sh $(PYTHON) || echo "No MPI: what needs it is left out"
 
 # what a build needs and what the package and its tests need, from pyproject.toml;
 # an older pip forgets all but the last of several settings for the build

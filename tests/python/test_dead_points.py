@@ -9,6 +9,8 @@ import pytest
 import linkdyn
 from linkdyn.lecture import Angle, Point, PRR_links, RRR_links
 
+pytestmark = pytest.mark.accuracy
+
 EPS = np.finfo(float).eps
 RNG = np.random.default_rng(7)
 

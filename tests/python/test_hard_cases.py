@@ -21,7 +21,11 @@ SOLVERS = ("elimination", "lapack", "gauss-jordan")
 CASES = hard_cases()
 EPS = np.finfo(float).eps
 
-pytestmark = pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+pytestmark = [
+    pytest.mark.accuracy,
+    pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)"),
+    pytest.mark.xdist_group("hard cases"),     # one fixture, half a minute
+]
 
 
 @pytest.fixture(scope="module")

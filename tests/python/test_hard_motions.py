@@ -16,6 +16,8 @@ from cases import Case, motion_cases  # noqa: E402
 from estimates import assert_holds, exceed, most  # noqa: E402
 from twin import ratio_to_estimate, run_states, true_errors  # noqa: E402
 
+pytestmark = pytest.mark.accuracy
+
 TWIN = quadruple_twin()
 CASES = {case.name: case for case in motion_cases()}
 SOLVERS = ("elimination", "lapack", "gauss-jordan")

@@ -23,6 +23,8 @@ from estimates import assert_holds, assert_not_vague, join_samples  # noqa: E402
 from test_references import DATA_SETS, FULL_SOLVERS, batch  # noqa: E402
 from twin import ratio_to_estimate  # noqa: E402
 
+pytestmark = pytest.mark.accuracy
+
 CASES = hard_cases()
 SOLVERS = ("elimination", *FULL_SOLVERS)
 REFERENCES = json.loads((TESTS / "reference" / "hard.json").read_text())

@@ -7,6 +7,8 @@ import numpy as np
 import planar_against_spatial as bench
 import pytest
 
+pytestmark = pytest.mark.accuracy
+
 
 @pytest.mark.parametrize("case", [bench.slider_crank(), bench.arm(3), bench.arm(7)], ids=["slider-crank", "arm", "long arm"])
 def test_same_forces(case) -> None:

@@ -25,6 +25,8 @@ from test_coordinate_switch import slider_crank as free_crank  # noqa: E402
 from test_coordinate_switch import with_coordinates  # noqa: E402
 from twin import QUANTITIES, quadruple_run, run_ratios  # noqa: E402
 
+pytestmark = pytest.mark.accuracy
+
 REFERENCES = json.loads((ROOT / "tests" / "reference" / "forward.json").read_text())
 TWIN = quadruple_twin()
 SETTINGS = [
