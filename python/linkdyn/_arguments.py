@@ -15,6 +15,8 @@ __all__ = ["as_count", "as_flag", "as_floats", "as_mapping", "as_name", "as_name
 
 LONGEST = 60
 """Characters of a wrong value that a message quotes."""
+LONGEST_NAME = 200
+"""Characters of one of the engine's own names, or of several in one text."""
 
 
 def quoted(value: Any) -> str:
@@ -92,7 +94,7 @@ def as_flag(name: str, value: Any) -> bool:
 
 def as_name(name: str, value: Any) -> str:
     """A name of the engine's own, such as a solver's."""
-    if not isinstance(value, str) or not value.isascii() or not value.isprintable():
+    if not isinstance(value, str) or not value.isascii() or not value.isprintable() or len(value) > LONGEST_NAME:
         raise InputError(f"{name}: expected a name, got {quoted(value)}")
     return value
 

@@ -21,5 +21,5 @@ PART = 100
 @pytest.mark.parametrize("first", range(0, CASES, PART))
 def test_no_case_is_a_finding(first: int) -> None:
     report: Report = search_part(range(first, min(first + PART, CASES)))
-    assert not report.findings, "\n".join(["", *map(str, report.findings)])
+    assert len(report.findings) == 0, "\n".join(["", *map(str, report.findings[:10])])
     assert report.answered > report.calls / 4      # refusing everything would find nothing

@@ -16,7 +16,7 @@ import xarray as xr
 
 import linkdyn
 from linkdyn._drawing import poses_of
-from linkdyn.cli import quadruple_twin
+from linkdyn.cli import executable, quadruple_twin
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
