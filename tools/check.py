@@ -65,7 +65,7 @@ def sanitized() -> dict[str, str]:
         "ASAN_OPTIONS": "detect_leaks=0",
         "UBSAN_OPTIONS": "halt_on_error=1:print_stacktrace=1",
         "LINKDYN_FUZZ_PATIENCE": "20",
-        "LINKDYN_FUZZ_CASES": "300",
+        "LINKDYN_FUZZ_CASES": "200",
     }
 
 
@@ -88,7 +88,7 @@ WAYS = {
         "bounds, pointers and memory looked at while running; what was never set is NaN",
         (*OPTIMIZED_LITTLE, "-Dfortran_args=['-fcheck=all,no-array-temps', '-finit-real=snan', '-finit-derived']"),
         ("tests", "-m", "not accuracy"),
-        lambda: {"LINKDYN_FUZZ_PATIENCE": "10", "LINKDYN_FUZZ_CASES": "500"},
+        lambda: {"LINKDYN_FUZZ_PATIENCE": "10", "LINKDYN_FUZZ_CASES": "300"},
     ),
     "sanitized": Way(
         "addresses, undefined behaviour and, without Python, leaks looked at while running",
@@ -106,8 +106,8 @@ WAYS = {
     ),
     "lanes32": Way(
         "32 lanes, AVX2, without OpenMP",
-        ("-Dlanes=32", "-Dmarch=x86-64-v3", "-Dopenmp=disabled"),
-        ("tests/python", "tests/cli"),
+        (*OPTIMIZED_LITTLE, "-Dlanes=32", "-Dmarch=x86-64-v3", "-Dopenmp=disabled"),
+        ("tests", "-m", "accuracy or lanes"),
         lacks=lacks_instructions("avx2", "fma"),
     ),
     "mpi": Way("sweeps over the processes of mpirun", (*OPTIMIZED_LITTLE, "-Dmpi=enabled"), ("tests/cli/test_sweep.py",), lambda: {"LINKDYN_HAS_MPI": "1"}, lacks_mpi),

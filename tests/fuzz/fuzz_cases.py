@@ -89,7 +89,7 @@ def run_case(number: int) -> Report:
         found.append(f"exit status {outcome.status}: {outcome.errors[-1500:]}")
     if any(word in outcome.errors for word in ("runtime error", "Sanitizer", "Backtrace", "Traceback")):
         found.append(f"on standard error: {outcome.errors[-1500:]}")
-    report.findings = [Finding(number, what, how) for what in dict.fromkeys(found)]
+    report.findings = [Finding(number, what, how) for what in dict.fromkeys(found) if not oracle.AWAITED.search(what)]
     return report
 
 
@@ -373,7 +373,7 @@ def command_case(dice: random.Random, how: list[str]) -> Outcome:
         before = {file.name: file.read_bytes() for file in folder.iterdir()}
         outcome = command([executable(), *words], folder)
         report = Report(calls=1, answered=int(outcome.status != BAD_INPUT))
-        report.findings = [Finding(0, what) for what in judge_command(outcome, before, folder)]
+        report.findings = [Finding(0, what) for what in judge_command(words, outcome, before, folder)]
         if outcome.status == BAD_INPUT:
             report.messages.append(outcome.errors.strip())
     return Outcome(outcome.status, outcome.output, outcome.errors, outcome.is_deaf, outcome.is_interrupted, report)
@@ -420,7 +420,7 @@ def states(files: Files, folder: Path) -> bytes:
     return outcome.value.encode() if outcome.value else b"time,q x,qd x\n0,1,2\n1,2,3\n"
 
 
-def judge_command(outcome: Outcome, before: dict[str, bytes], folder: Path) -> list[str]:
+def judge_command(words: list[str], outcome: Outcome, before: dict[str, bytes], folder: Path) -> list[str]:
     """Exit status, message and files."""
     wrong = []
     after = {file.name: file for file in folder.iterdir()}
@@ -433,7 +433,7 @@ def judge_command(outcome: Outcome, before: dict[str, bytes], folder: Path) -> l
         if new:
             wrong.append(f"refused, but left {', '.join(new)}")
     if outcome.status in (DONE, SAMPLES_FAILED):
-        wrong += [f"left {name}" for name in new if not name.endswith((".nc", ".csv"))]
+        wrong += [f"left {name}" for name in new if not name.endswith((".nc", ".csv")) and name not in words]
         for name in new:
             wrong += [f"{name}: {what}" for what in judge_file(folder / name)]
     return wrong

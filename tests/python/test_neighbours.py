@@ -8,6 +8,8 @@ import linkdyn
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.lanes
+
 ROOT = Path(__file__).resolve().parents[2]
 SCENES = [scene for scene in map(linkdyn.load, sorted(ROOT.glob("examples/*/scene.toml"))) if len(scene.actuators) == len(scene.coordinates)]
 SPOILED = 5
