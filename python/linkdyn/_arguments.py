@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
 
-__all__ = ["as_count", "as_flag", "as_floats", "as_mapping", "as_name", "as_names", "as_number", "as_path", "dimensions"]
+__all__ = [
+    "as_count", "as_flag", "as_floats", "as_mapping", "as_name", "as_names", "as_number", "as_path", "as_real", "dimensions", "quoted",
+]  # fmt: skip
 
 LONGEST = 60
 """Characters of a wrong value that a message quotes."""
@@ -28,12 +31,12 @@ def quoted(value: Any) -> str:
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
 
 
-def dimensions(name: str, values: ArrayLike) -> int:
-    """Number of dimensions of what should be an array."""
+def dimensions(name: str, values: ArrayLike, says: str) -> int:
+    """Number of dimensions of what should be an array of a shape."""
     try:
         return np.ndim(values)
     except ValueError:
-        raise InputError(f"{name}: expected an array of numbers, got rows of unequal length") from None
+        raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from None
 
 
 def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str) -> NDArray[np.float64]:
@@ -70,7 +73,7 @@ def _shape_text(shape: tuple[int, ...]) -> str:
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
-def as_number(name: str, value: Any) -> float:
+def as_real(name: str, value: Any) -> float:
     """One real number; whether it is finite and of the right sign, the engine says."""
     array = np.asarray(value) if isinstance(value, (int, float, np.number, np.ndarray)) else None
     if array is None or array.ndim != 0 or array.dtype.kind not in "fiu":
@@ -78,11 +81,19 @@ def as_number(name: str, value: Any) -> float:
     return float(array)
 
 
+def as_number(name: str, value: Any) -> float:
+    """One finite real number."""
+    number = as_real(name, value)
+    if not math.isfinite(number):
+        raise InputError(f"{name}: expected a finite number, got {number}")
+    return number
+
+
 def as_count(name: str, value: Any, first: int = 1) -> int:
-    """A whole number from the first on, which the engine's integers hold."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not first <= value <= np.iinfo(np.intc).max:
+    """A whole number from the first on; the largest that the engine's integers hold is taken for anything above."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < first:
         raise InputError(f"{name}: expected a whole number from {first} on, got {quoted(value)}")
-    return int(value)
+    return min(int(value), np.iinfo(np.intc).max)
 
 
 def as_flag(name: str, value: Any) -> bool:
@@ -110,7 +121,7 @@ def as_names(name: str, value: Any) -> str:
     return ",".join(as_name(name, item) for item in items)
 
 
-def as_mapping(name: str, value: Any, says: str) -> Mapping[str, Any]:
+def as_mapping(name: str, value: Any, says: str = "a dict with names as keys") -> Mapping[str, Any]:
     """A mapping from names."""
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise InputError(f"{name}: expected {says}, got {quoted(value)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import math
 import os
 import tomllib
 import weakref
@@ -17,7 +18,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
-from ._arguments import as_count, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, dimensions, quoted
+from ._arguments import as_count, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, dimensions, quoted
 from ._changes import changed
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted
@@ -29,8 +30,8 @@ __all__ = ["Scene", "Poses", "load"]
 
 BLOCK = 65536
 """Samples in one call of the engine: an interrupt (Ctrl-C) is heard between two calls."""
-RUN_BLOCK, BREATH = 4096, 0.25
-"""Instants of a forward run, and seconds, in one call of the engine at most."""
+RUN_BLOCK, RUN_VALUES, BREATH = 4096, 1 << 20, 0.25
+"""Instants of a forward run, their values, and seconds, in one call of the engine at most."""
 ENSEMBLE_BLOCK = 512
 """Members of an ensemble in one call of the engine."""
 DEEPEST = 32
@@ -114,8 +115,9 @@ class Scene:
     ) -> None:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        self._folder = as_path("folder", folder) if folder is not None else os.fspath(beside)
+        self._folder = as_path("folder", folder if folder is not None else beside)
         handle = _bind.open_scene(data, name, self._folder)
+        self._folder = os.path.abspath(self._folder)  # the working folder may change before the tables are read again
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
@@ -158,7 +160,7 @@ class Scene:
         >>> scene = linkdyn.load("examples/fourbar/scene.toml")
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
-        paths = as_mapping("with_", changes, "new values by their paths, such as 'link.crank.mass'")
+        paths = as_mapping("changes", changes, "new values by their paths, such as 'link.crank.mass'")
         return Scene(changed(tomllib.loads(self.text), paths), folder=self._folder)
 
     def explain(self, matrix: bool = False) -> str:
@@ -235,9 +237,7 @@ class Scene:
         follows = q is None if in_order is None else as_flag("in_order", in_order)
         if q is None:
             q = self.motion()[0]
-        elif dimensions("q", q) == 1:
-            q = np.asarray(q)[np.newaxis]
-        values = self._batch("q", q, None)
+        values = self._batch("q", q, None, one=True)
         return Poses(*_bind.poses(self._handle, values, len(self.links), follows))
 
     def inverse(
@@ -304,8 +304,9 @@ class Scene:
         else:
             given = self._given(q, qd, qdd)
             load = self._loads_at(job, t, len(given["q"]))
-        outputs = self._run(job, threads, given, load, wrench)
-        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver)
+        extra = self._wrenches(wrench, len(given["q"]))
+        outputs, roads = self._run(job, threads, given, load, extra)
+        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver, roads, self._told(extra, len(given["q"])))
 
     def forward(
         self,
@@ -366,15 +367,13 @@ class Scene:
         Interrupted
             Ctrl-C, a `KeyboardInterrupt` that keeps the results so far as ``result``.
         """
-        instants = self._output_instants(t_end) if t is None else self._instants(t)
+        instants = self._output_instants(t_end) if t is None else self._increasing(t)
         if t is not None and t_end is not None:
             raise InputError("t, t_end: give one of them")
-        if len(instants) == 0 or np.any(np.diff(instants) <= 0):
-            raise InputError("t: expected increasing instants")
         wanted, has_errors = as_names("want", want), as_flag("error", error)
         method, solver = as_name("method", method), as_name("solver", solver)
         shows = None if progress is None else as_flag("progress", progress)
-        settings = (as_number("step", step), as_number("rtol", rtol), as_number("atol", atol))
+        settings = (as_real("step", step), as_real("rtol", rtol), as_real("atol", atol))
         kind = (method, solver, as_count("threads", threads))
         schema = _bind.describe_results(self._handle, solver, wanted, True, is_forward=True, error=has_errors)
         run = _bind.Run(self._handle, *kind, settings, as_flag("switch", switch), wanted, has_errors, float(instants[0]))
@@ -394,12 +393,13 @@ class Scene:
     ) -> xr.Dataset:
         """Through all instants of output, with an ear for interrupts."""
         shapes = result_shapes(schema, True)
-        parts: list[dict[str, NDArray[Any]]] = []
+        found = {name: np.empty((len(t), *shape), kind) for name, (shape, kind) in shapes.items()}
+        length = max(1, min(RUN_BLOCK, RUN_VALUES // sum(math.prod(shape) for shape, _ in shapes.values())))
         n_done = 0
 
         def result() -> xr.Dataset:
-            arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-            data = to_dataset(schema, arrays, self.description, self.text, solver)
+            arrays = {name: values[:n_done] for name, values in found.items()}
+            data = to_dataset(schema, arrays, self.description, self.text, solver, run.roads)
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics))), "stopped": run.stopped}
             data.attrs["coordinates_integrated"] = run.coordinates
@@ -408,13 +408,14 @@ class Scene:
         sign = Progress(progress)
         try:
             while n_done < len(t):
-                n, arrays = run.advance(t[n_done : n_done + RUN_BLOCK], shapes, BREATH)
-                parts.append(arrays)
+                n, arrays = run.advance(t[n_done : n_done + length], shapes, BREATH)
+                for name, values in arrays.items():
+                    found[name][n_done : n_done + n] = values
                 n_done += n
                 sign.show((run.reached - t[0]) / (t[-1] - t[0]) if len(t) > 1 else 1.0)
         except KeyboardInterrupt:
             run.stopped = f"interrupted at t = {run.reached:.6g} s"
-            raise Interrupted(run.stopped, result() if parts else None) from None
+            raise Interrupted(run.stopped, result() if n_done else None) from None
         finally:
             sign.end()
         return result()
@@ -455,12 +456,10 @@ class Scene:
         InputError
             Wrong shapes, numbers that are not finite, instants that do not increase, a step that is not positive.
         """
-        instants = self._instants(t)
-        if len(instants) == 0 or np.any(np.diff(instants) <= 0):
-            raise InputError("t: expected increasing instants")
+        instants = self._increasing(t)
+        settings = (as_real("step", step), as_count("threads", threads))
         start = self._batch("q", q, None)
         rate = self._batch("qd", qd, len(start))
-        settings = (as_number("step", step), as_count("threads", threads))
         parts, n_done, sign = [], 0, Progress(None if progress is None else as_flag("progress", progress))
         try:
             while n_done < len(start) or not parts:
@@ -606,7 +605,8 @@ class Scene:
         """
         job = self._job(want, solver, wrench, False, error)
         given = self._given(q, qd, qdd)
-        return self._run(job, threads, given, self._loads_at(job, t, len(given["q"])), wrench)
+        n = len(given["q"])
+        return self._run(job, threads, given, self._loads_at(job, t, n), self._wrenches(wrench, n))[0]
 
     def _job(
         self,
@@ -653,11 +653,10 @@ class Scene:
         threads: int,
         given: dict[str, NDArray[np.float64]],
         load: NDArray[np.float64],
-        wrench: Mapping[str, ArrayLike] | None,
-    ) -> dict[str, NDArray[Any]]:
-        """Blocks of samples through the engine; loads are spread over the samples block by block."""
-        n, threads = len(given["q"]), as_count("threads", threads)
-        extra = [self._wrench(marker, values, n) for marker, values in (wrench or {}).items()]
+        wrench: dict[str, NDArray[np.float64]],
+    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc]]:
+        """Blocks of samples through the engine; loads are spread over the samples block by block. Also the roads they took."""
+        n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
         outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         inputs = (given["q"], given["qd"], given["qdd"])
         in_order = "time" in given
@@ -665,16 +664,16 @@ class Scene:
         length = max(1, n) if in_order else BLOCK
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
-            _bind.inverse(
+            roads += _bind.inverse(
                 job.handle,
                 job.solver,
                 threads,
                 first,
                 in_order,
-                (*(values[block] for values in inputs), _spread(load, extra, block, n)),
+                (*(values[block] for values in inputs), _spread(load, list(wrench.values()), block, n)),
                 {name: values[block] for name, values in outputs.items()},
             )
-        return outputs
+        return outputs, roads
 
     def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:
         """The scene's loads (N or 1, n_load, 6) at the instants of a batch."""
@@ -685,24 +684,44 @@ class Scene:
             raise InputError(f"t: expected one instant or shape ({n},), got ({len(instants)},)")
         return _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)[3]
 
-    def _batch(self, name: str, values: ArrayLike, n: int | None) -> NDArray[np.float64]:
+    def _batch(self, name: str, values: ArrayLike, n: int | None, one: bool = False) -> NDArray[np.float64]:
+        """Values of the coordinates (N, n), or of one sample (n,) where that will do."""
         columns = len(self.coordinates)
-        return as_floats(name, values, (n, columns), f"({'N' if n is None else n}, {columns})")
+        says = f"({'N' if n is None else n}, {columns})"
+        if one and dimensions(name, values, says) == 1:
+            return as_floats(name, values, (columns,), f"{says} or ({columns},)")[np.newaxis]
+        return as_floats(name, values, (n, columns), says)
+
+    def _increasing(self, t: ArrayLike) -> NDArray[np.float64]:
+        instants = self._instants(t)
+        if len(instants) == 0 or np.any(np.diff(instants) <= 0):
+            raise InputError("t: expected increasing instants")
+        return instants
 
     def _instants(self, t: ArrayLike) -> NDArray[np.float64]:
-        instants = as_floats("t", t, (None,) * min(1, dimensions("t", t)), "(N,)").reshape(-1)
+        instants = as_floats("t", t, (None,) * min(1, dimensions("t", t, "(N,)")), "(N,)").reshape(-1)
         bad = np.flatnonzero(~np.isfinite(instants))
         if bad.size:
             raise InputError(f"t[{bad[0]}] is not a finite number")
         return instants
 
+    def _wrenches(self, wrench: Mapping[str, ArrayLike] | None, n: int) -> dict[str, NDArray[np.float64]]:
+        """All given wrenches as (N or 1, 6)."""
+        return {marker: self._wrench(marker, values, n) for marker, values in (wrench or {}).items()}
+
+    def _told(self, wrench: dict[str, NDArray[np.float64]], n: int) -> dict[str, NDArray[np.float64]]:
+        """The same for the results: one a sample, in the components that the scene has."""
+        columns = [0, 1, 5] if self.planar else slice(None)
+        return {marker: np.broadcast_to(values[:, columns], (n, values[:, columns].shape[1])) for marker, values in wrench.items()}
+
     def _wrench(self, marker: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
         """A given wrench as (N or 1, 6)."""
         name, width = f"wrench[{marker!r}]", 3 if self.planar else 6
-        if dimensions(name, values) == 1:
-            array = as_floats(name, values, (width,), f"({n}, {width}) or ({width},)")[np.newaxis]
+        says = f"({n}, {width}) or ({width},)"
+        if dimensions(name, values, says) == 1:
+            array = as_floats(name, values, (width,), says)[np.newaxis]
         else:
-            array = as_floats(name, values, (n, width), f"({n}, {width}) or ({width},)")
+            array = as_floats(name, values, (n, width), says)
         if not self.planar:
             return array
         full = np.zeros((len(array), _bind.LOAD_WIDTH))
@@ -744,7 +763,7 @@ def _source(source: Any) -> tuple[bytes, str, str | os.PathLike[str]]:
 def _plain(value: Any, place: str = "") -> Any:
     """Numpy arrays and numbers, tuples and paths as what TOML knows; keys whose value is None are left out."""
     if place.count(".") + place.count("[") > DEEPEST:
-        raise InputError(f"scene: {quoted(place)}: tables inside each other without an end")
+        raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: tables inside each other without an end")
     if isinstance(value, Mapping):
         return {
             _plain(str(key), place): _plain(item, f"{place}.{key}".lstrip(".")) for key, item in value.items() if item is not None
@@ -756,9 +775,9 @@ def _plain(value: Any, place: str = "") -> Any:
     if isinstance(value, os.PathLike):
         return as_path(f"scene: {place}", value)
     if isinstance(value, str) and not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
-        raise InputError(f"scene: {place}: {quoted(value)} is no text (half of a character)")
+        raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: {quoted(value)}, half of a character")
     if not isinstance(value, (str, bool, int, float, datetime.date, datetime.time)):
-        raise InputError(f"scene: {quoted(place)}: expected a number, a text, a list or a table, got {quoted(value)}")
+        raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: {quoted(value)} (expected a number, a text, a list or a table)")
     return value
 
 

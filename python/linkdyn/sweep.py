@@ -57,8 +57,9 @@ def run_sweep(
 
 def _advance(sweep: _bind.Sweep, threads: int, samples: NDArray[np.float64], progress: bool) -> None:
     """All chunks, in calls of about equal time; kept samples into their rows."""
-    n_done, first, n_next = 0, 0, threads
     most = MOST_CHUNKS if not sweep.width else max(1, min(MOST_CHUNKS, MOST_KEPT // (sweep.width * sweep.chunk)))
+    least = min(threads, most)
+    n_done, first, n_next = 0, 0, least
     with tqdm(total=sweep.n_sample, unit=" samples", unit_scale=True, disable=not progress, leave=False) as bar:
         while n_done < sweep.n_chunk:
             start = time.perf_counter()
@@ -68,7 +69,7 @@ def _advance(sweep: _bind.Sweep, threads: int, samples: NDArray[np.float64], pro
             first += len(records)
             bar.update(min(n_done * sweep.chunk, sweep.n_sample) - min(n_before * sweep.chunk, sweep.n_sample))
             seconds = max(time.perf_counter() - start, 1e-6)
-            n_next = int(np.clip(n_next * np.clip(ROUND_SECONDS / seconds, 0.5, 2), threads, max(threads, most)))
+            n_next = int(np.clip(n_next * np.clip(ROUND_SECONDS / seconds, 0.5, 2), least, most))
 
 
 def _dataset(sweep: _bind.Sweep, samples: NDArray[np.float64], attributes: dict[str, Any]) -> xr.Dataset:
