@@ -16,10 +16,6 @@ import xarray as xr
 
 MAY_BE_INFINITE = re.compile(r"error$|singularity_distance|growth")
 """An estimate is infinite where it says nothing; no singular position may be near; a pivot may be zero."""
-AWAITED = re.compile(r"\b(nan|inf|no number) beside status|^input .* was changed", re.I)
-"""Findings that the engine still gives and the fuzzer leaves out: it has no last check that all is finite beside status 0,
-fills what a solver does not give with NaN, and lets `-o` be one of its inputs. When it does none of that this pattern goes, and
-the one place that asks it."""
 PLACE = re.compile(r"'[^']*'|\"[^\"]*\"|^\w+( \w+)*(\[[^]]*\])*(, \w+)*:|line \d+|^[^\s:]+:(\d+:)? |^\w+ = |\[[\w.]+\]|^-{1,2}[a-z]|t = ")
 """A quoted name or key, an argument, a line, a file, a table, an option, an instant."""
 LONGEST = 600
