@@ -114,7 +114,7 @@ WAYS = {
         "sweeps over the processes of mpirun",
         (*OPTIMIZED_LITTLE, "-Dmpi=enabled"),
         # OpenMPI's own files outgrow the limit that stands for a full disk
-        ("tests/cli/test_sweep.py", "-k", "not full_disk"),
+        ("tests/cli/test_sweep.py", "tests/faults/test_processes.py", "-k", "not full_disk"),
         lambda: {"LINKDYN_HAS_MPI": "1"},
         lacks_mpi,
     ),
