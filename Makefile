@@ -1,9 +1,14 @@
 # The front door. Everything is made inside this folder: .venv, build, results.
 #   make run     build, install into .venv, compute and draw the main example
 #   make test    the same set-up, then every test
-#   make bench   time against error of the solvers; `make bench-forward`: of the integrators
+#   make check   every test, then builds of other kinds with the tests that each is for: checked while running, sanitized,
+#                quadruple, other lanes and instructions, without GSL and OpenMP, with MPI, other BLAS kernels.
+#                `make check-NAME`: one of them; tools/check.py has their names
+#   make fuzz    100,000 mutated scenes and calls; CASES=N for another number
+#   make bench   time against error of the solvers; `make bench-forward`: of the integrators; `make accuracy`: of all
+#                methods on hard cases. Tables and pictures go to results/benchmarks
+#   make renew   put these where benchmarks/README.md and docs/accuracy.md show them
 #   make real128 linkdyn-real128, the same program in quadruple precision, beside the installed one
-#   make accuracy  tables and pictures of docs/accuracy.md
 #   make docs    reference of the Fortran sources in docs/html
 #   make clean   remove what was made; `make distclean` removes .venv too
 
@@ -29,10 +34,11 @@ SOURCES := $(shell find fortran c app python tools -type f \
 # configuration of the one build folder: test and benchmark programs are built only when asked for
 SETUP := -Dtests=true -Dbenchmarks=true
 
-# the same sources in quadruple precision: the measure of accuracy, not part of the package
+# the same sources in quadruple precision: the measure of accuracy, not part of the package; its time goes into libquadmath,
+# which no optimization of ours makes faster
 REAL128 := build/real128
 
-.PHONY: run test bench bench-forward real128 accuracy docs clean distclean system
+.PHONY: run test check fuzz bench bench-forward accuracy renew real128 docs clean distclean system system-mpi
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -43,16 +49,31 @@ run: $(PACKAGE)
 test: real128
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
 
-bench: $(PACKAGE)
+check: real128 system-mpi
+	@$(VENV)/bin/python tools/check.py
+
+check-%: real128
+	@$(VENV)/bin/python tools/check.py $*
+
+check-mpi: system-mpi
+
+fuzz: $(PACKAGE)
+	@$(VENV)/bin/python tests/fuzz/fuzz.py --cases $(or $(CASES),100000)
+
+bench: real128
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_inverse_real64
 	$(VENV)/bin/python benchmarks/python/bench_inverse.py
+	$(VENV)/bin/python benchmarks/python/planar_against_spatial.py
 
 bench-forward: $(PACKAGE)
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_forward_real64
 	$(VENV)/bin/python benchmarks/python/bench_forward.py
 
+renew: $(REQUIREMENTS)
+	$(VENV)/bin/python benchmarks/python/renew.py
+
 real128: $(PACKAGE)
-	@[ -f $(REAL128)/build.ninja ] || $(VENV)/bin/meson setup $(REAL128) -Dreal128=enabled
+	@[ -f $(REAL128)/build.ninja ] || $(VENV)/bin/meson setup $(REAL128) -Dreal128=enabled -Doptimization=1
 	@$(VENV)/bin/meson compile -C $(REAL128) linkdyn-real128
 	@cp $(REAL128)/app/linkdyn-real128 "$$($(VENV)/bin/python -c 'from linkdyn import cli; print(cli.executable().parent)')"
 
@@ -67,6 +88,10 @@ docs: $(REQUIREMENTS)
 # looks every time, which is quick, and installs only what is missing
 system:
 	@sh tools/install_packages.sh $(PYTHON)
+
+# without it tools/check.py says what it leaves out
+system-mpi:
+	@MPI=1 sh tools/install_packages.sh $(PYTHON) || echo "No MPI: what needs it is left out"
 
 # what a build needs and what the package and its tests need, from pyproject.toml;
 # an older pip forgets all but the last of several settings for the build

@@ -2,13 +2,32 @@
 
 from __future__ import annotations
 
+import signal
 import tomllib
+from collections.abc import Generator
 from pathlib import Path
 from typing import Any
 
+import linkdyn
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def pytest_configure() -> None:
+    """What this session starts hears signals, though the session itself may run under nohup or behind a script's `&`."""
+    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, object, object]:
+    """What a build without one of the optional libraries says it cannot do is no failure of it."""
+    try:
+        return (yield)
+    except linkdyn.UnavailableError as missing:
+        pytest.skip(str(missing))
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,7 @@
-"""Regenerate docs/accuracy.md: hard cases against the quadruple twin, error estimates, forward runs, studies.
+"""Tables and pictures of docs/accuracy.md: hard cases against the quadruple twin, error estimates, forward runs, studies.
 
 Usage: accuracy.py [--no-studies]; needs linkdyn installed and linkdyn-real128 beside it (`make accuracy` sees to both).
-The tables stand between markers in the document, the pictures beside it.
+All goes under results/benchmarks.
 """
 
 from __future__ import annotations
@@ -12,27 +12,21 @@ import time
 from pathlib import Path
 
 import linkdyn
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
+import matplotlib.pyplot as plt
+import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "tests" / "hard"), str(ROOT / "benchmarks" / "python")]
 
 from accuracy_runs import draw_long, draw_runs, long_table, measure_runs, motions_table, runs_table  # noqa: E402
-from bench_inverse import COLOURS, finish, put_between  # noqa: E402
+from bench_inverse import COLOURS, PLAIN  # noqa: E402
 from cases import Case, examples, hard_cases  # noqa: E402
+from estimates import SAFETY  # noqa: E402
 from linkdyn.cli import quadruple_twin  # noqa: E402
-from twin import forces_of, quadruple_forces, true_errors  # noqa: E402
+from report import clear_axis, legend_beside, save_picture, save_table  # noqa: E402
+from twin import forces_of, quadruple_forces, ratio_to_estimate, true_errors  # noqa: E402
 
-DOCUMENT = ROOT / "docs" / "accuracy.md"
 SOLVERS = ("elimination", "lapack", "gauss-jordan")
-PLAIN = "gauss-jordan-plain"
-"""For comparison only: no estimates are made of it."""
-SAFETY = 20
-"""Of the estimates (linkdyn_error_probe.f90): a twentieth of an estimate is what changes of the last place do."""
 DRAWN = ("four_bar_change_point", "dead_centre_outer", "slider_crank_1e-06", "fichter")
 STUDIED = ("stewart_tsai", "fourbar", "stewart_forward", "rcsp_start")
 
@@ -47,9 +41,8 @@ class Measured:
         forces, estimate = forces_of(run), forces_of(run, "_error")
         true = true_errors(forces, exact)
         self.solved = int((run.status.values == 0).sum())
-        counts = np.isfinite(true) & ((true > 0) | (estimate > 0))
-        with np.errstate(divide="ignore"):
-            self.ratio = true[counts] / estimate[counts]
+        ratio = ratio_to_estimate(true, estimate)
+        self.ratio = ratio[~np.isnan(ratio)]
         self.relative = true.max(axis=1) / np.abs(forces).max(axis=1)
         self.estimated = run.error.values
 
@@ -114,7 +107,7 @@ def estimate_table(result: Results) -> str:
     return "\n".join(lines)
 
 
-def draw_histogram(result: Results, file: Path) -> None:
+def draw_histogram(result: Results) -> plt.Figure:
     figure, axis = plt.subplots(figsize=(7.5, 4.2), layout="constrained")
     bins = np.linspace(-7, 1, 81)
     for solver in SOLVERS:
@@ -125,23 +118,26 @@ def draw_histogram(result: Results, file: Path) -> None:
     axis.annotate("estimate too small", (0.05, 0.95), xycoords=("data", "axes fraction"), color="0.3", fontsize="small", va="top")
     axis.set(yscale="log", xlabel="log10 of true error / estimate (those below -7 in the first bin)", ylabel="share of all numbers [%]",
              title="All hard cases")
-    finish(figure, axis, file)
+    clear_axis(axis)
+    legend_beside(axis)
+    return figure
 
 
-def draw_families(result: Results, file: Path) -> None:
+def draw_families(result: Results) -> plt.Figure:
+    """Where solvers err alike, their rings stand one inside the other."""
     figure, axes = plt.subplots(2, 2, figsize=(10, 7.5), layout="constrained")
     for axis, name in zip(axes.flat, DRAWN):
         case, by_solver, _ = result[name]
-        for solver in SOLVERS:
-            axis.plot(case.distance, np.maximum(by_solver[solver].relative, 1e-17), ".", color=COLOURS[solver], markersize=3, label=solver)
+        for solver, size in zip(SOLVERS, (7.0, 4.5, 2.0)):
+            axis.plot(case.distance, np.maximum(by_solver[solver].relative, 1e-17), "o", color=COLOURS[solver], markersize=size,
+                      fillstyle="none", markeredgewidth=0.6, label=solver)
         axis.plot(case.distance, by_solver["elimination"].estimated, ".", color="0.7", markersize=3, label="estimate", zorder=0)
         axis.set(xscale="log", yscale="log", xlabel=f"distance [{case.distance_unit}]", ylabel="relative error", title=case.title)
-        axis.set_ylim(top=1e2)
-        axis.grid(True, which="major", color="0.9", linewidth=0.6)
+        axis.set_ylim(5e-18, 1e2)
+        clear_axis(axis)
         axis.invert_xaxis()
-    axes[0, 0].legend(frameon=False, markerscale=4, fontsize="small")
-    figure.savefig(file, dpi=110)
-    plt.close(figure)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=len(SOLVERS) + 1, frameon=False)
+    return figure
 
 
 def cost_table() -> str:
@@ -164,13 +160,12 @@ def cost_table() -> str:
     return "\n".join(lines)
 
 
-def studies(folder: Path) -> str:
+def studies() -> str:
     parts = []
     for name in STUDIED:
         result = linkdyn.load(ROOT / "examples" / name / "scene.toml").study()
         figure, _ = linkdyn.plot.study(result)
-        figure.savefig(folder / f"study_{name}.png", dpi=110)
-        plt.close(figure)
+        save_picture(figure, f"study_{name}")
         report = "\n".join("    " + line for line in result.attrs["report"].rstrip().splitlines())
         parts.append(f"`linkdyn study examples/{name}/scene.toml`\n\n{report}\n\n![{name}](accuracy/study_{name}.png)\n")
     return "\n".join(parts)
@@ -183,22 +178,20 @@ def main() -> None:
     program = quadruple_twin()
     if program is None:
         sys.exit("linkdyn-real128 is not built (expected it beside the executable: make real128)")
-    folder = ROOT / "docs" / "accuracy"
-    folder.mkdir(exist_ok=True)
     result = measure(program)
-    put_between(DOCUMENT, "cases", case_table(result))
-    put_between(DOCUMENT, "estimates", estimate_table(result))
-    put_between(DOCUMENT, "cost", cost_table())
-    draw_histogram(result, folder / "estimates.png")
-    draw_families(result, folder / "families.png")
+    save_table("cases", case_table(result))
+    save_table("estimates", estimate_table(result))
+    save_table("cost", cost_table())
+    save_picture(draw_histogram(result), "estimates")
+    save_picture(draw_families(result), "families")
     runs = measure_runs(program)
-    put_between(DOCUMENT, "runs", runs_table(runs))
-    draw_runs(runs, folder / "runs.png")
-    put_between(DOCUMENT, "motions", motions_table(program))
-    put_between(DOCUMENT, "long", long_table())
-    draw_long(folder / "long.png")
+    save_table("runs", runs_table(runs))
+    save_picture(draw_runs(runs), "runs")
+    save_table("motions", motions_table(program))
+    save_table("long", long_table())
+    save_picture(draw_long(), "long")
     if not given.no_studies:
-        put_between(DOCUMENT, "studies", studies(folder))
+        save_table("studies", studies())
     print(estimate_table(result))
 
 

@@ -5,8 +5,8 @@
 
 Runs the Fortran program bench_forward for times and states on each example, takes the errors against the references in
 tests/reference/forward.json (solutions in many digits by other ways; the Stewart platform: the same equations in quadruple
-precision), follows the energy of a free four-bar over 1000 turns, writes the tables between the markers in benchmarks/README.md
-and draws forward.png.
+precision), follows the energy of a free four-bar over 1000 turns. Tables `forward-rates`, `forward-times`, `forward-drift` and the
+picture forward.png under results/benchmarks.
 """
 from __future__ import annotations
 
@@ -22,14 +22,11 @@ import tomllib
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")   # pictures go to files
 import matplotlib.pyplot as plt
 import numpy as np
 
 import linkdyn
-from bench_inverse import FOLDER, ROOT, processor_line, put_between
+from report import ROOT, clear_axis, processor_line, save_picture, save_table
 
 METHODS = ("rk4", "rkf45", "rk8pd", "gbs", "msbdf")
 COLOURS = dict(zip(METHODS, ("#d55e00", "#e69f00", "#0072b2", "#009e73", "#cc79a7")))
@@ -128,28 +125,26 @@ def times_table(cases: list[Case]) -> str:
     return "\n".join(lines)
 
 
-def draw(cases: list[Case], file: Path) -> None:
+def draw(cases: list[Case]) -> plt.Figure:
     columns = 3
-    figure, axes = plt.subplots(-(-len(cases) // columns), columns, figsize=(12, 3.6 * -(-len(cases) // columns)), squeeze=False,
-                                layout="constrained")
+    n_row = -(-len(cases) // columns)
+    figure, axes = plt.subplots(n_row, columns, figsize=(12, 3.6 * n_row), squeeze=False, layout="constrained")
     for axis in axes.flat[len(cases):]:
         axis.set_visible(False)
-    for axis, case in zip(axes.flat, cases):
+    for i, (axis, case) in enumerate(zip(axes.flat, cases)):
         for method in METHODS:
             rows = [row for row in case.rows if row["method"] == method]
             axis.plot([row["ms"] for row in rows], [max(row["error"], 1e-17) for row in rows], MARKS[method] + "-", label=method,
                       color=COLOURS[method], markersize=4, linewidth=1.1)
         axis.axhline(np.finfo(float).eps, color="0.6", linewidth=0.8)
-        axis.set(xscale="log", yscale="log", ylim=(1e-17, 10.0), title=f"{case.name}, {case.end:g} s")
-        axis.grid(True, color="0.9", linewidth=0.6)
-        axis.spines[["top", "right"]].set_visible(False)
+        axis.set(xscale="log", yscale="log", ylim=(5e-18, 10.0), title=f"{case.name}, {case.end:g} s")
+        clear_axis(axis)
+        if i + columns >= len(cases):      # the lowest of its column
+            axis.set_xlabel("time of the run, one thread [ms]")
     for axis in axes[:, 0]:
         axis.set_ylabel("relative error at the end")
-    for axis in axes[-1]:
-        axis.set_xlabel("time of the run, one thread [ms]")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=len(METHODS), frameon=False)
-    figure.savefig(file, dpi=100)
-    plt.close(figure)
+    return figure
 
 
 # ----------------------------------------------------------------------------------------------------- energy drift
@@ -178,7 +173,7 @@ def drift_table() -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", type=Path, help="bench_forward_real64 (default: the one under build)")
-    parser.add_argument("--only", nargs="+", help="these examples, and no writing")
+    parser.add_argument("--only", nargs="+", help="these examples, and no table kept")
     given = parser.parse_args()
     program = given.program or next(ROOT.glob("build/*/benchmarks/bench_forward_real64"), None)
     if program is None:
@@ -195,8 +190,8 @@ def main() -> None:
     print(f"\n{drift}")
     machine = f"{processor_line()}; {head.rsplit(',', 1)[1].split()[0]} lanes."
     for marker, text in (("forward-rates", f"{machine}\n\n{rates}"), ("forward-times", times), ("forward-drift", drift)):
-        put_between(FOLDER / "README.md", marker, text)
-    draw(cases, FOLDER / "forward.png")
+        save_table(marker, text)
+    save_picture(draw(cases), "forward")
 
 
 if __name__ == "__main__":

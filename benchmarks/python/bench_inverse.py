@@ -1,18 +1,16 @@
 #!/usr/bin/env python3
 """Time against error of the solvers of inverse dynamics.
 
-    python benchmarks/python/bench_inverse.py [--program FILE] [--quad FILE] [--runs N]
+    python benchmarks/python/bench_inverse.py [--program FILE] [--runs N]
 
 Runs the Fortran program bench_inverse for the times, compares every solver with the 50-digit references in
-tests/reference for the errors, writes the table between the markers in benchmarks/README.md and draws time_error.png.
-With the quadruple twin of the executable (`--quad`, meson option real128) it also follows the errors towards a
-singularity and draws singularity.png.
+tests/reference for the errors; with the quadruple twin of the executable (`make real128`) follows the errors towards a
+singularity too. Tables `times`, `singularity` and pictures time_error.png, singularity.png under results/benchmarks.
 """
 from __future__ import annotations
 
 import argparse
 import csv
-import datetime
 import io
 import json
 import os
@@ -21,19 +19,18 @@ import sys
 import tempfile
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")   # pictures go to files
 import matplotlib.pyplot as plt
 import numpy as np
 
 import linkdyn
+from linkdyn.cli import quadruple_twin
+from report import ROOT, clear_axis, legend_beside, processor_line, save_picture, save_table
 
-ROOT = Path(__file__).resolve().parents[2]
-FOLDER = ROOT / "benchmarks"
 SCENES = ("tsai", "aris", "drilling")
 SOLVERS = ("gauss-jordan", "lapack", "elimination", "reduced")
-COLOURS = dict(zip(SOLVERS, ("#d55e00", "#0072b2", "#009e73", "#cc79a7")))
+"""Followed towards the singularity."""
+PLAIN = "gauss-jordan-plain"
+COLOURS = dict(zip((*SOLVERS, PLAIN), ("#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00")))
 MARKS = dict(zip(SCENES, "os^"))
 DISTANCES = [10.0**-k for k in range(1, 11)]
 COMPONENTS = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
@@ -109,13 +106,13 @@ def table(rows: list[dict], machine: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def draw_times(rows: list[dict], file: Path) -> None:
+def draw_times(rows: list[dict]) -> plt.Figure:
     figure, axis = plt.subplots(figsize=(7.5, 4.5), layout="constrained")
     for row in rows:
         worst = np.nanmax([row["force"], row["reaction"]])
         axis.plot(row["us"], worst, MARKS[row["scene"]], color=COLOURS[row["solver"]], markersize=8,
                   fillstyle="full" if row["want"] == "all" else "none")
-    for solver in SOLVERS:
+    for solver in dict.fromkeys(row["solver"] for row in rows):
         axis.plot([], [], "o", color=COLOURS[solver], label=solver)
     for scene in SCENES:
         axis.plot([], [], MARKS[scene], color="0.3", label=f"stewart_{scene}")
@@ -125,13 +122,15 @@ def draw_times(rows: list[dict], file: Path) -> None:
                   color="0.4")
     axis.set(xscale="log", yscale="log", xlabel="time per pose, one thread [us]",
              ylabel="largest relative error", title="From pose, velocity, acceleration to forces")
-    finish(figure, axis, file)
+    clear_axis(axis)
+    legend_beside(axis)
+    return figure
 
 
 # ------------------------------------------------------------------------------------------------------ singularity
 def follow_singularity(quad: Path) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """Errors of each solver by distance, 1/rcond by distance, and which of them elimination gave to the dense solver."""
-    file = FOLDER / "scenes" / "fichter.toml"
+    file = ROOT / "benchmarks" / "scenes" / "fichter.toml"
     text = file.read_text()
     scene = linkdyn.load(file)
     q, qd, qdd = (np.repeat(x, len(DISTANCES), axis=0) for x in scene.motion())
@@ -177,7 +176,7 @@ def singularity_table(errors: dict[str, np.ndarray], condition: np.ndarray, hand
     return "\n".join(lines)
 
 
-def draw_singularity(errors: dict[str, np.ndarray], file: Path) -> None:
+def draw_singularity(errors: dict[str, np.ndarray]) -> plt.Figure:
     figure, axis = plt.subplots(figsize=(7.5, 4.5), layout="constrained")
     for solver in SOLVERS:
         axis.plot(DISTANCES, errors[solver], "o-", color=COLOURS[solver], label=solver, linewidth=1.2)
@@ -185,50 +184,22 @@ def draw_singularity(errors: dict[str, np.ndarray], file: Path) -> None:
     axis.set(xscale="log", yscale="log", xlabel="distance of yaw from the singularity [rad]", ylabel="relative error",
              title="Fichter's platform")
     axis.invert_xaxis()
-    finish(figure, axis, file)
-
-
-def finish(figure: plt.Figure, axis: plt.Axes, file: Path) -> None:
-    axis.grid(True, which="major", color="0.9", linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
-    figure.savefig(file, dpi=110)
-    plt.close(figure)
+    clear_axis(axis)
+    legend_beside(axis)
+    return figure
 
 
 # ---------------------------------------------------------------------------------------------------------- report
-def processor_line() -> str:
-    """Date and processor."""
-    model = "unknown processor"
-    for line in Path("/proc/cpuinfo").read_text().splitlines():
-        if line.startswith("model name"):
-            model = line.split(":", 1)[1].strip()
-            break
-    wide = "AVX-512" if "avx512f" in Path("/proc/cpuinfo").read_text() else "no AVX-512"
-    return f"{datetime.date.today()}, {model}, {wide}, {os.cpu_count()} cores"
-
-
 def machine_line(machine: dict[str, str]) -> str:
     return f"{processor_line()}; multiply-add peak of one core {machine['peak']:.1f} GFlop/s; {machine['lanes']} lanes."
-
-
-def put_between(file: Path, marker: str, text: str) -> None:
-    """Replace what stands between <!-- marker --> and <!-- /marker -->."""
-    before, begin, rest = file.read_text().partition(f"<!-- {marker} -->\n")
-    _, end, after = rest.partition(f"<!-- /{marker} -->")
-    if not begin or not end:
-        raise SystemExit(f"{file}: no place for '{marker}'")
-    file.write_text(f"{before}{begin}{text}\n{end}{after}")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", type=Path, help="bench_inverse_real64 (default: the one under build)")
-    parser.add_argument("--quad", type=Path, help="linkdyn-real128 (default: the one under build, if any)")
     parser.add_argument("--runs", type=int, default=3, help="runs of the Fortran program; the best time counts (default 3)")
     given = parser.parse_args()
     program = given.program or next(ROOT.glob("build/*/benchmarks/bench_inverse_real64"), None)
-    quad = given.quad or next(ROOT.glob("build/*/app/linkdyn-real128"), None)
     if program is None:
         sys.exit("bench_inverse_real64 is not built (meson option benchmarks)")
 
@@ -236,16 +207,17 @@ def main() -> None:
     for row in rows:
         row["force"], row["reaction"] = reference_errors(row["scene"], row["solver"], row["want"])
     times = table(rows, machine)
-    put_between(FOLDER / "README.md", "times", f"{machine_line(machine)}\n\n{times}")
-    draw_times(rows, FOLDER / "time_error.png")
+    save_table("times", f"{machine_line(machine)}\n\n{times}")
+    save_picture(draw_times(rows), "time_error")
     print(times)
+    quad = quadruple_twin()
     if quad is None:
-        print("no linkdyn-real128: the way to the singularity is left out")
+        print("no linkdyn-real128: the way to the singularity is left out (make real128)")
         return
-    errors, condition, handed_on = follow_singularity(quad.resolve())
+    errors, condition, handed_on = follow_singularity(quad)
     near = singularity_table(errors, condition, handed_on)
-    put_between(FOLDER / "README.md", "singularity", near)
-    draw_singularity(errors, FOLDER / "singularity.png")
+    save_table("singularity", near)
+    save_picture(draw_singularity(errors), "singularity")
     print(near)
 
 

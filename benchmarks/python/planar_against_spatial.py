@@ -4,22 +4,21 @@
     python benchmarks/python/planar_against_spatial.py
 
 The spatial twin has joints that do not over-constrain it (a loop has cylindrical and spherical joints where the planar one
-has hinges), so that both have the same forces in the plane. Writes the table between the markers in benchmarks/README.md.
+has hinges), so that both have the same forces in the plane. Leaves the table `planar` under results/benchmarks.
 """
 
 from __future__ import annotations
 
 import time
 import tomllib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import linkdyn
+from report import ROOT, save_table
 
-ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = 100_000
 PASSES = 7
 
@@ -132,11 +131,7 @@ def main() -> None:
             lines.append(f"| {name} | {len(planar.links)} | {results} | {one:.3f} | {other:.3f} | {other / one:.1f} | {gap:.0e} |")
     table = "\n".join(lines)
     print(table)
-    readme = ROOT / "benchmarks" / "README.md"
-    text = readme.read_text()
-    first, last = "<!-- planar -->\n", "<!-- /planar -->"
-    head, rest = text.split(first)
-    readme.write_text(head + first + table + "\n" + rest[rest.index(last) :])
+    save_table("planar", table)
 
 
 if __name__ == "__main__":

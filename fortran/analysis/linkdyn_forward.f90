@@ -208,7 +208,7 @@ contains
                 if (first > 0) call find_forces(first, i - 1)
                 first = i
                 phase = run%phase
-                if (has_assemblies(run%model)) call make_room(run%model, size(t) - i + 1, assembly)
+                if (has_assemblies(run%model) .or. phase > 1) call make_room(run%model, size(t) - i + 1, assembly)
                 if (phase > 1) allocate (assembly%counted, source=0*q(:, i:))
             end if
             work = ieee_value(1.0_wp, ieee_quiet_nan)

@@ -103,7 +103,7 @@ contains
     subroutine add_axes(run, dataset)
         type(sweep_run), intent(in) :: run
         type(dataset_type), intent(inout) :: dataset
-        integer :: i, k
+        integer :: i
         real(wp) :: low(size(run%plan%axis)), high(size(run%plan%axis))
 
         associate (axis => run%plan%axis%spec)
@@ -116,7 +116,7 @@ contains
             end do
             call add_texts(dataset, "axis", "axis", axis%name)
             call add_texts(dataset, "axis_unit", "axis", axis%unit)
-            call add_texts(dataset, "axis_sampling", "axis", [(sampling_name(axis(k)%sampling), k=1, size(axis))])
+            call add_texts(dataset, "axis_sampling", "axis", sampling_name(axis%sampling))
             call add_integers(dataset, "axis_size", "axis", axis%n, "values of the axis")
             call add_integers(dataset, "axis_group", "axis", int(axis%group, int64), "axes of one group advance together")
             call add_reals(dataset, "axis_low", "axis", low, "lower end of the axis", "", "axis_unit")

@@ -209,6 +209,7 @@ contains
         type(table_reading) :: reading
         type(toml_node) :: node, item
         character(len=:), allocatable :: component
+        character(len=5) :: known(size(components) + 1)     ! in a constructor gfortran 12 leaks the copy of a section
         integer :: i
 
         if (.not. status%is_ok()) return
@@ -227,7 +228,9 @@ contains
             call allow_keys(inner, [character(len=13) :: "table", "time", "interpolation"], status)
             call read_table_keys(inner, spline, shelf, reading, status)
         else
-            call allow_keys(inner, [character(len=5) :: pose_component_name(components), "table"], status)
+            known(:size(components)) = pose_component_name(components)
+            known(size(components) + 1) = "table"
+            call allow_keys(inner, known, status)
         end if
         do i = 1, size(components)
             if (.not. status%is_ok()) return

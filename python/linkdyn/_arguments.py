@@ -1,34 +1,84 @@
-"""Arguments checked in our words: what is wrong in a call becomes an `InputError` that names the argument."""
+"""Arguments as the engine takes them, or an `InputError` that names the argument and says what was expected."""
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
 
-__all__ = ["as_count", "as_mapping", "as_number", "as_path", "as_real", "as_word", "as_words"]
+__all__ = [
+    "as_count", "as_flag", "as_floats", "as_mapping", "as_name", "as_names", "as_number", "as_path", "as_real", "dimensions", "quoted",
+]  # fmt: skip
+
+LONGEST = 60
+"""Characters of a wrong value that a message quotes."""
+LONGEST_NAME = 200
+"""Characters of one of the engine's own names, or of several in one text."""
 
 
-def as_real(name: str, value: Any) -> float:
-    """One real number, which the engine may find fault with.
+def quoted(value: Any) -> str:
+    """A value as a message shows it: on one line, of bounded length."""
+    try:
+        text = " ".join(ascii(value).split())
+    except Exception:  # noqa: BLE001 (whatever goes wrong in a stranger's repr)
+        return f"a {type(value).__name__}"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def dimensions(name: str, values: ArrayLike, says: str) -> int:
+    """Number of dimensions of what should be an array of a shape."""
+    try:
+        return np.ndim(values)
+    except ValueError:
+        raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from None
+
+
+def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str) -> NDArray[np.float64]:
+    """Values as a C-ordered float64 array; no copy if they are one already.
+
+    Parameters
+    ----------
+    name
+        Argument's name, for the message.
+    values
+        Numbers: int or float, nothing else.
+    shape
+        Expected shape; None stands for any length.
+    says
+        The expected shape in words, e.g. "(N, 6)".
 
     Raises
     ------
     InputError
-        Anything else, such as a text or an array of several.
+        Complex, bool, object or text values; a wrong shape.
     """
     try:
-        array = np.asarray(value)
-    except ValueError:  # rows of unequal length
-        array = np.empty(2)
-    if array.size != 1 or array.dtype.kind not in "fiu":
-        raise InputError(f"{name}: expected a number, got {_shown(value)}")
-    return float(array.reshape(())[()])
+        array = np.asarray(values)
+    except ValueError:
+        raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from None
+    if array.dtype.kind not in "fiu" or array.dtype.itemsize > np.dtype(np.float64).itemsize:
+        raise InputError(f"{name}: expected real numbers (float64), got dtype {array.dtype}")
+    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape)):
+        raise InputError(f"{name}: expected shape {says}, got {_shape_text(array.shape)}")
+    return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def _shape_text(shape: tuple[int, ...]) -> str:
+    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+
+
+def as_real(name: str, value: Any) -> float:
+    """One real number; whether it is finite and of the right sign, the engine says."""
+    array = np.asarray(value) if isinstance(value, (int, float, np.number, np.ndarray)) else None
+    if array is None or array.ndim != 0 or array.dtype.kind not in "fiu":
+        raise InputError(f"{name}: expected a number, got {quoted(value)}")
+    return float(array)
 
 
 def as_number(name: str, value: Any) -> float:
@@ -39,44 +89,48 @@ def as_number(name: str, value: Any) -> float:
     return number
 
 
-def as_count(name: str, value: Any) -> int:
-    """A whole number from 1 on, as large as it may be: the engine's own limit is taken for anything above."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise InputError(f"{name}: expected a whole number from 1 on, got {_shown(value)}")
+def as_count(name: str, value: Any, first: int = 1) -> int:
+    """A whole number from the first on; the largest that the engine's integers hold is taken for anything above."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < first:
+        raise InputError(f"{name}: expected a whole number from {first} on, got {quoted(value)}")
     return min(int(value), np.iinfo(np.intc).max)
 
 
-def as_word(name: str, value: Any) -> str:
-    """A text of plain letters, such as the name of a method."""
-    if not isinstance(value, str) or not value.isascii() or "\0" in value:
-        raise InputError(f"{name}: expected a name, got {_shown(value)}")
-    return str(value)
+def as_flag(name: str, value: Any) -> bool:
+    """True or False; 0 and 1 will do."""
+    if isinstance(value, (bool, np.bool_, int, np.integer)) and value in (0, 1):
+        return bool(value)
+    raise InputError(f"{name}: expected True or False, got {quoted(value)}")
 
 
-def as_words(name: str, value: str | Iterable[str] | None) -> str:
-    """Some words, with commas between; none is empty."""
+def as_name(name: str, value: Any) -> str:
+    """A name of the engine's own, such as a solver's."""
+    if not isinstance(value, str) or not value.isascii() or not value.isprintable() or len(value) > LONGEST_NAME:
+        raise InputError(f"{name}: expected a name, got {quoted(value)}")
+    return value
+
+
+def as_names(name: str, value: Any) -> str:
+    """One name or several, with commas between; None: none."""
     if value is None or isinstance(value, str):
-        return as_word(name, value or "")
-    if not isinstance(value, Iterable):
-        raise InputError(f"{name}: expected a name or several, got {_shown(value)}")
-    return ",".join(as_word(name, word) for word in value)
+        return as_name(name, value or "")
+    try:
+        items = list(value)
+    except TypeError:
+        raise InputError(f"{name}: expected a name or several, got {quoted(value)}") from None
+    return ",".join(as_name(name, item) for item in items)
 
 
-def as_mapping(name: str, value: Any) -> Mapping[Any, Any]:
-    """A dict, or something like it."""
-    if not isinstance(value, Mapping):
-        raise InputError(f"{name}: expected a dict, got {_shown(value)}")
+def as_mapping(name: str, value: Any, says: str = "a dict with names as keys") -> Mapping[str, Any]:
+    """A mapping from names."""
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise InputError(f"{name}: expected {says}, got {quoted(value)}")
     return value
 
 
 def as_path(name: str, value: Any) -> str:
-    """The name of a file or folder."""
-    if not isinstance(value, (str, os.PathLike)) or "\0" in (path := os.fsdecode(value)):
-        raise InputError(f"{name}: expected a path, got {_shown(value)}")
+    """A path as text."""
+    path = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
+    if not isinstance(path, str) or "\0" in path:
+        raise InputError(f"{name}: expected a path, got {quoted(value)}")
     return path
-
-
-def _shown(value: Any) -> str:
-    """A value in a message: its type where it would be long."""
-    text = repr(value)
-    return text if len(text) <= 40 and "\n" not in text else f"a {type(value).__name__}"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from . import _engine
 from .errors import ClosedSceneError, FileError, InputError, LinkdynError, SceneError, UnavailableError
@@ -76,54 +76,6 @@ def _listen(procedure: Any, *arguments: Any, **named: Any) -> list[Any]:
         if code != INTERRUPTED:
             check(code, message)
             return results
-
-
-def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str) -> Floats:
-    """Values as a C-ordered float64 array; no copy if they are one already.
-
-    Parameters
-    ----------
-    name
-        Argument's name, for the message.
-    values
-        Numbers: int or float, nothing else.
-    shape
-        Expected shape; None stands for any length.
-    says
-        The expected shape in words, e.g. "(N, 6)".
-
-    Raises
-    ------
-    InputError
-        Complex, bool, object or text values; a wrong shape.
-    """
-    try:
-        array = np.asarray(values)
-    except ValueError as error:
-        raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from error
-    if array.dtype.kind not in "fiu" or array.dtype.itemsize > np.dtype(np.float64).itemsize:
-        raise InputError(f"{name}: expected real numbers (float64), got dtype {array.dtype}")
-    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape)):
-        raise InputError(f"{name}: expected shape {says}, got {_shape_text(array.shape)}")
-    return np.ascontiguousarray(array, dtype=np.float64)
-
-
-def dimensions(name: str, values: ArrayLike, says: str) -> int:
-    """Number of dimensions of some values.
-
-    Raises
-    ------
-    InputError
-        Rows of unequal length.
-    """
-    try:
-        return np.ndim(values)
-    except ValueError as error:
-        raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from error
-
-
-def _shape_text(shape: tuple[int, ...]) -> str:
-    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
 def open_scene(text: bytes, file: str, folder: str) -> int:

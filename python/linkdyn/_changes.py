@@ -32,8 +32,8 @@ def changed(scene: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     """
     result = copy.deepcopy(dict(scene))
     for path, value in changes.items():
-        if not isinstance(path, str) or not path:
-            raise InputError(f"with_: {path!r} is no path (expected such as 'link.crank.mass')")
+        if not path:
+            raise InputError("with_: '' is no path (expected such as 'link.crank.mass')")
         _put(result, path, path, value)
     return result
 

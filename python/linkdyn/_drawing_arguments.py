@@ -10,8 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
-from . import _bind
-from ._arguments import as_count, as_mapping, as_number, as_path
+from ._arguments import as_count, as_flag, as_floats, as_mapping, as_number, as_path
 from .errors import InputError
 from .scene import Scene
 
@@ -72,16 +71,16 @@ def _as_places(name: str, value: Any) -> dict[str, float]:
 
 
 def _as_index(name: str, value: Any) -> int:
-    return as_count(name, value + 1 if isinstance(value, (int, np.integer)) and not isinstance(value, bool) else value) - 1
+    return as_count(name, value, 0)
 
 
 def _as_curve(name: str, value: Any) -> np.ndarray:
     """Points (N, 2) of a limit."""
-    return _bind.as_floats(name, value, (None, 2), "(N, 2)")
+    return as_floats(name, value, (None, 2), "(N, 2)")
 
 
 def _as_coordinates(name: str, value: Any) -> np.ndarray:
-    return _bind.as_floats(name, value, (None,), "(n,)")
+    return as_floats(name, value, (None,), "(n,)")
 
 
 def _as_axes(name: str, value: Any) -> Any:
@@ -95,12 +94,6 @@ def _as_positive(name: str, value: Any) -> float:
     if number <= 0:
         raise InputError(f"{name}: expected a number above zero, got {number:g}")
     return number
-
-
-def _as_flag(name: str, value: Any) -> bool:
-    if not isinstance(value, (bool, np.bool_)):
-        raise InputError(f"{name}: expected True or False, got {type(value).__name__}")
-    return bool(value)
 
 
 _KINDS: dict[str, Callable[[str, Any], Any]] = {
@@ -124,7 +117,7 @@ _KINDS: dict[str, Callable[[str, Any], Any]] = {
     "design": _as_index,
     "frames": as_count,
     "fps": _as_positive,
-    "names": _as_flag,
+    "names": as_flag,
     "motor": _as_curve,
     "limit": _as_curve,
     "continuous": _as_curve,

@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _engine
-from ._arguments import as_count
+from ._arguments import as_count, quoted
 from .errors import InputError
 
 __all__ = [
@@ -815,9 +815,11 @@ class _Call:
         for label, of, size in given:
             parts += self._columns(label, of, size)
         self.samples = self._spread(parts)
-        count = int(np.prod(self.samples))
+        self.count = int(np.prod(self.samples))
+        count = max(1, self.count)  # the flat layer takes one sample at least
         flat = [
-            np.broadcast_to(array, self.samples + shape).reshape((count, -1)) for array, shape, _ in parts
+            np.broadcast_to(array, self.samples + shape).reshape((count, -1)) if self.count else np.zeros((1, int(np.prod(shape))))
+            for array, shape, _ in parts
         ]
         self.packed = [np.concatenate(flat[3 * k : 3 * k + 3], axis=1).T for k in range(len(items))]
         for k, (_, _, size) in enumerate(given):
@@ -873,8 +875,8 @@ class _Call:
 
     def crank(self, number: int) -> int:
         """Number of a crank for the flat layer."""
-        if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or not 0 <= number < self.cranks:
-            raise InputError(f"{self.name}: crank: expected 0 to {self.cranks - 1}, got {number!r}")
+        if as_count(f"{self.name}: crank", number, 0) >= self.cranks:
+            raise InputError(f"{self.name}: crank: expected 0 to {self.cranks - 1}, got {number}")
         return number + 1
 
     def require_line(self, j1: Point, j2: Point) -> None:
@@ -899,19 +901,19 @@ class _Call:
 
     def coefficients(self, values: Floats) -> Coefficients:
         """From (size, cranks + 1, samples) or (cranks + 1, samples)."""
-        columns = values.transpose()
+        columns = values.transpose()[: self.count]
         columns = columns.reshape(self.samples + columns.shape[1:])
         axis = len(self.samples)
         return Coefficients(np.delete(columns, 0, axis=axis), np.take(columns, 0, axis=axis))
 
     def _rows(self, values: Floats, parts: int, shape: tuple[int, ...]) -> list[Floats]:
-        return [np.ascontiguousarray(part.T).reshape(self.samples + shape) for part in np.split(values, parts)]
+        return [np.ascontiguousarray(part.T[: self.count]).reshape(self.samples + shape) for part in np.split(values, parts)]
 
 
 def _number(name: str, value: float) -> float:
     array = _floats(name, value)
     if array.ndim != 0 or not np.isfinite(array):
-        raise InputError(f"{name}: expected one finite number, got {value!r}")
+        raise InputError(f"{name}: expected one finite number, got {quoted(value)}")
     return float(array)
 
 
@@ -943,7 +945,7 @@ def _matrix(name: str, value: ArrayLike | None) -> Floats:
 
 def _mode(mode: int) -> int:
     if not isinstance(mode, (int, float, np.number)) or mode not in (1, -1):
-        raise InputError(f"mode: expected +1 or -1, got {mode!r}")
+        raise InputError(f"mode: expected +1 or -1, got {quoted(mode)}")
     return int(mode)
 
 

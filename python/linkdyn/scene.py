@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import math
 import os
 import tomllib
@@ -17,10 +18,10 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
-from ._arguments import as_count, as_mapping, as_number, as_path, as_real, as_word, as_words
+from ._arguments import as_count, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, dimensions, quoted
 from ._changes import changed
 from ._progress import Progress
-from .errors import InputError, Interrupted
+from .errors import FileError, InputError, Interrupted
 from .results import ensemble_dataset, result_shapes, to_dataset
 from .study import run_study
 from .sweep import run_sweep
@@ -33,6 +34,8 @@ RUN_BLOCK, RUN_VALUES, BREATH = 4096, 1 << 20, 0.25
 """Instants of a forward run, their values, and seconds, in one call of the engine at most."""
 ENSEMBLE_BLOCK = 512
 """Members of an ensemble in one call of the engine."""
+DEEPEST = 32
+"""Tables and lists inside each other, in a scene given as a mapping."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +77,12 @@ def load(path: str | os.PathLike[str]) -> Scene:
     ------
     FileNotFoundError
         There is no such file.
+    FileError
+        It cannot be read.
     SceneError
         Something is wrong in it: file, line, what, what was expected.
     """
-    return Scene(Path(path))
+    return Scene(Path(as_path("path", path)))
 
 
 class Scene:
@@ -155,7 +160,8 @@ class Scene:
         >>> scene = linkdyn.load("examples/fourbar/scene.toml")
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
-        return Scene(changed(tomllib.loads(self.text), as_mapping("changes", changes)), folder=self._folder)
+        paths = as_mapping("changes", changes, "new values by their paths, such as 'link.crank.mass'")
+        return Scene(changed(tomllib.loads(self.text), paths), folder=self._folder)
 
     def explain(self, matrix: bool = False) -> str:
         """What is modelled, how it is computed, what is left out.
@@ -165,7 +171,7 @@ class Scene:
         matrix
             Write the equations [A]{F} = b at the scene's first instant out as well, in symbols and in numbers.
         """
-        return _bind.explain(self._handle, matrix)
+        return _bind.explain(self._handle, as_flag("matrix", matrix))
 
     def times(self) -> NDArray[np.float64]:
         """Instants of the scene's own run [s], shape (N,)."""
@@ -224,11 +230,11 @@ class Scene:
         if joint_variable is not None:
             if q is not None:
                 raise InputError("q, joint_variable: give one of them")
-            schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False)
-            width = next(len(item["labels"]) for item in schema["dimensions"] if item["name"] == "variable")
-            variables = _bind.as_floats("joint_variable", joint_variable, (None, width), f"(N, {width})")
+            schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False, is_forward=True)
+            (width,), _ = result_shapes(schema)["joint_variable"]
+            variables = as_floats("joint_variable", joint_variable, (None, width), f"(N, {width})")
             return Poses(*_bind.poses(self._handle, variables, len(self.links), False, by_joints=True))
-        follows = q is None if in_order is None else in_order
+        follows = q is None if in_order is None else as_flag("in_order", in_order)
         if q is None:
             q = self.motion()[0]
         values = self._batch("q", q, None, one=True)
@@ -364,13 +370,15 @@ class Scene:
         instants = self._output_instants(t_end) if t is None else self._increasing(t)
         if t is not None and t_end is not None:
             raise InputError("t, t_end: give one of them")
-        wanted, method, solver = as_words("want", want), as_word("method", method), as_word("solver", solver)
+        wanted, has_errors = as_names("want", want), as_flag("error", error)
+        method, solver = as_name("method", method), as_name("solver", solver)
+        shows = None if progress is None else as_flag("progress", progress)
         settings = (as_real("step", step), as_real("rtol", rtol), as_real("atol", atol))
         kind = (method, solver, as_count("threads", threads))
-        schema = _bind.describe_results(self._handle, solver, wanted, True, is_forward=True, error=bool(error))
-        run = _bind.Run(self._handle, *kind, settings, bool(switch), wanted, bool(error), float(instants[0]))
+        schema = _bind.describe_results(self._handle, solver, wanted, True, is_forward=True, error=has_errors)
+        run = _bind.Run(self._handle, *kind, settings, as_flag("switch", switch), wanted, has_errors, float(instants[0]))
         try:
-            return self._follow(run, instants, schema, method, solver, progress)
+            return self._follow(run, instants, schema, method, solver, shows)
         finally:
             run.finish()
 
@@ -452,7 +460,7 @@ class Scene:
         settings = (as_real("step", step), as_count("threads", threads))
         start = self._batch("q", q, None)
         rate = self._batch("qd", qd, len(start))
-        parts, n_done, sign = [], 0, Progress(progress)
+        parts, n_done, sign = [], 0, Progress(None if progress is None else as_flag("progress", progress))
         try:
             while n_done < len(start) or not parts:
                 block = slice(n_done, n_done + ENSEMBLE_BLOCK)
@@ -527,17 +535,18 @@ class Scene:
             The scene has no sweep; an unknown quantity or solver; too many or too few actuators.
         """
         if sweep is not None:
-            content = tomllib.loads(self.text) | {"sweep": as_mapping("sweep", sweep)}
+            table = as_mapping("sweep", sweep, "a table as in a scene file")
+            content = tomllib.loads(self.text) | {"sweep": table}
             return Scene(content, folder=self._folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
         return run_sweep(
             self._handle,
             self._folder,
             self.description,
             self.text,
-            keep=as_words("keep", keep),
-            solver=as_word("solver", solver),
+            keep=as_names("keep", keep),
+            solver=as_name("solver", solver),
             threads=as_count("threads", threads),
-            progress=bool(progress),
+            progress=as_flag("progress", progress),
         )
 
     def _output_instants(self, t_end: float | None) -> NDArray[np.float64]:
@@ -608,14 +617,13 @@ class Scene:
         error: bool,
     ) -> _Job:
         """Checked once for calls of one kind."""
-        wanted, solver = as_words("want", want), as_word("solver", solver)
-        if wrench is not None:
-            as_mapping("wrench", wrench)
-        key = (wanted, solver, tuple(wrench or ()), along_motion, bool(error))
+        markers = () if wrench is None else tuple(as_mapping("wrench", wrench, 'marker names such as "platform.tool" with their values'))
+        wanted, solver, has_errors = as_names("want", want), as_name("solver", solver), as_flag("error", error)
+        key = (wanted, solver, markers, along_motion, has_errors)
         job = self._jobs.get(key)
         if job is None:
-            handle, n_load = self._with_loads(key[2])
-            schema = _bind.describe_results(handle, solver, wanted, along_motion, error=bool(error))
+            handle, n_load = self._with_loads(markers)
+            schema = _bind.describe_results(handle, solver, wanted, along_motion, error=has_errors)
             load = _bind.motion(handle, np.zeros(1), len(self.coordinates), n_load)[3]
             job = _Job(handle, n_load, solver, schema, result_shapes(schema), load)
             self._jobs[key] = job
@@ -623,8 +631,6 @@ class Scene:
 
     def _with_loads(self, markers: tuple[str, ...]) -> tuple[int, int]:
         """Handle and number of loads of the scene with loads at these markers too."""
-        if not all(isinstance(marker, str) for marker in markers):
-            raise InputError('wrench: expected marker names such as "platform.tool" as keys')
         if markers not in self._handles:
             handle = _bind.add_loads(self._handle, markers)
             weakref.finalize(self, _bind.close_scene, handle)
@@ -682,9 +688,9 @@ class Scene:
         """Values of the coordinates (N, n), or of one sample (n,) where that will do."""
         columns = len(self.coordinates)
         says = f"({'N' if n is None else n}, {columns})"
-        if one and _bind.dimensions(name, values, says) == 1:
-            return _bind.as_floats(name, values, (columns,), f"{says} or ({columns},)")[np.newaxis]
-        return _bind.as_floats(name, values, (n, columns), says)
+        if one and dimensions(name, values, says) == 1:
+            return as_floats(name, values, (columns,), f"{says} or ({columns},)")[np.newaxis]
+        return as_floats(name, values, (n, columns), says)
 
     def _increasing(self, t: ArrayLike) -> NDArray[np.float64]:
         instants = self._instants(t)
@@ -693,7 +699,7 @@ class Scene:
         return instants
 
     def _instants(self, t: ArrayLike) -> NDArray[np.float64]:
-        instants = _bind.as_floats("t", t, (None,) * min(1, _bind.dimensions("t", t, "(N,)")), "(N,)").reshape(-1)
+        instants = as_floats("t", t, (None,) * min(1, dimensions("t", t, "(N,)")), "(N,)").reshape(-1)
         bad = np.flatnonzero(~np.isfinite(instants))
         if bad.size:
             raise InputError(f"t[{bad[0]}] is not a finite number")
@@ -712,10 +718,10 @@ class Scene:
         """A given wrench as (N or 1, 6)."""
         name, width = f"wrench[{marker!r}]", 3 if self.planar else 6
         says = f"({n}, {width}) or ({width},)"
-        if _bind.dimensions(name, values, says) == 1:
-            array = _bind.as_floats(name, values, (width,), says)[np.newaxis]
+        if dimensions(name, values, says) == 1:
+            array = as_floats(name, values, (width,), says)[np.newaxis]
         else:
-            array = _bind.as_floats(name, values, (n, width), says)
+            array = as_floats(name, values, (n, width), says)
         if not self.planar:
             return array
         full = np.zeros((len(array), _bind.LOAD_WIDTH))
@@ -740,29 +746,40 @@ def _spread(
 def _source(source: Any) -> tuple[bytes, str, str | os.PathLike[str]]:
     """Bytes of a scene, its name in messages, its folder."""
     if isinstance(source, Mapping):
-        try:
-            return tomli_w.dumps(_plain(source)).encode(), "scene", "."
-        except (TypeError, ValueError, RecursionError) as error:
-            raise InputError(f"scene: holds what a scene file cannot ({error})") from error
+        return tomli_w.dumps(_plain(source)).encode(), "scene", "."
     if isinstance(source, str) and ("\n" in source or not source.strip()):
-        return source.encode(), "scene", "."
+        return source.encode(errors="surrogateescape"), "scene", "."
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"scene: expected a path, a text or a dict, got {type(source).__name__}")
     path = Path(as_path("scene", source))
-    return path.read_bytes(), str(path), path.parent
+    try:
+        return path.read_bytes(), str(path), path.parent
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise FileError(f"{quoted(str(path))}: cannot be read: {error.strerror}") from error
 
 
-def _plain(value: Any) -> Any:
-    """Numpy arrays and numbers, tuples and paths as what TOML knows; values that are None are left out."""
+def _plain(value: Any, place: str = "") -> Any:
+    """Numpy arrays and numbers, tuples and paths as what TOML knows; keys whose value is None are left out."""
+    if place.count(".") + place.count("[") > DEEPEST:
+        raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: tables inside each other without an end")
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items() if item is not None}
-    if isinstance(value, (np.ndarray, np.generic)):
-        return _plain(value.tolist())
+        return {
+            _plain(str(key), place): _plain(item, f"{place}.{key}".lstrip(".")) for key, item in value.items() if item is not None
+        }
+    if isinstance(value, (np.ndarray, np.generic)) and value.dtype.kind in "biufU":
+        return _plain(value.tolist(), place)
     if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return os.fspath(value) if isinstance(value, os.PathLike) else value
+        return [_plain(item, f"{place}[{i}]") for i, item in enumerate(value)]
+    if isinstance(value, os.PathLike):
+        return as_path(f"scene: {place}", value)
+    if isinstance(value, str) and not value.isascii() and any("\ud800" <= letter <= "\udfff" for letter in value):
+        raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: {quoted(value)}, half of a character")
+    if not isinstance(value, (str, bool, int, float, datetime.date, datetime.time)):
+        raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: {quoted(value)} (expected a number, a text, a list or a table)")
+    return value
 
 
 def _names(entries: list[dict[str, Any]]) -> tuple[str, ...]:
     return tuple(entry["name"] for entry in entries)
-

@@ -73,8 +73,8 @@ def test_study(twin, tmp_path):
     # a hundred eps: well-conditioned equations of nine unknowns
     assert max(inverse.values()) < 100 * np.finfo(float).eps
     rk4 = [float(row["error [1]"]) for row in rows if row["method"] == "rk4"]
-    # steps shrink by four: order 4 gains a factor 256 until rounding
-    assert len(rk4) == 5 and rk4[1] < rk4[0] / 100 and rk4[2] < rk4[1] / 100
+    # steps shrink by four: order 4 gains a factor 256 until rounding; what takes seconds, as it may in a checked build, ends the ladder
+    assert len(rk4) >= 3 and rk4[1] < rk4[0] / 100 and rk4[2] < rk4[1] / 100
     advice = re.search(r"for 1e-6 use (\S+), (tol \S+|step .+ s): ", result.stdout)
     assert advice
     chosen = [row for row in rows if (row["method"], row["setting"]) == advice.groups()]
@@ -356,10 +356,9 @@ def test_output_is_a_folder(tsai_file, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_folder_without_permission(tsai_file, tmp_path):
-    tmp_path.chmod(0o500)
-    refused(run("inverse", tsai_file, "-o", tmp_path / "run.nc"), "Permission denied")
+def test_folder_without_permission(tsai_file):
+    """In the kernel's own folder not even root may make a file."""
+    refused(run("inverse", tsai_file, "-o", "/sys/kernel/run.nc"), "/sys/kernel/run.nc: cannot be written: ")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

@@ -24,7 +24,7 @@ module linkdyn_testing
     end interface
 
     type :: unit_test
-        character(len=:), allocatable :: name
+        character(len=80) :: name = ""     !! of fixed length: gfortran 12 leaks allocatable parts of function results in a list
         procedure(test_procedure), pointer, nopass :: run => null()
     end type unit_test
 
@@ -114,7 +114,7 @@ contains
             call tests(i)%run(error)
             if (allocated(error%message)) then
                 n_failed = n_failed + 1
-                print "(a)", "FAILED "//name//"/"//tests(i)%name//": "//error%message
+                print "(a)", "FAILED "//name//"/"//trim(tests(i)%name)//": "//error%message
             else
                 n_passed = n_passed + 1
             end if

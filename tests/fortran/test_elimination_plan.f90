@@ -231,7 +231,7 @@ contains
                     associate (a => system%matrix(l, :, :))
                         if (modulo(k, 2) == 1) want = dense_solution(a, system%right(l, :))
                         if (modulo(k, 2) == 0) want = dense_solution(transpose(a), system%right(l, :))
-                        tol = (1 + 1000*alarm(l))*100*eps*condition_number(a)*maxval(abs(want))    ! as in `compare`
+                        tol = rounding(solve%n, alarm(l))*condition_number(a)*maxval(abs(want))
                     end associate
                     call check_close(error, x(l, :), want, tol, what//": solution "//to_text(k))
                 end do
@@ -363,13 +363,11 @@ contains
         if (.not. plan%is_complete) return
         call run(plan, system, x, alarm)
         call check(error, all(alarm <= 1), what//": no alarm")
-        ! A few lanes are enough: the arithmetic is the same on all. Fixed pivots let elements grow by what the alarm
-        ! measures: one stands for a thousand times the multipliers of the representative values.
-        do l = 1, lanes, 5
+        do l = 1, lanes, 5       ! a few are enough: the arithmetic is the same on all
             want = dense_solution(system%matrix(l, :, :), system%right(l, :))
             where (.not. system%sparse%is_wanted) want = 0
-            call check_close(error, x(l, :), want, (1 + 1000*alarm(l)) &
-                             *100*eps*condition_number(system%matrix(l, :, :))*maxval(abs(want)), what//", lane "//to_text(l))
+            call check_close(error, x(l, :), want, rounding(system%sparse%n, alarm(l)) &
+                             *condition_number(system%matrix(l, :, :))*maxval(abs(want)), what//", lane "//to_text(l))
         end do
         associate (sparse => system%sparse)
             call check(error, plan%n_nonzero == size(sparse%row), what//": nonzeros counted")
@@ -378,6 +376,16 @@ contains
             call check(error, plan%n_term == size(plan%left) .and. plan%n_slot >= maxval([0, sparse%slot]), what//": sizes")
         end associate
     end subroutine compare
+
+    !> Relative error of an elimination, in units of the condition number: an epsilon for each of n steps, times the growth
+    !> of the elements. A pivot of a twentieth of its column multiplies by 20; two such in a row are granted, and the alarm
+    !> says by how many hundreds the multipliers exceed those. A wrong plan errs by the size of the solution.
+    pure real(wp) function rounding(n, alarm)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: alarm
+
+        rounding = n*20**2*(1 + 100*alarm)*eps
+    end function rounding
 
     subroutine test_random(error)
         type(test_error), intent(inout) :: error

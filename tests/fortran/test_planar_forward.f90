@@ -120,7 +120,7 @@ contains
         type(forward_run) :: run
         type(status_type) :: status
         real(wp), target :: q(1, 4), closure(4)
-        real(wp) :: want(1, 4), qd(1, 4), qdd(1, 4), load(6, 1, 4)
+        real(wp) :: want(1, 4), qd(1, 4), qdd(1, 4), load(6, model%n_load, 4)
 
         results%q => q
         results%forces%closure => closure

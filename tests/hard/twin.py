@@ -80,7 +80,7 @@ def run_states(
         columns.setdefault(title.split(" ")[0], []).append(i)
     results = {}
     for name, places in columns.items():
-        kind = str if name == "status" else float
+        kind = str if name in ("status", "assembly") else float
         results[name] = np.array([[kind(row[i]) for i in places] for row in rows])
     return results
 
@@ -94,6 +94,12 @@ def write_states(file: Path, case: Case, time: np.ndarray | None) -> None:
         header.insert(0, "time")
         columns.insert(0, time[:, np.newaxis])
     np.savetxt(file, np.concatenate(columns, axis=1), "%.17g", ",", header=",".join(header), comments="")
+
+
+def ratio_to_estimate(true: np.ndarray, estimate: np.ndarray) -> np.ndarray:
+    """True error over estimate (N, width); NaN where a number is zero by nature or failed."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(np.isfinite(true) & ((true > 0) | (estimate > 0)), true / estimate, np.nan)
 
 
 def true_errors(forces: np.ndarray, exact: np.ndarray) -> np.ndarray:
@@ -142,7 +148,7 @@ def quadruple_run(program: Path, scene: Path, end: float, n: int, tolerance: flo
 
 
 def run_ratios(run: xr.Dataset, exact: dict[str, np.ndarray], names: tuple[str, ...] = QUANTITIES) -> np.ndarray:
-    """True error over estimate of all numbers of a forward run that are not zero by nature."""
+    """True error over estimate (N, width) of all numbers of a forward run; NaN where they are zero by nature."""
     ratios = []
     for name in names:
         if name not in run:
@@ -154,6 +160,5 @@ def run_ratios(run: xr.Dataset, exact: dict[str, np.ndarray], names: tuple[str, 
             difference[:, turning] -= 2 * np.pi * np.round(difference[:, turning] / (2 * np.pi))
         true = np.abs(difference)
         true[true < NEGLIGIBLE * np.nanmax(np.abs(value), initial=0.0)] = 0.0
-        counts = np.isfinite(true) & ((true > 0) | (estimate > 0))
-        ratios.append(true[counts] / np.maximum(estimate[counts], np.finfo(float).tiny))
-    return np.concatenate(ratios)
+        ratios.append(ratio_to_estimate(true, estimate).reshape(len(value), -1))
+    return np.concatenate(ratios, axis=1)

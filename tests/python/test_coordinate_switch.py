@@ -16,7 +16,7 @@ import xarray as xr
 
 import linkdyn
 from linkdyn._drawing import poses_of
-from linkdyn.cli import quadruple_twin
+from linkdyn.cli import executable, quadruple_twin
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -441,7 +441,7 @@ def test_files_and_summary_tell(tmp_path: Path) -> None:
     scene.write_text(linkdyn.Scene(given).text)
 
     def run(*options: str) -> str:
-        command = ["linkdyn", "forward", str(scene), "--until", "0.1", "--samples", "11", *options]
+        command = [executable(), "forward", str(scene), "--until", "0.1", "--samples", "11", *options]
         return subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path).stdout
 
     assert "  coordinates      slide of D until 0.0" in run()

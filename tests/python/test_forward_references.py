@@ -11,6 +11,8 @@ import pytest
 
 import linkdyn
 
+pytestmark = pytest.mark.accuracy
+
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
 REFERENCES = json.loads((ROOT / "tests" / "reference" / "forward.json").read_text())

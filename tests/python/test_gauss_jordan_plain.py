@@ -14,6 +14,8 @@ sys.path.insert(0, str(ROOT / "tests" / "hard"))
 
 from cases import Case, examples, hard_cases  # noqa: E402
 
+pytestmark = pytest.mark.accuracy
+
 PLAIN = "gauss-jordan-plain"
 CASES = {case.name: case for case in [*hard_cases(), *examples()]}
 

@@ -13,16 +13,19 @@ from linkdyn.cli import quadruple_twin
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hard"))
 
 from cases import Case, examples, hard_cases  # noqa: E402
-from twin import forces_of, quadruple_forces, true_errors  # noqa: E402
+from estimates import assert_holds, assert_not_vague, exceed, most, join_samples  # noqa: E402
+from twin import forces_of, quadruple_forces, ratio_to_estimate, true_errors  # noqa: E402
 
 TWIN = quadruple_twin()
 SOLVERS = ("elimination", "lapack", "gauss-jordan")
 CASES = hard_cases()
-DATA_LIMITED = ("stretched_dyad", "dead_centre_inner")
-"""Here sum or difference of the lengths and the slide are exact by chance, and so is the closure; the estimate, which takes
-data for rounded, cannot know."""
+EPS = np.finfo(float).eps
 
-pytestmark = pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+pytestmark = [
+    pytest.mark.accuracy,
+    pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)"),
+    pytest.mark.xdist_group("hard cases"),     # one fixture, half a minute
+]
 
 
 @pytest.fixture(scope="module")
@@ -38,48 +41,40 @@ def run_case(case: Case, solver: str):
 
 
 def ratios(case: Case, solver: str, exact: dict[str, np.ndarray]) -> np.ndarray:
-    """True error over estimate, of all components that are not zero by nature."""
+    """True error over estimate (N, width)."""
     run = run_case(case, solver)
-    true, estimate = true_errors(forces_of(run), exact[case.name]), forces_of(run, "_error")
-    counts = np.isfinite(true) & ((true > 0) | (estimate > 0))
-    with np.errstate(divide="ignore"):
-        return true[counts] / estimate[counts]
+    return ratio_to_estimate(true_errors(forces_of(run), exact[case.name]), forces_of(run, "_error"))
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_estimates_hold(solver: str, exact: dict[str, np.ndarray]) -> None:
-    """At least 99.9 % of all true errors are below their estimates, and the median estimate is no more than 100 times too
-    large; for each case alone 200 times, where data are not exact by chance."""
-    together = []
-    for case in CASES:
-        ratio = ratios(case, solver, exact)
-        together.append(ratio)
-        # One case has few samples, whose components err together: a sample in a hundred may be out, by a factor 3.
-        assert np.mean(ratio > 1) <= 0.01 and ratio.max() < 3, case.name
-        if case.name not in DATA_LIMITED:
-            assert np.median(ratio) > 0.005, case.name
-    ratio = np.concatenate(together)
-    assert np.mean(ratio > 1) <= 0.001
-    assert 0.01 < np.median(ratio) < 0.2
+    """Of each case and of all together. Data that are exact doubles by chance make the estimates of some cases vague, since
+    these take data for rounded: only all together are asked for that."""
+    tables = [ratios(case, solver, exact) for case in CASES]
+    for case, ratio in zip(CASES, tables):
+        assert_holds(ratio, f"{case.name}, {solver}")
+    together = join_samples(tables)
+    assert_holds(together, solver)
+    assert_not_vague(together, solver)
 
 
 def test_estimates_hold_on_examples(exact: dict[str, np.ndarray]) -> None:
     """Easy samples are no exception."""
-    ratio = np.concatenate([ratios(case, "elimination", exact) for case in examples()])
-    assert np.mean(ratio > 1) <= 0.001
-    assert np.median(ratio) > 0.01
+    together = join_samples([ratios(case, "elimination", exact) for case in examples()])
+    assert_holds(together, "examples")
+    assert_not_vague(together, "examples")
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_methods_reach_what_data_allow(case: Case, exact: dict[str, np.ndarray]) -> None:
-    """No solver errs by more than the change that the data's own last digits make, times a modest factor: none is
-    unstable where the problem is only sensitive."""
+    """No solver errs by more than the change that the data's own last digits make: none is unstable where the problem is only
+    sensitive. The estimate is twenty times that change; where it is smaller, a rounding for each unknown is granted."""
     for solver in SOLVERS:
         run = run_case(case, solver)
         forces = forces_of(run)
         worst = true_errors(forces, exact[case.name]).max(axis=1) / np.abs(forces).max(axis=1)
-        # error: the estimate, twenty times what changes of the last place do
-        assert np.all(worst <= np.maximum(3 * run.error.values, 1e-14)), solver
+        out = worst > np.maximum(run.error.values, forces.shape[1] * EPS)
+        assert np.sum(out) <= most(len(out), exceed(1.0)), solver
 
 
 def test_failures_are_flagged() -> None:

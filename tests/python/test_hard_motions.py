@@ -13,11 +13,15 @@ from linkdyn.cli import executable, quadruple_twin
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hard"))
 
 from cases import Case, motion_cases  # noqa: E402
-from twin import run_states, true_errors  # noqa: E402
+from estimates import assert_holds, exceed, most  # noqa: E402
+from twin import ratio_to_estimate, run_states, true_errors  # noqa: E402
+
+pytestmark = pytest.mark.accuracy
 
 TWIN = quadruple_twin()
 CASES = {case.name: case for case in motion_cases()}
 SOLVERS = ("elimination", "lapack", "gauss-jordan")
+EPS = np.finfo(float).eps
 WANT = ("--want", "driving_force,reaction,joint_variable", "--error")
 
 
@@ -93,22 +97,21 @@ def test_a_driven_crank_at_its_dead_centres() -> None:
 
 @pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
 def test_forces_and_estimates() -> None:
-    """Against the twin along the same motion: no solver errs by more than its estimates say, nor is worse than the data."""
-    ratios = []
+    """Against the twin along the same motion: estimates hold, and no solver is worse than the data."""
     for case in CASES.values():
         exact = stacked(run_states(TWIN, case, "--want", "driving_force,reaction", time=case.time))
         for solver in SOLVERS:
             results = run(case, solver)
             forces, estimate = stacked(results), stacked(results, "_error")
             good = results["status"][:, 0] == "ok"
-            assert np.mean(good) > 0.99
+            # the dead centres themselves, two samples of one motion
+            assert np.sum(~good) <= np.sum(case.distance < 1e-6)
             true = true_errors(forces, exact)
             worst = true[good].max(axis=1) / np.abs(exact[good]).max(axis=1)
-            assert np.all(worst <= np.maximum(3 * results["error"][good, 0], 1e-14)), (case.name, solver)
+            rounding = forces.shape[1] * EPS
+            out = worst > np.maximum(results["error"][good, 0], rounding)
+            assert np.sum(out) <= most(len(out), exceed(1.0)), (case.name, solver)
             # What is not near a difficulty has its digits: three go with each decade of the distance.
             far = case.distance[good] > 0.3
-            assert worst[far].max() < 1e-13, (case.name, solver)
-            counts = np.isfinite(true) & ((true > 0) | (estimate > 0))
-            ratios.append(true[counts] / np.maximum(estimate[counts], np.finfo(float).tiny))
-    ratio = np.concatenate(ratios)
-    assert np.mean(ratio > 1) <= 0.001 and np.median(ratio) > 0.001
+            assert worst[far].max() < rounding / 0.3**3, (case.name, solver)
+            assert_holds(ratio_to_estimate(true, estimate), f"{case.name}, {solver}")

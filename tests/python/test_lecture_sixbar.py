@@ -11,6 +11,8 @@ import pytest
 import linkdyn
 from linkdyn.lecture import Angle
 
+pytestmark = pytest.mark.accuracy
+
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SPEC = importlib.util.spec_from_file_location("sixbar", EXAMPLES / "lecture_sixbar" / "sixbar.py")
 sixbar = importlib.util.module_from_spec(SPEC)

@@ -11,6 +11,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hard"))
 
 from long_runs import spin, whirl  # noqa: E402
 
+pytestmark = pytest.mark.accuracy
+
 
 def test_rounding_of_many_steps_of_rk4() -> None:
     """A rotor that speeds up evenly is a polynomial, exact for rk4: 10^5 steps leave rounding alone. Summed up as it comes it

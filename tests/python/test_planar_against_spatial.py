@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
+import linkdyn
 import numpy as np
+import planar_against_spatial as bench
 import pytest
 
-import linkdyn
-
-FILE = Path(__file__).resolve().parents[2] / "benchmarks" / "python" / "planar_against_spatial.py"
-SPEC = importlib.util.spec_from_file_location("planar_against_spatial", FILE)
-bench = importlib.util.module_from_spec(SPEC)
-SPEC.loader.exec_module(bench)
+pytestmark = pytest.mark.accuracy
 
 
 @pytest.mark.parametrize("case", [bench.slider_crank(), bench.arm(3), bench.arm(7)], ids=["slider-crank", "arm", "long arm"])

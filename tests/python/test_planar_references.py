@@ -9,6 +9,8 @@ import pytest
 
 import linkdyn
 
+pytestmark = pytest.mark.accuracy
+
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCES = json.loads((ROOT / "tests" / "reference" / "planar.json").read_text())
 

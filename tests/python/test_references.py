@@ -15,6 +15,8 @@ import pytest
 
 import linkdyn
 
+pytestmark = pytest.mark.accuracy
+
 ROOT = Path(__file__).resolve().parents[2]
 REFERENCES = ROOT / "tests" / "reference"
 EXAMPLES = sorted(p.parent for p in (ROOT / "examples").glob("stewart_*/scene.toml"))

@@ -16,6 +16,8 @@ sys.path.insert(0, str(ROOT / "tests" / "hard"))
 
 from cases import Case, bar, hard_cases, planar, revolute  # noqa: E402
 
+pytestmark = pytest.mark.accuracy
+
 CASES = {case.name: case for case in hard_cases()}
 
 

@@ -12,6 +12,8 @@ import linkdyn
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.accuracy
+
 ROOT = Path(__file__).resolve().parents[2]
 SLIDER_CRANK = tomllib.loads((ROOT / "examples" / "spatial_slider_crank" / "scene.toml").read_text())
 

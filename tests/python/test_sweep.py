@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import tomli_w
 import xarray as xr
+from scipy.stats.qmc import Sobol
 
 import linkdyn
 from linkdyn.cli import executable
@@ -378,7 +379,6 @@ def test_chunks_change_rounding_alone(swept, tmp_path):
 
 
 def test_sampled_axes(tsai, tmp_path):
-    qmc = pytest.importorskip("scipy.stats").qmc
     n = 64
     axes = [("platform.x", -1.6, -1.4), ("platform.y", -0.1, 0.1), ("platform.z", 0.9, 1.1)]
     for method, extra in (("sobol", {}), ("sobol", {"seed": 3}), ("latin-hypercube", {"seed": 3}), ("random", {"seed": 3})):
@@ -392,7 +392,7 @@ def test_sampled_axes(tsai, tmp_path):
         unit = (points - [low for _, low, _ in axes]) / [high - low for _, low, high in axes]
         assert np.all((unit > -1e-12) & (unit < 1))
         if method == "sobol" and not extra:
-            expected = qmc.Sobol(3, scramble=False).random(n)
+            expected = Sobol(3, scramble=False).random(n)
             assert unit == pytest.approx(expected, abs=1e-13)
         if method != "random":    # one point in each of n equal parts, along every axis
             assert np.array_equal(np.sort(np.floor(unit * n + 1e-9), axis=0), np.tile(np.arange(n)[:, np.newaxis], 3))

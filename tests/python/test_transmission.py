@@ -10,6 +10,8 @@ import pytest
 
 import linkdyn
 
+pytestmark = pytest.mark.accuracy
+
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 EPS = np.finfo(float).eps
 
