@@ -9,7 +9,7 @@ module linkdyn_drive_inverse
     use linkdyn_force_map, only: typical_length
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, dyad_names
+    use linkdyn_model, only: model_type, dyad_names, has_assemblies
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
         find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
@@ -118,8 +118,8 @@ contains
         n_block = (n_sample - 1)/length + 1
         n_group = min(n_block, most_groups)
         ! Where assemblies are followed along the motion, blocks are taken in their order.
-        n_taker = merge(min(config%options%threads, n_group), 1, output%is_none .and. model%n_dyad == 0)
-        n_helper = merge(1, config%options%threads, output%is_none .and. model%n_dyad == 0)
+        n_taker = merge(min(config%options%threads, n_group), 1, output%is_none .and. .not. has_assemblies(model))
+        n_helper = merge(1, config%options%threads, output%is_none .and. .not. has_assemblies(model))
         allocate (part(n_group))
         n_done = 0
         seconds = 0

@@ -91,7 +91,6 @@ contains
         associate (phase => run%known(1)%phase)
             phase%model => model
             phase%choice = spread(0, 1, model%n_q)
-            phase%branch = model%step%branch
             call plan_phase(model, options, phase, status)
             run%system => phase%system
         end associate
@@ -299,7 +298,7 @@ contains
             call exchange_scene(run%own, choices(:, i), run%model, run%system%watch%state, scene)
             call build_model(scene, model(i), status)
             if (.not. status%is_ok()) cycle
-            phase(i) = find_phase(run, choices(:, i), model(i)%step%branch)
+            phase(i) = find_phase(run, choices(:, i))
             if (run%known(phase(i))%phase%is_refused) cycle
             n_iterated(i) = number_iterated(model(i))
             if (n_iterated(i) == 0) exit               ! all in closed form
@@ -312,23 +311,17 @@ contains
         end do
     end subroutine find_better_phase
 
-    !> The number of a choice's phase, which is new if it was never looked for. A group of a spatial mechanism that closes
-    !> in another way has a model of its own; in the plane a model serves all assemblies.
-    integer function find_phase(run, choice, branch) result(number)
+    !> The number of a choice's phase, which is new if it was never looked for. A model serves all assemblies.
+    integer function find_phase(run, choice) result(number)
         type(forward_run), intent(inout) :: run
         integer, intent(in) :: choice(:)
-        integer, intent(in) :: branch(:)               !! of the steps
 
         do number = 1, size(run%known)
-            associate (phase => run%known(number)%phase)
-                if (any(phase%choice /= choice)) cycle
-                if (all(phase%branch == branch)) return
-            end associate
+            if (all(run%known(number)%phase%choice == choice)) return
         end do
         run%known = [run%known, phase_box()]
         allocate (run%known(number)%phase)
         run%known(number)%phase%choice = choice
-        run%known(number)%phase%branch = branch
     end function find_phase
 
     !> Go on in a phase, with a model that starts at the position reached.

@@ -3,9 +3,9 @@ module linkdyn_transmission
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, place_sample
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     implicit none (type, external)
@@ -48,7 +48,8 @@ contains
             do d = 1, model%n_dyad
                 angles = transmission_angle(state%plane%dyad(d))
                 do lane = 1, min(lanes, n_instant - first + 1)
-                    if (state%unreachable(lane) .or. state%not_converged(lane) .or. angles(lane) >= angle(d)) cycle
+                    if (state%unreachable(lane) .or. state%not_converged(lane) .or. state%branch_lost(lane) &
+                        .or. angles(lane) >= angle(d)) cycle
                     angle(d) = angles(lane)
                     time(d) = t(first + lane - 1)
                 end do

@@ -7,7 +7,7 @@ module linkdyn_status
     private
     public :: status_type, fail
     public :: status_ok, status_bad_input, status_io_error, status_unavailable, status_internal
-    public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, n_sample_status
+    public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, n_sample_status
     public :: sample_status_name
     public :: message_len
 
@@ -19,12 +19,13 @@ module linkdyn_status
     integer, parameter :: status_internal = 6      !! a defect of linkdyn
 
     integer, parameter :: sample_ok = 0            !! solved
-    integer, parameter :: sample_unreachable = 1   !! a loop cannot close at this position
+    integer, parameter :: sample_unreachable = 1   !! a loop cannot close at this position, or not on the assembly followed
     integer, parameter :: sample_singular = 2      !! the equations have no unique solution here
     integer, parameter :: sample_not_converged = 3 !! an iteration ran out of steps
-    integer, parameter :: n_sample_status = 4
+    integer, parameter :: sample_branch_lost = 4   !! two assemblies meet on the way: which of them it is cannot be told
+    integer, parameter :: n_sample_status = 5
     character(len=13), parameter :: sample_status_name(0:n_sample_status - 1) = &
-        [character(len=13) :: "ok", "unreachable", "singular", "not_converged"]
+        [character(len=13) :: "ok", "unreachable", "singular", "not_converged", "branch_lost"]
 
     !> Outcome of a call: `code` is one of the `status_*` constants, `message` one line for people.
     type :: status_type

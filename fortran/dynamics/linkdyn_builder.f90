@@ -3,6 +3,7 @@ module linkdyn_builder
     use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_type, joint_type, is_length, scene_size
+    use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, joint_n_variable, joint_prismatic, frame_link
@@ -53,6 +54,7 @@ contains
         call plan_steps(model, status, closed_forms)
         if (status%is_ok()) call plan_carried_legs(model)
         call choose_strides(model)
+        if (status%is_ok()) call prepare_margins(model)
         call assemble_start(model, status)
         call assemble_in_space(model, status)
     end subroutine build_model

@@ -261,7 +261,7 @@ contains
         associate (plane => state%plane, map => state%plane%dyad(step%first))
             gap = (plane%position(h2%known) + hold_of(model, h2, plane)) &
                   - (plane%position(h1%known) + hold_of(model, h1, plane))
-            call locate_rrr(gap, norm2(fixed1), norm2(fixed2), plane%branch(:, step%first), arm1, arm2, is_reachable)
+            call locate_rrr(gap, norm2(fixed1), norm2(fixed2), state%branch(:, step%first), arm1, arm2, is_reachable)
             state%unreachable = state%unreachable .or. .not. is_reachable
             plane%rotation(h1%o) = rot2_of_directions(fixed1, arm1)
             plane%rotation(h2%o) = rot2_of_directions(fixed2, arm2)
@@ -300,7 +300,7 @@ contains
             ! The inner joint at slide 0, from the origin of the known link.
             reach = hold_of(model, h2, plane) + (plane%rotation(h2%o).rotate.(inner_point(model, step, 2) - own_point(model, h2)))
             gap = plane%position(h2%known) + reach - (plane%position(h1%known) + hold_of(model, h1, plane))
-            call locate_rrp(gap, u, norm2(fixed), plane%branch(:, step%first), arm, forward, is_reachable)
+            call locate_rrp(gap, u, norm2(fixed), state%branch(:, step%first), arm, forward, is_reachable)
             state%unreachable = state%unreachable .or. .not. is_reachable
             plane%rotation(h1%o) = rot2_of_directions(fixed, arm)
             call place_on_hinge(model, h1, plane)
@@ -338,7 +338,7 @@ contains
             offset = in_slide_axes(inner%point(:2, 1) - own_point(model, h1), axis) &
                      + in_slide_axes(own_point(model, h2) - inner%point(:2, 2), inner%frame(:2, 3, 2))
             d = (plane%position(h2%known) + hold_of(model, h2, plane)) - (plane%position(h1%known) + hold_of(model, h1, plane))
-            call locate_rpr(d, offset(2), plane%branch(:, step%first), u, forward, is_reachable)
+            call locate_rpr(d, offset(2), state%branch(:, step%first), u, forward, is_reachable)
             state%unreachable = state%unreachable .or. .not. is_reachable
             state%slide(:, step%joint(2)) = forward - offset(1)
             plane%rotation(h1%o) = rot2_of_directions(axis, u)

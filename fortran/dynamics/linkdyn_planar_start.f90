@@ -87,13 +87,13 @@ contains
             model%branch(step%first) = forced
         else if (has_hints .or. fits_as_written(model, step%link, step%joint, state%plane)) then
             do i = 1, 2
-                state%plane%branch(:, step%first) = 3 - 2*i
+                state%branch(:, step%first) = 3 - 2*i
                 call run_step(model, step, state)
                 distance(i) = distance_to_hints(model, step, has_hints, state)
             end do
             if (distance(2) < distance(1)) model%branch(step%first) = -1
         end if
-        state%plane%branch(:, step%first) = model%branch(step%first)
+        state%branch(:, step%first) = model%branch(step%first)
     end subroutine choose_branch
 
     !> The branch written at a joint of the dyad; 0: none.

@@ -19,7 +19,7 @@ module linkdyn_spatial_start
 
 contains
 
-    !> Fill `model%start_q`, the steps' branches and the groups' starts.
+    !> Fill `model%start_q`, `model%branch` and the groups' starts.
     !>
     !> **Errors**: `status_bad_input` for a group that cannot be closed at the start.
     subroutine assemble_in_space(model, status)
@@ -30,7 +30,8 @@ contains
 
         if (.not. status%is_ok() .or. model%is_planar) return
         model%start_q = [(start_of_coordinate(model, k), k=1, model%n_q)]
-        allocate (model%branch(0))
+        allocate (model%branch(model%n_branch))
+        model%branch = 1
         if (.not. any(model%step%kind == step_csp .or. model%step%kind == step_group)) return
         do i = 1, size(model%group)
             model%group(i)%start = 0
@@ -53,20 +54,24 @@ contains
 
     !> The way in which a CSP group closes.
     subroutine choose_branch(model, step, state)
-        type(model_type), intent(in) :: model
-        type(step_type), intent(inout) :: step
+        type(model_type), intent(inout) :: model
+        type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state
         real(wp) :: distance(2)
         integer :: way
 
-        step%branch = merge(-1, 1, model%scene%joint(step%joint(2))%branch < 0)
-        if (model%scene%joint(step%joint(2))%branch /= 0) return
-        do way = 1, 2
-            step%branch = 3 - 2*way
-            call run_step(model, step, state)
-            distance(way) = distance_to_start(model, step, state)
-        end do
-        step%branch = merge(-1, 1, distance(2) < distance(1))
+        associate (branch => model%branch(step%first))
+            branch = model%scene%joint(step%joint(2))%branch
+            if (branch == 0) then
+                do way = 1, 2
+                    state%branch(:, step%first) = 3 - 2*way
+                    call run_step(model, step, state)
+                    distance(way) = distance_to_start(model, step, state)
+                end do
+                branch = merge(-1, 1, distance(2) < distance(1))
+            end if
+            state%branch(:, step%first) = branch
+        end associate
     end subroutine choose_branch
 
     !> How far lane 1 is from the starting positions given; zero if there are none.

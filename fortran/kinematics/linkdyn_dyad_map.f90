@@ -10,7 +10,7 @@ module linkdyn_dyad_map
     use linkdyn_vec2, only: vec2, operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
-    public :: dyad_map, make_dyad_map, solve_dyad, transmission_sine, transmission_angle
+    public :: dyad_map, make_dyad_map, solve_dyad, lengths_of, transmission_angle
     public :: half_chord
 
     type :: dyad_map
@@ -40,13 +40,14 @@ contains
         rate2 = map%inverse*(gap.cross.map%first)
     end subroutine solve_dyad
 
-    !> Sine of the transmission angle: 1 is best, 0 a dead point.
-    pure function transmission_sine(map) result(sine)
+    !> Product of the lengths of both columns: the determinant divided by it is the sine of the transmission angle, 0 at a
+    !> dead point.
+    pure function lengths_of(map) result(product)
         type(dyad_map), intent(in) :: map
-        real(wp) :: sine(lanes)
+        real(wp) :: product(lanes)
 
-        sine = abs(map%determinant)/sqrt((map%first.dot.map%first)*(map%second.dot.map%second))
-    end function transmission_sine
+        product = sqrt((map%first.dot.map%first)*(map%second.dot.map%second))
+    end function lengths_of
 
     !> Transmission angle [rad], 0 (a dead point) to pi/2 (best): between the two ways in which the gap can be closed. Of
     !> hinged links it is the angle between the links, folded into the first quadrant.

@@ -5,9 +5,9 @@ module test_planar_forward
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, run_ensemble, &
         method_rk4, method_rk8pd
     use linkdyn_kinds, only: wp, wp_name
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_scenes, only: planar_scene, connect, drive, dyad_scene, triad_scene, four_bar_chain

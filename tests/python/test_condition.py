@@ -100,9 +100,9 @@ def test_failed_samples_have_none() -> None:
 
 @pytest.mark.parametrize("name", ["fivebar_motors", "stewart_forward", "spatial_slider_crank", "flyball_governor"])
 def test_forward_runs_have_it(name: str) -> None:
-    """Of the equations of forward dynamics, whose unknowns are accelerations too: as LAPACK's, but for rounding."""
+    """Of the equations of forward dynamics, whose unknowns are accelerations too: of the size of LAPACK's."""
     scene = linkdyn.load(ROOT / "examples" / name / "scene.toml")
     times = np.linspace(0.0, 0.1, 6)
     plan, lapack = (scene.forward(t=times, solver=solver, want="rcond").rcond.values for solver in ("elimination", "lapack"))
-    # both estimate the same norm, here exactly
-    np.testing.assert_allclose(plan, lapack, rtol=1e-10)
+    # Both estimate the same norm; where two columns of the inverse are nearly as large, rounding decides which is found.
+    assert np.all(np.maximum(plan / lapack, lapack / plan) < OFF)

@@ -236,22 +236,22 @@ def test_constraints_and_limits(swept, grid, tmp_path):
     stroke = run["joint_variable"].sel(variable=["leg1.P.slide", "leg2.P.slide"]).values
     condition, force = results["condition"].values, run["driving_force"].values
     outcome = np.where(
-        np.any((stroke < 1.0) | (stroke > 1.7), axis=1), 5, np.where(condition > 4.0, 6, np.where(force.max(axis=1) > 8.0, 7, 0))
+        np.any((stroke < 1.0) | (stroke > 1.7), axis=1), 6, np.where(condition > 4.0, 7, np.where(force.max(axis=1) > 8.0, 8, 0))
     )
     names = list(results["outcome"].values)
-    assert names[5:] == ["stroke", "condition", "motor"] and names[0] == "feasible"
+    assert names[6:] == ["stroke", "condition", "motor"] and names[0] == "feasible"
     assert np.array_equal(results["sample_outcome"], outcome)
-    assert np.array_equal(results["outcome_count"], np.bincount(outcome, minlength=8))
-    assert set(outcome) == {0, 5, 6, 7}    # all cases occur
+    assert np.array_equal(results["outcome_count"], np.bincount(outcome, minlength=9))
+    assert set(outcome) == {0, 6, 7, 8}    # all cases occur
     # Limits mark a pose, constraints exclude it.
-    inside = np.isin(outcome, [0, 7])
+    inside = np.isin(outcome, [0, 8])
     assert results["samples_reduced"] == inside.sum()
     assert results["driving_force_max"].values == pytest.approx(force[inside].max(axis=0), rel=1e-12)
     assert results["driving_force_mean"].values == pytest.approx(force[inside].mean(axis=0), rel=1e-10)
     # What is kept is what the batch gives, forces where they were computed.
     assert np.array_equal(results["sample_axis"], grid)
     assert results["driving_force"].values[inside] == pytest.approx(force[inside], rel=1e-11)
-    early = np.isin(outcome, [5, 6])
+    early = np.isin(outcome, [6, 7])
     assert np.isnan(results["driving_force"].values[early]).all()
     assert results["condition"].values[early] == pytest.approx(whole_condition[early], rel=1e-12)
     assert results["reaction"].values[inside] == pytest.approx(run["reaction"].values[inside], abs=1e-11)
