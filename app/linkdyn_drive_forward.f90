@@ -8,8 +8,8 @@ module linkdyn_drive_forward
     use linkdyn_model, only: model_type
     use linkdyn_output_file, only: watch_interrupts, interrupt_noted
     use linkdyn_results, only: block_type, prepare_block
-    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, close_results, exit_done, exit_bad_input, &
-        exit_samples_failed
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_assembly, close_results, &
+        exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
     use linkdyn_terminal, only: progress_type, start_progress, show_share, end_progress, seconds_since
@@ -62,10 +62,10 @@ contains
         exit_status = exit_done
         if (watched%run%has_stopped) then
             write (error_unit, "(a)") trim(config%scene)//": "//trim(watched%run%reason)
-        else if (summary%n_failed > 0) then
+        else if (summary%failure%n > 0) then
             write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
         end if
-        if (summary%n_failed > 0 .or. watched%run%has_stopped) exit_status = exit_samples_failed
+        if (summary%failure%n > 0 .or. watched%run%has_stopped) exit_status = exit_samples_failed
         if (interrupt_noted() > 0) exit_status = exit_of_signal + interrupt_noted()
         call finish_watched(watched)
     end subroutine drive_forward
@@ -142,6 +142,7 @@ contains
         end do
         call end_progress(progress)
         call note_run(watched%run, output, status)
+        call note_assembly(watched%layout, summary, output, status)
         call close_results(output, status)
     end subroutine run_blocks
 

@@ -9,14 +9,15 @@ module linkdyn_drive_inverse
     use linkdyn_force_map, only: typical_length
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
+    use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names, has_assemblies
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
         find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
         result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
         result_singularity_distance, result_error, result_growth, result_transmission_angle, result_power_imbalance, &
-        result_driving_force_error, result_reaction_error
-    use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
+        result_driving_force_error, result_reaction_error, result_assembly
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_assembly, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
@@ -24,6 +25,7 @@ module linkdyn_drive_inverse
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text
     use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
+    use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
     public :: drive_inverse, load_model
@@ -65,7 +67,8 @@ contains
         end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, config%wanted, .true., layout, dyad=dyad_names(model), length=typical_length(model))
+            call describe_results(model%scene, config%wanted, .true., layout, dyad=dyad_names(model), &
+                                  length=typical_length(model), follows_assembly=follows_assembly(model))
             call open_results(config, model, layout, n_sample, output, status)
         end if
         if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
@@ -77,7 +80,7 @@ contains
         if (.not. config%quiet) call print_summary(model%scene, layout, summary, config%solver, &
             config%options%threads, seconds, output%name, unit)
         exit_status = exit_done
-        if (summary%n_failed == 0) return
+        if (summary%failure%n == 0) return
         exit_status = exit_samples_failed
         write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
     end subroutine drive_inverse
@@ -111,6 +114,7 @@ contains
         type(status_type), intent(inout) :: status
         type(progress_type) :: progress
         type(assembly_trail) :: trail
+        type(turn_count), allocatable :: turns        !! if results are kept: then blocks are computed in their order
         type(summary_type), allocatable :: part(:)    !! of each group: joined in order, whichever thread made it
         integer :: length, n_block, n_group, n_taker, n_helper, n_done, k
 
@@ -121,6 +125,7 @@ contains
         n_taker = merge(min(config%options%threads, n_group), 1, output%is_none .and. .not. has_assemblies(model))
         n_helper = merge(1, config%options%threads, output%is_none .and. .not. has_assemblies(model))
         allocate (part(n_group))
+        if (.not. output%is_none) allocate (turns)
         n_done = 0
         seconds = 0
         call start_progress(config%quiet, progress)
@@ -128,12 +133,13 @@ contains
         call take_groups()
         !$omp end parallel
         call end_progress(progress)
-        call close_results(output, status)
         seconds = seconds/n_taker
         call start_summary(layout, summary)
         do k = 1, n_group
             if (status%is_ok()) call join_summaries(part(k), summary)
         end do
+        call note_assembly(layout, summary, output, status)
+        call close_results(output, status)
 
     contains
 
@@ -169,7 +175,7 @@ contains
 
             if (.not. status%is_ok()) return
             call system_clock(start)
-            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, n_fallback)
+            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, turns, n_fallback)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
             call add_to_summary(layout, block, n, n_fallback, part)
@@ -195,7 +201,7 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, n_fallback)
+    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, turns, n_fallback)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads
@@ -205,6 +211,7 @@ contains
         type(block_type), intent(inout), target :: block
         type(scratch_type), intent(inout), target :: scratch
         type(assembly_trail), intent(inout) :: trail  !! instants follow each other
+        type(turn_count), allocatable, intent(inout) :: turns    !! not allocated: turns are not counted
         integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
         type(inverse_results) :: results
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
@@ -216,6 +223,7 @@ contains
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
         call view_values(layout, result_status, n, block, results%status)
+        call view_values(layout, result_assembly, n, block, results%assembly)
         call view_values(layout, result_driving_force, n, block, results%driving_force)
         call view_values(layout, result_reaction, n, block, results%reaction)
         call view_values(layout, result_joint_variable, n, block, results%joint_variable)
@@ -243,7 +251,7 @@ contains
         if (allocated(states%time) .and. .not. states%is_motion) then
             call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results)
         else
-            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail)
+            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail, turns=turns)
         end if
         n_fallback = results%n_fallback
         if (associated(power)) &

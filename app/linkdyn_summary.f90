@@ -1,11 +1,12 @@
 !> What the engineer wants to know first: peaks and rms of the driving forces, the largest reaction,
 !> how many samples failed, how long it took.
 module linkdyn_summary
+    use linkdyn_assembly_trail, only: reached_crossing, reached_anew
     use linkdyn_inverse, only: solver_name, solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
-        result_time, result_driving_force, result_reaction, result_status, variable_index, samples_width, label_of_value, &
-        estimated, estimate_of
+        result_time, result_driving_force, result_reaction, result_status, result_assembly, variable_index, samples_width, &
+        label_of_value, estimated, estimate_of
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: sample_ok, sample_status_name
     use linkdyn_text, only: to_text
@@ -21,6 +22,12 @@ module linkdyn_summary
         logical :: is_set = .false.
     end type peak_type
 
+    !> How often something happened, and when first.
+    type :: event_type
+        integer :: n = 0
+        real(wp) :: first = 0    !! [s]
+    end type event_type
+
     !> The largest estimated error of one kind of result in one unit.
     type :: error_peak_type
         integer :: place = 0, place_of_error = 0    !! of the variable and of its error in the layout
@@ -32,10 +39,11 @@ module linkdyn_summary
     !> Figures gathered block by block.
     type :: summary_type
         integer :: n_sample = 0
-        integer :: n_failed = 0
+        type(event_type) :: failure
+        integer :: first_failure = sample_ok                    !! status of that sample
+        type(event_type) :: crossing                            !! of a change point
+        type(event_type) :: anew                                !! the assembly was found from the start, after failures
         integer :: n_fallback = 0
-        integer :: first_failure = sample_ok
-        real(wp) :: first_failure_time = 0
         logical :: has_force = .false., has_reaction = .false.
         type(peak_type), allocatable :: lowest(:), highest(:)   !! driving force (n_actuator)
         real(wp), allocatable :: sum_of_squares(:)              !! (n_actuator)
@@ -84,11 +92,12 @@ contains
         integer, intent(in) :: n_fallback            !! of them solved by the dense solver
         type(summary_type), intent(inout) :: summary
         real(wp), pointer :: time(:), force(:, :), reaction(:, :, :)
-        integer, pointer :: code(:)
+        integer, pointer :: code(:), assembly(:)
         integer :: i, k, n_force
 
         call view_values(layout, result_time, n, block, time)
         call view_values(layout, result_status, n, block, code)
+        call view_values(layout, result_assembly, n, block, assembly)
         call view_values(layout, result_driving_force, n, block, force)
         call view_values(layout, result_reaction, n, block, reaction)
         summary%has_force = associated(force)
@@ -98,10 +107,13 @@ contains
         n_force = merge(2, 3, layout%planar)
         do i = 1, n
             if (code(i) /= sample_ok) then
-                if (summary%n_failed == 0) summary%first_failure = code(i)
-                if (summary%n_failed == 0) summary%first_failure_time = time(i)
-                summary%n_failed = summary%n_failed + 1
+                if (summary%failure%n == 0) summary%first_failure = code(i)
+                call count_event(time(i), summary%failure)
                 cycle
+            end if
+            if (associated(assembly)) then
+                if (assembly(i) == reached_crossing) call count_event(time(i), summary%crossing)
+                if (assembly(i) == reached_anew) call count_event(time(i), summary%anew)
             end if
             if (summary%has_force) then
                 do k = 1, size(force, 1)
@@ -120,6 +132,14 @@ contains
             end do
         end do
     end subroutine add_to_summary
+
+    pure subroutine count_event(time, event)
+        real(wp), intent(in) :: time
+        type(event_type), intent(inout) :: event
+
+        if (event%n == 0) event%first = time
+        event%n = event%n + 1
+    end subroutine count_event
 
     !> Errors of one kind and unit in a sample.
     subroutine note_errors(layout, block, sample, time, worst)
@@ -158,10 +178,11 @@ contains
 
         whole%has_force = part%has_force
         whole%has_reaction = part%has_reaction
-        if (whole%n_failed == 0) whole%first_failure = part%first_failure
-        if (whole%n_failed == 0) whole%first_failure_time = part%first_failure_time
+        if (whole%failure%n == 0) whole%first_failure = part%first_failure
+        call join_events(part%failure, whole%failure)
+        call join_events(part%crossing, whole%crossing)
+        call join_events(part%anew, whole%anew)
         whole%n_sample = whole%n_sample + part%n_sample
-        whole%n_failed = whole%n_failed + part%n_failed
         whole%n_fallback = whole%n_fallback + part%n_fallback
         whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
         do k = 1, size(whole%lowest)
@@ -182,6 +203,15 @@ contains
             if (later%is_set) call raise_peak(later%value, later%time, later%place, peak)
         end subroutine join
     end subroutine join_summaries
+
+    !> Later ones to those before.
+    pure subroutine join_events(part, whole)
+        type(event_type), intent(in) :: part
+        type(event_type), intent(inout) :: whole
+
+        if (whole%n == 0) whole%first = part%first
+        whole%n = whole%n + part%n
+    end subroutine join_events
 
     pure subroutine raise_peak(value, time, place, peak)
         real(wp), intent(in) :: value, time
@@ -218,6 +248,10 @@ contains
         if (size(summary%worst) > 0) call print_errors(layout, summary%worst, unit)
         write (unit, "(a)") ""
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
+        if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &
+            //times_text(summary%crossing)
+        if (summary%anew%n > 0) write (unit, "(a)") "  assembly         found anew from the start of the scene at " &
+            //times_text(summary%anew)
         if (summary%n_fallback > 0) write (unit, "(a)") "  dense solver     took over "// &
             to_text(summary%n_fallback)//" samples whose pivots were not to be trusted"
         write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*seconds/summary%n_sample)// &
@@ -249,7 +283,7 @@ contains
             end do
         end associate
         width = max(len("driving force"), maxval(len_trim(name)))
-        n_solved = max(1, summary%n_sample - summary%n_failed)
+        n_solved = max(1, summary%n_sample - summary%failure%n)
         write (unit, "(a)") ""
         write (unit, "(a)") "  "//left("driving force", width)//right("lowest", number_width)// &
             right("at t [s]", time_width)//right("highest", number_width)//right("at t [s]", time_width)// &
@@ -315,10 +349,19 @@ contains
         character(len=:), allocatable :: text
 
         text = "none"
-        if (summary%n_failed > 0) text = to_text(summary%n_failed)//" of "//to_text(summary%n_sample)// &
-            ", first at t = "//significant(summary%first_failure_time)//" s: "// &
+        if (summary%failure%n > 0) text = to_text(summary%failure%n)//" of "//to_text(summary%n_sample)// &
+            ", first at t = "//significant(summary%failure%first)//" s: "// &
             trim(sample_status_name(summary%first_failure))
     end function failure_text
+
+    !> "3 samples, first at t = 0.72 s"
+    function times_text(event) result(text)
+        type(event_type), intent(in) :: event
+        character(len=:), allocatable :: text
+
+        text = to_text(event%n)//trim(merge(" sample ", " samples", event%n == 1))//", first at t = "//significant(event%first) &
+               //" s"
+    end function times_text
 
     function gravity_text(scene) result(text)
         type(scene_type), intent(in) :: scene

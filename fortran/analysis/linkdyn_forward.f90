@@ -31,6 +31,7 @@ module linkdyn_forward
     use linkdyn_scene, only: law_spec, scene_type, frame_link
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
     use linkdyn_text, only: to_text, quoted
+    use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
@@ -61,6 +62,8 @@ module linkdyn_forward
         integer :: step_entered = -1                   !! steps done when the phase was entered
         integer :: dead_coordinate = 0                 !! that the run has stopped at; 0: none
         real(wp), allocatable :: y(:, :)               !! (lane, n)
+        type(turn_count) :: turns                      !! of the samples given
+        integer :: n_crossed = 0                       !! change points passed before the last sample given
         real(wp), allocatable :: kink(:)               !! instants at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
         real(wp) :: good_until = 0                     !! [s]
@@ -168,7 +171,7 @@ contains
             work = ieee_value(1.0_wp, ieee_quiet_nan)
             if (.not. run%has_stopped) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
-                call keep_accepted(run%model, run%system%assembly, i - first + 1, assembly)
+                call keep_accepted(run%model, run%system%assembly, i - first + 1, assembly, run%n_crossed)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%y(1, run%system%layout%work)
             end if
@@ -190,7 +193,7 @@ contains
             associate (here => run%known(phase)%phase)
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), qd(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
-                                  own=run%own)
+                                  own=run%own, turns=run%turns)
             end associate
             results%forces%n_fallback = results%forces%n_fallback + part%n_fallback
         end subroutine find_forces

@@ -135,6 +135,7 @@ contains
         real(wp), intent(in) :: y(:, :)
 
         call begin_assembly(self%model, t, self%assembly)
+        self%assembly%n_crossed = other%assembly%n_crossed
         self%inverse_assembly = other%inverse_assembly
         self%inverse_time = -huge(1.0_wp)
         self%watch%may_exchange = .true.

@@ -18,6 +18,7 @@ module linkdyn_f2py_api
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, method_rk4, run_ensemble
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
+    use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_poses, only: find_poses, poses_of_joints
@@ -32,6 +33,7 @@ module linkdyn_f2py_api
     use linkdyn_sweep_handles, only: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_text, only: to_text, quoted
+    use linkdyn_turns, only: turn_count
     use linkdyn_version, only: version
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched, time_reached
     implicit none
@@ -216,7 +218,7 @@ contains
         if (wanted%distance .and. has_time == 2) call refuse_distance(status)
         if (status%code == 0) then
             call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2, dyad=dyad_names(model), &
-                                  length=typical_length(model))
+                                  length=typical_length(model), follows_assembly=follows_assembly(model))
             call to_bytes(layout_as_json(layout), text, length)
         end if
         call report(status, code, message)
@@ -289,18 +291,18 @@ contains
             n_variable, joint_variable, joint_rate, n_check, growth, power_imbalance, n_rcond, rcond, &
             n_distance, distance, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
-            sample_status, code, message)
+            n_assembly, assembly, sample_status, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(11)           ! 1: driving force, power, reaction, joint variables, checks,
-                                                           ! rcond, distance, relative error, errors of driving forces, of reactions, transmission angles
+        integer(c_int), intent(in) :: wanted(12)           ! 1: driving force, power, reaction, joint variables, checks, rcond, distance, relative
+                                                           ! error, errors of driving forces, of reactions, transmission angles, assembly
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
-        integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission
+        integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission, n_assembly
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
@@ -312,6 +314,7 @@ contains
         real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
+        integer(c_int), intent(inout), target :: assembly(n_assembly)                            ! (n)
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
@@ -320,6 +323,7 @@ contains
         type(inverse_solver), pointer :: planned
         type(status_type) :: status
         type(assembly_trail) :: trail
+        type(turn_count) :: turns
         type(inverse_results) :: results
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
@@ -341,6 +345,7 @@ contains
             call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(9))
             call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(10))
             call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(11))
+            call check_size("assembly", n_assembly, n, status, wanted(12))
         end if
         if (status%code == 0) then
             call check_finite("q", model, first, n, q, status)
@@ -370,6 +375,7 @@ contains
             if (wanted(9) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
             if (wanted(10) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
             if (wanted(11) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
+            if (wanted(12) == 1) results%assembly => assembly
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
                 allocate (own_force(model%n_actuator, n))
                 results%driving_force => own_force
@@ -379,7 +385,7 @@ contains
                 results%joint_rate => own_rate
             end if
             if (in_order == 1) then
-                call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results, trail=trail)
+                call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results, trail=trail, turns=turns)
             else
                 call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results)
             end if

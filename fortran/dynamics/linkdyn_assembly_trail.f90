@@ -50,7 +50,6 @@ module linkdyn_assembly_trail
         real(wp), allocatable :: branch(:)          !! (n_branch)
         real(wp), allocatable :: place(:, :)        !! (place_size, n_link)
         real(wp), allocatable :: least_margin(:)    !! (n_map)
-        real(wp), allocatable :: variable(:)        !! joint variables, angles counting turns (n_variable); see linkdyn_turns
         type(kinematic_state) :: state
     end type assembly_trail
 

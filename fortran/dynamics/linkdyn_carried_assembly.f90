@@ -4,7 +4,7 @@
 !> computed on the branches of the accepted state, groups closed by iteration from where its tangent leads, unless the
 !> step is not to be believed; then the straight way from the accepted position is followed (`linkdyn_following`).
 module linkdyn_carried_assembly
-    use linkdyn_assembly_trail, only: sample_assembly, keep_lane
+    use linkdyn_assembly_trail, only: sample_assembly, keep_lane, reached_crossing
     use linkdyn_following, only: way_report, is_step_sound, way_arrived, way_at_singularity, largest_contraction
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
@@ -214,13 +214,17 @@ contains
         if (before*now > 0 .and. duration /= 0) rate = (now - before)/duration
     end function secant
 
-    !> The accepted assembly of lane 1, for a sample.
-    subroutine keep_accepted(model, assembly, sample, samples)
+    !> The accepted assembly of lane 1, for a sample; and whether change points have been passed since the one before.
+    subroutine keep_accepted(model, assembly, sample, samples, n_crossed)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
         integer, intent(in) :: sample
         type(sample_assembly), intent(inout) :: samples
+        integer, intent(inout) :: n_crossed            !! change points, up to the sample before, to this one
 
-        if (assembly%is_needed) call keep_lane(model, assembly%state, 1, sample, samples)
+        if (.not. assembly%is_needed) return
+        call keep_lane(model, assembly%state, 1, sample, samples)
+        if (assembly%n_crossed(1) /= n_crossed) samples%reached(sample) = reached_crossing
+        n_crossed = assembly%n_crossed(1)
     end subroutine keep_accepted
 end module linkdyn_carried_assembly

@@ -34,10 +34,12 @@ _GROUPS = (
     ("driving_force_error",),
     ("reaction_error",),
     ("transmission_angle",),
+    ("assembly",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
 _NOTHING = np.zeros(1)
+_NO_FLAGS = np.zeros(1, dtype=np.intc)
 _TEXT_ROOM = 65536
 LOAD_WIDTH = 6
 """Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
@@ -226,7 +228,7 @@ def inverse(
         Result arrays by name, C-ordered, sample first; what is not there is not computed. "status" must be.
     """
     wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
-    arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for name in _OUTPUTS]
+    arrays = [_flat(outputs[name]) if name in outputs else _NO_FLAGS if name == "assembly" else _NOTHING for name in _OUTPUTS]
     settings = (handle, solver, threads, first, int(in_order), wanted)
     check(*_api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"]))
 

@@ -20,6 +20,8 @@ __all__ = ["ensemble_dataset", "result_shapes", "run_attributes", "to_dataset"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
+CHANGE_POINT, ANEW = 1, 2
+"""What "assembly" says of a sample where it does not follow from the sample before by continuity alone."""
 
 
 def result_shapes(schema: dict[str, Any], with_inputs: bool = False) -> dict[str, tuple[tuple[int, ...], type]]:
@@ -71,7 +73,12 @@ def to_dataset(
             attributes["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in variable["flags"])
         target = coordinates if variable["name"] == "time" else variables
         target[variable["name"]] = (variable["dims"], arrays[variable["name"]], attributes)
-    return xr.Dataset(variables, coordinates, run_attributes(scene, scene_text, solver))
+    data = xr.Dataset(variables, coordinates, run_attributes(scene, scene_text, solver))
+    if "assembly" in data:
+        found = data["assembly"].values[data["status"].values == 0]
+        data.attrs["change_points_passed"] = int(np.count_nonzero(found == CHANGE_POINT))
+        data.attrs["assemblies_found_anew"] = int(np.count_nonzero(found == ANEW))
+    return data
 
 
 def ensemble_dataset(

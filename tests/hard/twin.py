@@ -80,7 +80,7 @@ def run_states(
         columns.setdefault(title.split(" ")[0], []).append(i)
     results = {}
     for name, places in columns.items():
-        kind = str if name == "status" else float
+        kind = str if name in ("status", "assembly") else float
         results[name] = np.array([[kind(row[i]) for i in places] for row in rows])
     return results
 
