@@ -55,7 +55,7 @@ contains
             return
         end if
         if (.not. config%quiet) then
-            call print_summary(model%scene, watched%layout, summary, config%solver, config%options%threads, seconds, &
+            call print_summary(model, watched%layout, summary, config%solver, config%options%threads, seconds, &
                                output%name, unit)
             call print_statistics(watched%run, unit)
         end if

@@ -77,7 +77,7 @@ contains
             write (error_unit, "(a)") trim(status%message)
             return
         end if
-        if (.not. config%quiet) call print_summary(model%scene, layout, summary, config%solver, &
+        if (.not. config%quiet) call print_summary(model, layout, summary, config%solver, &
             config%options%threads, seconds, output%name, unit)
         exit_status = exit_done
         if (summary%failure%n == 0) return
@@ -171,14 +171,14 @@ contains
             type(summary_type), intent(inout) :: part
             integer(int64) :: start
             real(wp) :: elapsed
-            integer :: n_fallback
+            type(inverse_results) :: results
 
             if (.not. status%is_ok()) return
             call system_clock(start)
-            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, turns, n_fallback)
+            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, turns, results)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
-            call add_to_summary(layout, block, n, n_fallback, part)
+            call add_to_summary(layout, block, n, results%n_fallback, part, results%lost_sample, results%lost_in_words)
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n
@@ -201,7 +201,7 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, turns, n_fallback)
+    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, turns, results)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads
@@ -212,8 +212,7 @@ contains
         type(scratch_type), intent(inout), target :: scratch
         type(assembly_trail), intent(inout) :: trail  !! instants follow each other
         type(turn_count), allocatable, intent(inout) :: turns    !! not allocated: turns are not counted
-        integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
-        type(inverse_results) :: results
+        type(inverse_results), intent(out) :: results !! where they are in the block, and what is said of all
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
 
         call view_values(layout, result_time, n, block, time)
@@ -253,7 +252,6 @@ contains
         else
             call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail, turns=turns)
         end if
-        n_fallback = results%n_fallback
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)
     end subroutine compute_block

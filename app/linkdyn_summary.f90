@@ -3,12 +3,14 @@
 module linkdyn_summary
     use linkdyn_assembly_trail, only: reached_crossing, reached_anew
     use linkdyn_inverse, only: solver_name, solver_reduced
+    use linkdyn_choice, only: choices_in_words
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_reaction, result_status, result_assembly, variable_index, samples_width, &
         label_of_value, estimated, estimate_of
     use linkdyn_scene, only: scene_type
-    use linkdyn_status, only: sample_ok, sample_status_name
+    use linkdyn_status, only: sample_ok, sample_status_name, message_len
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -41,6 +43,7 @@ module linkdyn_summary
         integer :: n_sample = 0
         type(event_type) :: failure
         integer :: first_failure = sample_ok                    !! status of that sample
+        character(len=message_len) :: why = ""                  !! it failed; blank: its status says it all
         type(event_type) :: crossing                            !! of a change point
         type(event_type) :: anew                                !! the assembly was found from the start, after failures
         integer :: n_fallback = 0
@@ -85,12 +88,14 @@ contains
     end subroutine add_worst
 
     !> Take a block in. Failed samples count as such and nowhere else.
-    subroutine add_to_summary(layout, block, n, n_fallback, summary)
+    subroutine add_to_summary(layout, block, n, n_fallback, summary, lost_sample, why)
         type(layout_type), intent(in) :: layout
         type(block_type), intent(in), target :: block
         integer, intent(in) :: n                     !! samples
         integer, intent(in) :: n_fallback            !! of them solved by the dense solver
         type(summary_type), intent(inout) :: summary
+        integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
+        character(len=*), intent(in), optional :: why
         real(wp), pointer :: time(:), force(:, :), reaction(:, :, :)
         integer, pointer :: code(:), assembly(:)
         integer :: i, k, n_force
@@ -107,7 +112,10 @@ contains
         n_force = merge(2, 3, layout%planar)
         do i = 1, n
             if (code(i) /= sample_ok) then
-                if (summary%failure%n == 0) summary%first_failure = code(i)
+                if (summary%failure%n == 0) then
+                    summary%first_failure = code(i)
+                    if (present(lost_sample)) summary%why = merge(why, repeat(" ", len(why)), lost_sample == i)
+                end if
                 call count_event(time(i), summary%failure)
                 cycle
             end if
@@ -178,7 +186,10 @@ contains
 
         whole%has_force = part%has_force
         whole%has_reaction = part%has_reaction
-        if (whole%failure%n == 0) whole%first_failure = part%first_failure
+        if (whole%failure%n == 0) then
+            whole%first_failure = part%first_failure
+            whole%why = part%why
+        end if
         call join_events(part%failure, whole%failure)
         call join_events(part%crossing, whole%crossing)
         call join_events(part%anew, whole%anew)
@@ -223,8 +234,8 @@ contains
     end subroutine raise_peak
 
     !> The table.
-    subroutine print_summary(scene, layout, summary, solver, threads, seconds, output, unit)
-        type(scene_type), intent(in) :: scene
+    subroutine print_summary(model, layout, summary, solver, threads, seconds, output, unit)
+        type(model_type), intent(in) :: model
         type(layout_type), intent(in) :: layout
         type(summary_type), intent(in) :: summary
         character(len=*), intent(in) :: solver
@@ -233,8 +244,8 @@ contains
         character(len=*), intent(in) :: output       !! file written
         integer, intent(in) :: unit
 
-        if (len_trim(scene%title) > 0) write (unit, "(a)") trim(scene%title)
-        write (unit, "(a)") "  "//to_text(summary%n_sample)//" samples, "//gravity_text(scene)//", solver "//solver// &
+        if (len_trim(model%scene%title) > 0) write (unit, "(a)") trim(model%scene%title)
+        write (unit, "(a)") "  "//to_text(summary%n_sample)//" samples, "//gravity_text(model%scene)//", solver "//solver// &
             ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
         if (summary%has_force) call print_forces(layout, summary, unit)
         if (summary%has_reaction) then
@@ -247,10 +258,11 @@ contains
         end if
         if (size(summary%worst) > 0) call print_errors(layout, summary%worst, unit)
         write (unit, "(a)") ""
+        if (len(choices_in_words(model)) > 0) write (unit, "(a)") "  assembly         "//choices_in_words(model)
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
         if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &
             //times_text(summary%crossing)
-        if (summary%anew%n > 0) write (unit, "(a)") "  assembly         found anew from the start of the scene at " &
+        if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &
             //times_text(summary%anew)
         if (summary%n_fallback > 0) write (unit, "(a)") "  dense solver     took over "// &
             to_text(summary%n_fallback)//" samples whose pivots were not to be trusted"
@@ -352,6 +364,7 @@ contains
         if (summary%failure%n > 0) text = to_text(summary%failure%n)//" of "//to_text(summary%n_sample)// &
             ", first at t = "//significant(summary%failure%first)//" s: "// &
             trim(sample_status_name(summary%first_failure))
+        if (len_trim(summary%why) > 0) text = text//": "//trim(summary%why)
     end function failure_text
 
     !> "3 samples, first at t = 0.72 s"

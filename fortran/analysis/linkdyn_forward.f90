@@ -15,7 +15,7 @@ module linkdyn_forward
     use linkdyn_carried_assembly, only: keep_accepted
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
-    use linkdyn_failure, only: failure_at
+    use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
@@ -388,6 +388,9 @@ contains
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+        else if (run%system%assembly%map_lost(1) > 0) then
+            reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
+                     //meeting_in_words(run%model)
         else if (run%system%workspace%status(1) /= sample_ok) then
             reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
         else if (run%integrator%has_shrunk) then

@@ -14,6 +14,7 @@ module linkdyn_inverse
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
         choose_solver
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
+    use linkdyn_failure, only: lost_in_words
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
@@ -25,7 +26,7 @@ module linkdyn_inverse
     use linkdyn_pose, only: rates_of_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
-    use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_status, only: status_type, sample_ok, message_len
     use linkdyn_turns, only: turn_count, count_turns
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
@@ -68,6 +69,8 @@ module linkdyn_inverse
         real(wp), pointer, contiguous :: position(:, :, :) => null() !! (3, n_link, n) origins [m]
         real(wp), pointer, contiguous :: rotation(:, :, :, :) => null() !! (3, 3, n_link, n) columns: the link's axes
         integer :: n_fallback = 0                               !! samples that the elimination handed to the dense solver
+        integer :: lost_sample = 0                              !! the first to which the assembly was not followed; 0: none
+        character(len=message_len) :: lost_in_words = ""        !! why
     end type inverse_results
 
     !> Scratch of one thread.
@@ -223,6 +226,8 @@ contains
             if (allocated(assembly%reached) .and. size(results%assembly) == size(assembly%reached)) &
                 results%assembly = assembly%reached
         end if
+        results%lost_sample = assembly%lost%sample
+        if (results%lost_sample > 0) results%lost_in_words = lost_in_words(model, assembly%lost)
         if (present(turns) .and. associated(results%joint_variable)) then
             if (present(own)) then
                 call count_turns(own, results%joint_variable, turns)

@@ -291,7 +291,7 @@ contains
             n_variable, joint_variable, joint_rate, n_check, growth, power_imbalance, n_rcond, rcond, &
             n_distance, distance, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
-            n_assembly, assembly, sample_status, code, message)
+            n_assembly, assembly, sample_status, lost_sample, lost_in_words, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
@@ -316,6 +316,8 @@ contains
         real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
         integer(c_int), intent(inout), target :: assembly(n_assembly)                            ! (n)
         integer(c_int), intent(inout), target :: sample_status(n)
+        integer(c_int), intent(out) :: lost_sample         ! the first to which the assembly was not followed, from 1; 0: none
+        character(len=512), intent(out) :: lost_in_words   ! why
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
@@ -328,6 +330,8 @@ contains
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
 
+        lost_sample = 0
+        lost_in_words = ""
         call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
             model => scene%model
@@ -389,6 +393,8 @@ contains
             else
                 call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results)
             end if
+            lost_sample = results%lost_sample
+            lost_in_words = results%lost_in_words
             if (wanted(2) == 1) then
                 speed2(1:model%n_actuator, 1:n) => driving_speed
                 power2(1:model%n_actuator, 1:n) => driving_power

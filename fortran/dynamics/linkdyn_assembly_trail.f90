@@ -22,7 +22,7 @@ module linkdyn_assembly_trail
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
     implicit none (type, external)
     private
-    public :: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, keep_lane, begin_trail
+    public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, keep_lane, begin_trail
     public :: reached_straight, reached_crossing, reached_anew, reached_name
 
     ! ---- how a sample was reached
@@ -31,6 +31,17 @@ module linkdyn_assembly_trail
     integer, parameter :: reached_anew = 2        !! from the start, after samples that could not be reached
     character(len=12), parameter :: reached_name(0:2) = [character(len=12) :: "continuous", "change_point", "anew"]
 
+    !> A way on which an assembly was lost: from the last place that was reached.
+    type :: lost_way
+        integer :: sample = 0                       !! to which it was to lead; 0: none was lost
+        integer :: status = sample_ok               !! one of `sample_*`
+        integer :: map = 0                          !! at fault; 0: none in particular
+        real(wp) :: reached = 0                     !! part of the way
+        real(wp), allocatable :: from(:), to(:)     !! (n_q)
+        real(wp), allocatable :: branch(:)          !! at its beginning (n_branch)
+        real(wp), allocatable :: place(:, :)        !! (place_size, n_link)
+    end type lost_way
+
     !> On which assembly each of some samples is to be computed.
     type :: sample_assembly
         real(wp), allocatable :: branch(:, :)       !! (n_branch, n)
@@ -38,6 +49,7 @@ module linkdyn_assembly_trail
         real(wp), allocatable :: place(:, :, :)     !! of their links there (place_size, n_link, n)
         integer, allocatable :: status(:)           !! one of `sample_*`: not ok where the assembly was not followed to (n)
         integer, allocatable :: reached(:)          !! one of `reached_*` (n)
+        type(lost_way) :: lost                      !! the first
         real(wp), allocatable :: counted(:, :)      !! see `kinematic_state`; absent: no coordinate stands in (n_q, n)
     end type sample_assembly
 
@@ -331,6 +343,9 @@ contains
         call lead_mechanism(model, goes, spread(trail%q, 1, lanes), .true., trail%state, report)
         call take_outcome(model, 1, report, sample, q, trail, assembly)
         trail%is_lost = any(assembly%status(sample) == [sample_unreachable, sample_not_converged, sample_branch_lost])
+        if (assembly%status(sample) == sample_ok .or. assembly%lost%sample > 0) return
+        assembly%lost = lost_way(sample, assembly%status(sample), report%map(1), report%reached(1), trail%q, q, trail%branch, &
+                                 trail%place)
     end subroutine lead_on
 
     !> What a way has come to, for its sample.

@@ -14,7 +14,7 @@ module linkdyn_carried_assembly
         span_of, follows_assembly
     use linkdyn_model, only: model_type, link_freedom
     use linkdyn_newton_group, only: shifted
-    use linkdyn_status, only: sample_ok
+    use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_accepted
@@ -31,6 +31,7 @@ module linkdyn_carried_assembly
         real(wp), allocatable :: column(:, :, :, :)    !! its rates for unit rates of the coordinates (lane, link_freedom, n_link, n_q)
         integer :: n_crossed(lanes) = 0                !! change points passed since the start
         integer :: n_crossed_tried(lanes) = 0          !! on the way to the state tried last
+        integer :: map_lost(lanes) = 0                 !! at fault where, since the accepted state, two assemblies met on a way; 0: none
         type(kinematic_state) :: state                 !! scratch: positions and velocities of the state to be accepted
     end type carried_assembly
 
@@ -82,6 +83,7 @@ contains
         assembly%n_crossed_tried = report%n_crossed
         arrives = report%outcome == way_arrived .or. report%outcome == way_at_singularity
         where (doubtful .and. .not. arrives) state%way_status = status_of_way(report%outcome)
+        where (state%way_status == sample_branch_lost) assembly%map_lost = report%map
         if (size(model%group) > 0) state%group%moves = arrives
         call run_program(model, state)
     end subroutine evaluate_on_assembly
@@ -173,6 +175,7 @@ contains
             where (goes)
                 assembly%t = t
                 assembly%n_crossed = assembly%n_crossed + assembly%n_crossed_tried
+                assembly%map_lost = 0
             end where
             do k = 1, model%n_q
                 where (goes) assembly%q(:, k) = state%q(:, k)

@@ -20,7 +20,7 @@ module linkdyn_planar_pass
     use linkdyn_planar_point, only: carried, carry
     implicit none (type, external)
     private
-    public :: run_planar_step, map_placed
+    public :: run_planar_step, map_placed, hang_planar_link
 
     !> A link hanging on a known link by a joint.
     type :: hanger
@@ -117,6 +117,24 @@ contains
             call move_link(h, level, rate, state%plane)
         end do
     end subroutine walk_joint
+
+    !> Place a link by one of its joints and that joint's variable; no rates.
+    subroutine hang_planar_link(model, j, link, variable, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, link
+        real(wp), intent(in) :: variable(lanes)
+        type(kinematic_state), intent(inout) :: state
+        type(hanger) :: h
+
+        h = hanger_of(model, j, link)
+        if (h%slides) then
+            call turn_with_known(model, h, state%plane)
+            call place_on_slide(model, h, h%sense*variable, state)
+        else
+            call turn_by_angle(model, h, h%sense*variable, state%plane)
+            call place_on_hinge(model, h, state%plane)
+        end if
+    end subroutine hang_planar_link
 
     ! ---------------------------------------------------------------- hangers
 

@@ -213,7 +213,7 @@ def inverse(
     in_order: bool,
     inputs: tuple[Floats, Floats, Floats, Floats],
     outputs: dict[str, NDArray[Any]],
-) -> None:
+) -> tuple[int, str]:
     """Inverse dynamics of some samples, into the arrays given.
 
     Parameters
@@ -226,11 +226,18 @@ def inverse(
         q, qd, qdd (n, n_q) and load (n, n_load, 6).
     outputs
         Result arrays by name, C-ordered, sample first; what is not there is not computed. "status" must be.
+
+    Returns
+    -------
+    lost, why
+        The first sample to which the assembly could not be followed, from 1, and why; 0 and "" if there is none.
     """
     wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
     arrays = [_flat(outputs[name]) if name in outputs else _NO_FLAGS if name == "assembly" else _NOTHING for name in _OUTPUTS]
     settings = (handle, solver, threads, first, int(in_order), wanted)
-    check(*_api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"]))
+    lost, why, code, message = _api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"])
+    check(code, message)
+    return int(lost), why.decode("utf-8", errors="replace").strip()
 
 
 class _Row:

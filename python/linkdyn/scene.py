@@ -277,7 +277,9 @@ class Scene:
         -------
         xarray.Dataset
             As the executable writes it: driving_force (sample, actuator), reaction (sample, joint, component), ...
-            A sample that failed is NaN, its ``status`` is not 0.
+            A sample that failed is NaN, its ``status`` is not 0. Along a motion "assembly" says of a sample whether a change
+            point was passed before it, or its assembly found anew from the start, and ``attrs["failure"]`` why the assembly was lost first, if it
+            was.
 
         Raises
         ------
@@ -295,8 +297,11 @@ class Scene:
         else:
             given = self._given(q, qd, qdd)
             load = self._loads_at(job, t, len(given["q"]))
-        outputs = self._run(job, threads, given, load, wrench)
-        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver)
+        outputs, failure = self._run(job, threads, given, load, wrench)
+        data = to_dataset(job.schema, given | outputs, self.description, self.text, job.solver)
+        if along_motion:
+            data.attrs["failure"] = failure
+        return data
 
     def forward(
         self,
@@ -594,7 +599,7 @@ class Scene:
         """
         job = self._job(want, solver, wrench, False, error)
         given = self._given(q, qd, qdd)
-        return self._run(job, threads, given, self._loads_at(job, t, len(given["q"])), wrench)
+        return self._run(job, threads, given, self._loads_at(job, t, len(given["q"])), wrench)[0]
 
     def _job(
         self,
@@ -643,8 +648,11 @@ class Scene:
         given: dict[str, NDArray[np.float64]],
         load: NDArray[np.float64],
         wrench: Mapping[str, ArrayLike] | None,
-    ) -> dict[str, NDArray[Any]]:
-        """Blocks of samples through the engine; loads are spread over the samples block by block."""
+    ) -> tuple[dict[str, NDArray[Any]], str]:
+        """Blocks of samples through the engine; loads are spread over the samples block by block.
+
+        Results by name, and why the assembly was lost along a motion, if it was.
+        """
         n, threads = len(given["q"]), _count("threads", threads)
         extra = [self._wrench(marker, values, n) for marker, values in (wrench or {}).items()]
         outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
@@ -652,9 +660,10 @@ class Scene:
         in_order = "time" in given
         # A motion that may change its assembly on the way is one piece.
         length = max(1, n) if in_order else BLOCK
+        failure = ""
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
-            _bind.inverse(
+            lost, why = _bind.inverse(
                 job.handle,
                 job.solver,
                 threads,
@@ -663,7 +672,9 @@ class Scene:
                 (*(values[block] for values in inputs), _spread(load, extra, block, n)),
                 {name: values[block] for name, values in outputs.items()},
             )
-        return outputs
+            if lost:
+                failure = f"t = {given['time'][lost - 1]:.6g} s: {why}"
+        return outputs, failure
 
     def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:
         """The scene's loads (N or 1, n_load, 6) at the instants of a batch."""
