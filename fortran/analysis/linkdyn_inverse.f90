@@ -223,8 +223,7 @@ contains
         results%n_fallback = n_fallback
         if (associated(results%assembly)) then
             results%assembly = reached_straight
-            if (allocated(assembly%reached) .and. size(results%assembly) == size(assembly%reached)) &
-                results%assembly = assembly%reached
+            if (allocated(assembly%reached) .and. (present(known) .or. present(trail))) results%assembly = assembly%reached(:n)
         end if
         results%lost_sample = assembly%lost%sample
         if (results%lost_sample > 0) results%lost_in_words = lost_in_words(model, assembly%lost)

@@ -175,8 +175,8 @@ contains
             where (goes)
                 assembly%t = t
                 assembly%n_crossed = assembly%n_crossed + assembly%n_crossed_tried
-                assembly%map_lost = 0
             end where
+            call forget_map_lost(model, margin, goes, assembly%map_lost)
             do k = 1, model%n_q
                 where (goes) assembly%q(:, k) = state%q(:, k)
             end do
@@ -207,6 +207,25 @@ contains
             end do
         end associate
     end subroutine accept_assembly
+
+    !> A change point that was tried counts until the mechanism has got away from it.
+    subroutine forget_map_lost(model, margin, goes, map_lost)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        logical, intent(in) :: goes(lanes)
+        integer, intent(inout) :: map_lost(lanes)
+        real(wp), parameter :: away = 1000             !! least margins: a step that ends so near is the last before steps vanish
+        real(wp) :: least(n_map(model))
+        integer :: lane
+
+        least = least_margins(model)
+        do lane = 1, lanes
+            associate (m => map_lost(lane))
+                if (m == 0 .or. .not. goes(lane)) cycle
+                if (abs(margin(lane, m)) > away*least(m)) m = 0
+            end associate
+        end do
+    end subroutine forget_map_lost
 
     !> Rate of a margin between two instants; 0 where that before says nothing.
     elemental real(wp) function secant(before, now, duration) result(rate)

@@ -57,17 +57,20 @@ contains
         type(way_report) :: report
         real(wp) :: from(lanes, model%n_q)
         logical :: goes(lanes)
-        integer :: k
+        integer :: k, told(lanes)
 
         if (size(model%group) == 0) then
             call run_program(model, state)
             return
         end if
+        told = state%way_status
         state%group%place = state%group%start_place
         from = state%group%start_q
         do k = 1, model%n_q
             if (is_length(model, k)) cycle
             from(:, k) = from(:, k) + two_pi*anint((state%q(:, k) - from(:, k))/two_pi)
+            ! To an angle of so many turns rounding leaves no way.
+            where (spacing(state%q(:, k)) > sqrt(epsilon(1.0_wp))) state%way_status = sample_not_converged
         end do
         goes = any(from /= state%q, dim=2) .and. state%way_status == sample_ok
         if (any(goes)) then
@@ -76,7 +79,7 @@ contains
         end if
         state%group%moves = state%way_status == sample_ok
         call run_program(model, state)
-        where (goes) state%way_status = sample_ok
+        state%way_status = told
     end subroutine evaluate_kinematics
 
     !> The outcome of a way as the status of the sample at its end.

@@ -127,8 +127,8 @@ contains
                 is_at_limit(lane) = any(is_crossing(lane, :))
                 if (.not. is_at_limit(lane)) cycle
                 report%map(lane) = findloc(is_crossing(lane, :), .true., dim=1)
-                if (target(lane) < 1 .and. passes) cycle
-                report%outcome(lane) = merge(way_forks, way_at_singularity, target(lane) < 1)
+                if (target(lane) < 1) cycle
+                report%outcome(lane) = way_at_singularity
                 target(lane) = report%reached(lane)
                 is_crossing(lane, :) = .false.
             end do
@@ -137,6 +137,9 @@ contains
                 is_sound(lane) = report%outcome(lane) == under_way .and. tried%is_closed(lane)
                 if (is_sound(lane)) is_sound(lane) = is_place_sound(self%least_margin, stands, tried, lane, &
                                                      target(lane) - report%reached(lane), is_crossing(lane, :))
+                if (.not. (is_sound(lane) .and. is_at_limit(lane)) .or. passes) cycle
+                report%outcome(lane) = way_forks
+                is_sound(lane) = .false.
             end do
             call self%take(is_sound)
             do lane = 1, lanes
