@@ -462,13 +462,14 @@ contains
     end subroutine run_forward
 
     !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants.
-    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, status)
+    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, status)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
         real(wp), intent(in) :: q_start(:, :), qd_start(:, :)    !! (n_q, n_member)
         real(wp), intent(in) :: t(:)                   !! [s] (n)
         real(wp), intent(out) :: q(:, :, :), qd(:, :, :)         !! (n_q, n, n_member); NaN once a member has stopped
         real(wp), intent(out) :: good_until(:)         !! last good instant (n_member) [s]
+        integer, intent(out) :: n_crossed(:)           !! change points passed (n_member)
         type(status_type), intent(inout) :: status
         type(status_type) :: block_status
         integer :: block
@@ -513,6 +514,7 @@ contains
                 end do
                 do i = 1, lanes
                     good_until(member(i)) = run%integrator%good_until(i)
+                    n_crossed(member(i)) = run%system%assembly%n_crossed(i)
                 end do
             end if
             call finish_forward(run)

@@ -357,7 +357,7 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
 
 def ensemble(
     handle: int, q: Floats, qd: Floats, t: Floats, step: float, threads: int
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, NDArray[np.intc]]:
     """Forward runs by rk4 from the starts q, qd (n, n_q) at t[0].
 
     Returns
@@ -366,13 +366,16 @@ def ensemble(
         (n, len(t), n_q) [m, rad] and rates; NaN once a member has stopped.
     good_until
         (n,) last good instant of each [s].
+    crossed
+        (n,) change points passed.
     """
     n, n_q = q.shape
     found, rate = np.empty((n, len(t), n_q)), np.empty((n, len(t), n_q))
-    good_until = np.empty(n)
+    good_until, crossed = np.empty(n), np.empty(n, dtype=np.intc)
     if n > 0:
-        check(*_api.api_ensemble(handle, threads, step, t, good_until, _flat(q), _flat(qd), _flat(found), _flat(rate)))
-    return found, rate, good_until
+        members = (good_until, crossed, _flat(q), _flat(qd), _flat(found), _flat(rate))
+        check(*_api.api_ensemble(handle, threads, step, t, *members))
+    return found, rate, good_until, crossed
 
 
 def _flat(array: NDArray[Any]) -> NDArray[Any]:

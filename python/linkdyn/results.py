@@ -88,6 +88,7 @@ def ensemble_dataset(
     q: NDArray[np.float64],
     qd: NDArray[np.float64],
     good_until: NDArray[np.float64],
+    crossed: NDArray[np.intc],
 ) -> xr.Dataset:
     """The Dataset of an ensemble of forward runs.
 
@@ -101,12 +102,15 @@ def ensemble_dataset(
         (N, M, n).
     good_until
         (N,) [s].
+    crossed
+        (N,) change points passed.
     """
     dims, coordinates = ("member", "time", "coordinate"), scene["coordinates"]
     variables = {
         "q": (dims, q, {"long_name": "generalized coordinate", "units": "m or rad"}),
         "qd": (dims, qd, {"long_name": "its rate", "units": "m/s or rad/s"}),
         "good_until": ("member", good_until, {"long_name": "last good instant", "units": "s"}),
+        "change_points_passed": ("member", crossed, {"long_name": "change points passed"}),
     }
     axes = {
         "time": ("time", time, {"units": "s"}),

@@ -441,8 +441,8 @@ class Scene:
         Returns
         -------
         xarray.Dataset
-            "q" and "qd" (member, time, coordinate), NaN from where a member cannot go on, and "good_until" (member) [s], its
-            last good instant. Forces at any of these states: `inverse`.
+            "q" and "qd" (member, time, coordinate), NaN from where a member cannot go on, "good_until" (member) [s], its
+            last good instant, and "change_points_passed" (member). Forces at any of these states: `inverse`.
 
         Raises
         ------
@@ -464,8 +464,7 @@ class Scene:
                 sign.show(min(1.0, n_done / max(1, len(start))))
         finally:
             sign.end()
-        found, found_rate, good_until = (np.concatenate(arrays) for arrays in zip(*parts))
-        return ensemble_dataset(self.description, self.text, instants, found, found_rate, good_until)
+        return ensemble_dataset(self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts)))
 
     def study(self, t_end: float | None = None) -> xr.Dataset:
         """Time against error of every solver and integrator on this scene.
