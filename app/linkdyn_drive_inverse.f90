@@ -16,14 +16,15 @@ module linkdyn_drive_inverse
         find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
         result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
         result_singularity_distance, result_error, result_growth, result_transmission_angle, result_power_imbalance, &
-        result_driving_force_error, result_reaction_error, result_assembly
-    use linkdyn_run_output, only: output_type, open_results, put_results, note_assembly, close_results, exit_done, exit_bad_input, &
-        exit_samples_failed
+        result_driving_force_error, result_reaction_error, result_assembly, variable_index
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_assembly, close_results, exit_done, &
+        exit_bad_input, exit_samples_failed
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
-    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text
+    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, &
+        reason_of_loss
     use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
     use linkdyn_turns, only: turn_count
     implicit none (type, external)
@@ -139,6 +140,7 @@ contains
             if (status%is_ok()) call join_summaries(part(k), summary)
         end do
         call note_assembly(layout, summary, output, status)
+        if (variable_index(layout, result_assembly) > 0) call note_result("failure", reason_of_loss(summary), output, status)
         call close_results(output, status)
 
     contains

@@ -14,7 +14,8 @@ module linkdyn_summary
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, significant, left, right
+    public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, reason_of_loss, &
+        significant, left, right
 
     !> A largest value with its place.
     type :: peak_type
@@ -366,6 +367,15 @@ contains
             trim(sample_status_name(summary%first_failure))
         if (len_trim(summary%why) > 0) text = text//": "//trim(summary%why)
     end function failure_text
+
+    !> When and why the assembly was lost first; blank if it was not.
+    function reason_of_loss(summary) result(text)
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+
+        text = ""
+        if (len_trim(summary%why) > 0) text = "t = "//significant(summary%failure%first)//" s: "//trim(summary%why)
+    end function reason_of_loss
 
     !> "3 samples, first at t = 0.72 s"
     function times_text(event) result(text)

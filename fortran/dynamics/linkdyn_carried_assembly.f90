@@ -5,7 +5,8 @@
 !> step is not to be believed; then the straight way from the accepted position is followed (`linkdyn_following`).
 module linkdyn_carried_assembly
     use linkdyn_assembly_trail, only: sample_assembly, keep_lane, reached_crossing
-    use linkdyn_following, only: way_report, is_step_sound, way_arrived, way_at_singularity, largest_contraction
+    use linkdyn_following, only: way_report, is_step_sound, way_arrived, way_at_singularity, way_forks, &
+        largest_contraction
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -27,11 +28,12 @@ module linkdyn_carried_assembly
         real(wp), allocatable :: branch(:, :)          !!                                (lane, n_branch)
         real(wp), allocatable :: margin(:, :)          !! of the maps                    (lane, n_map)
         real(wp), allocatable :: drift(:, :)           !! its rate [1/s]                 (lane, n_map)
+        real(wp), allocatable :: side(:, :)            !! the last margin that could be told from zero; 0: none yet (lane, n_map)
         real(wp), allocatable :: place(:, :, :)        !! of the groups' links           (lane, place_size, n_link)
-        real(wp), allocatable :: column(:, :, :, :)    !! its rates for unit rates of the coordinates (lane, link_freedom, n_link, n_q)
+        real(wp), allocatable :: column(:, :, :, :)    !! its rates for unit rates of q  (lane, link_freedom, n_link, n_q)
         integer :: n_crossed(lanes) = 0                !! change points passed since the start
         integer :: n_crossed_tried(lanes) = 0          !! on the way to the state tried last
-        integer :: map_lost(lanes) = 0                 !! at fault where, since the accepted state, two assemblies met on a way; 0: none
+        integer :: map_lost(lanes) = 0                 !! at fault where two assemblies met on a way tried near here; 0: none
         type(kinematic_state) :: state                 !! scratch: positions and velocities of the state to be accepted
     end type carried_assembly
 
@@ -51,6 +53,7 @@ contains
         allocate (assembly%margin(lanes, n_map(model)), assembly%drift(lanes, n_map(model)))
         assembly%margin = 0                            ! which says nothing
         assembly%drift = 0
+        assembly%side = assembly%margin
         call prepare_kinematics(model, merge(model%n_q, 0, size(model%group) > 0), assembly%state)
         assembly%quaternion = assembly%state%quaternion
         if (size(model%group) == 0) return
@@ -81,6 +84,9 @@ contains
         call stand_where(model, doubtful, assembly, state)
         call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion)
         assembly%n_crossed_tried = report%n_crossed
+        if (.not. model%scene%passes_change_points) then
+            where (report%outcome == way_at_singularity) report%outcome = way_forks
+        end if
         arrives = report%outcome == way_arrived .or. report%outcome == way_at_singularity
         where (doubtful .and. .not. arrives) state%way_status = status_of_way(report%outcome)
         where (state%way_status == sample_branch_lost) assembly%map_lost = report%map
@@ -151,6 +157,8 @@ contains
         do m = 1, size(margin, 2)
             doubtful = doubtful .or. .not. is_step_sound(least(m), assembly%margin(:, m), ahead*assembly%drift(:, m), &
                                                          margin(:, m), ahead*drift(:, m))
+            ! From where it is not told on which side it is, a mechanism would leave to either.
+            if (.not. model%scene%passes_change_points) doubtful = doubtful .or. abs(margin(:, m)) <= least(m)
         end do
     end function is_doubtful
 
@@ -174,8 +182,8 @@ contains
             goes = is_accepted .and. .not. (state%unreachable .or. state%not_converged .or. state%branch_lost)
             where (goes)
                 assembly%t = t
-                assembly%n_crossed = assembly%n_crossed + assembly%n_crossed_tried
             end where
+            call count_crossings(model, margin, goes, assembly)
             call forget_map_lost(model, margin, goes, assembly%map_lost)
             do k = 1, model%n_q
                 where (goes) assembly%q(:, k) = state%q(:, k)
@@ -207,6 +215,27 @@ contains
             end do
         end associate
     end subroutine accept_assembly
+
+    !> Change points passed by a step: those of the way to its end, or, where it set out from too near one to tell, those
+    !> seen by the sides on which the mechanism was and is.
+    subroutine count_crossings(model, margin, goes, assembly)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        logical, intent(in) :: goes(lanes)
+        type(carried_assembly), intent(inout) :: assembly
+        real(wp) :: least(n_map(model))
+        integer :: seen(lanes), m
+
+        least = least_margins(model)
+        seen = 0
+        do m = 1, size(least)
+            where (goes .and. abs(margin(:, m)) > least(m))
+                seen = seen + merge(1, 0, assembly%side(:, m)*margin(:, m) < 0)
+                assembly%side(:, m) = margin(:, m)
+            end where
+        end do
+        where (goes) assembly%n_crossed = assembly%n_crossed + max(assembly%n_crossed_tried, seen)
+    end subroutine count_crossings
 
     !> A change point that was tried counts until the mechanism has got away from it.
     subroutine forget_map_lost(model, margin, goes, map_lost)

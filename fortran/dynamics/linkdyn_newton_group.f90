@@ -74,14 +74,15 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: g                         !! the group's number
         type(kinematic_state), intent(inout) :: state
-        real(wp), dimension(lanes) :: largest, before, noise
-        logical :: is_singular(lanes), is_refused(lanes)
+        real(wp), dimension(lanes) :: largest, before, noise, margin
+        logical, dimension(lanes) :: is_done, is_singular, has_no_pivot, is_refused
         integer :: n, step
 
         associate (group => model%group(g))
             n = size(group%unit)
             ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
             largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
+            is_done = .not. state%group%moves
             is_refused = .false.
             do step = 1, most_steps
                 before = largest
@@ -92,12 +93,17 @@ contains
                     call put_spatial_links(model, group, state)
                     call assemble_errors(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
                 end if
-                call solve_with_probe(group, state, state%group%margin(:, g), is_singular)
-                noise = rounding_of(model, group, state%group%place)/max(abs(state%group%margin(:, g)), least_group_margin)
-                call correct(model, group, state%group%right(:, :n, 1), is_refused, noise, state%group%place, largest)
+                call solve_with_probe(group, state, margin, has_no_pivot)
+                where (.not. is_done .or. step == 1)
+                    state%group%margin(:, g) = margin
+                    is_singular = has_no_pivot
+                    noise = rounding_of(model, group, state%group%place)/max(abs(margin), least_group_margin)
+                end where
+                call correct(model, group, state%group%right(:, :n, 1), .not. is_done, state%group%place, largest)
                 if (step > 1) call watch_contraction(before, largest, noise, state%group%contraction)
                 if (state%group%is_led) is_refused = .not. state%group%contraction <= largest_contraction
-                if (all(is_small(largest, noise) .or. is_refused)) exit
+                is_done = is_small(largest, noise) .or. is_refused
+                if (all(is_done)) exit
             end do
             state%not_converged = state%not_converged .or. is_refused .or. .not. is_small(largest, noise)
             state%singular = state%singular .or. is_singular
@@ -206,23 +212,19 @@ contains
 
     ! ---------------------------------------------------------------- places
 
-    !> Take the correction, unless the last one was small or all are refused; how large it was: the largest turn, or
-    !> shift as part of the mechanism's size.
-    subroutine correct(model, group, correction, is_refused, noise, place, largest)
+    !> Take the correction; how large it was: the largest turn, or shift as part of the mechanism's size.
+    subroutine correct(model, group, correction, takes, place, largest)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         real(wp), intent(in) :: correction(:, :)         !! (lane, row)
-        logical, intent(in) :: is_refused(lanes)
-        real(wp), intent(in) :: noise(lanes)
+        logical, intent(in) :: takes(lanes)
         real(wp), intent(inout) :: place(:, :, :)        !! (lane, place_size, n_link)
         real(wp), intent(inout) :: largest(lanes)
         real(wp), dimension(lanes) :: part, turn, size_here
         real(wp) :: moved(lanes, size(place, 2))
-        logical :: takes(lanes)
         integer :: n, i, k
 
         n = link_freedom(model)
-        takes = .not. (is_refused .or. is_small(largest, noise))
         turn = 0
         size_here = 0
         do i = 1, size(correction, 2)

@@ -101,7 +101,8 @@ contains
         logical, dimension(lanes) :: is_sound, is_first, is_at_limit
         real(wp), dimension(lanes) :: target, step
         real(wp) :: slope(lanes, size(self%least_margin))   !! of the margins, where they could still be told well; 0: never
-        integer :: n, lane, most
+        real(wp) :: side(lanes, size(self%least_margin))    !! the margins that could be told last; 0: none
+        integer :: n, lane, most(lanes)
 
         report%outcome = merge(under_way, way_arrived, goes)
         if (.not. any(goes)) return
@@ -110,20 +111,23 @@ contains
         is_crossing = .false.
         is_first = .true.
         slope = 0
+        side = 0
         step = min(1.0_wp, stride)
         call self%try(report%reached, is_crossing, stands)
         call self%take(goes)
         where (goes .and. .not. stands%is_closed) report%outcome = way_ends
-        most = spare_tries + 2*ceiling(1/minval(stride, mask=goes))
-        do n = 1, most
+        call note_side(side, stands%margin, spread(self%least_margin, 1, lanes), .false.)
+        most = spare_tries + 2*ceiling(1/merge(stride, 1.0_wp, goes))
+        do n = 1, maxval(most, mask=goes)
+            where (report%outcome == under_way .and. n > most) report%outcome = way_too_long
             if (all(report%outcome /= under_way)) exit
             target = report%reached
             is_crossing = .false.
             is_at_limit = .false.
             do lane = 1, lanes
                 if (report%outcome(lane) /= under_way) cycle
-                call choose_target(self%least_margin, stands, lane, slope(lane, :), is_first(lane), report%reached(lane), &
-                                   step(lane), target(lane), is_crossing(lane, :))
+                call choose_target(self%least_margin, stands, lane, slope(lane, :), side(lane, :), is_first(lane), &
+                                   report%reached(lane), step(lane), target(lane), is_crossing(lane, :))
                 is_at_limit(lane) = any(is_crossing(lane, :))
                 if (.not. is_at_limit(lane)) cycle
                 report%map(lane) = findloc(is_crossing(lane, :), .true., dim=1)
@@ -135,7 +139,7 @@ contains
             call self%try(target, is_crossing, tried)
             do lane = 1, lanes
                 is_sound(lane) = report%outcome(lane) == under_way .and. tried%is_closed(lane)
-                if (is_sound(lane)) is_sound(lane) = is_place_sound(self%least_margin, stands, tried, lane, &
+                if (is_sound(lane)) is_sound(lane) = is_place_sound(self%least_margin, stands, tried, lane, side(lane, :), &
                                                      target(lane) - report%reached(lane), is_crossing(lane, :))
                 if (.not. (is_sound(lane) .and. is_at_limit(lane)) .or. passes) cycle
                 report%outcome(lane) = way_forks
@@ -166,6 +170,7 @@ contains
             if (is_at_limit(lane)) report%n_crossed(lane) = report%n_crossed(lane) + 1
             is_first(lane) = .false.
             stands%margin(lane, :) = tried%margin(lane, :)
+            call note_side(side(lane, :), tried%margin(lane, :), self%least_margin, is_crossing(lane, :))
             stands%drift(lane, :) = tried%drift(lane, :)
             report%reached(lane) = target(lane)
             report%map(lane) = 0
@@ -202,13 +207,23 @@ contains
         end subroutine turn_back
     end subroutine follow_way
 
+    !> Remember on which side a margin is, if it can be told from zero, or has just been taken through it.
+    elemental subroutine note_side(side, margin, least_margin, has_crossed)
+        real(wp), intent(inout) :: side
+        real(wp), intent(in) :: margin, least_margin
+        logical, intent(in) :: has_crossed
+
+        if (abs(margin) > least_margin .or. has_crossed) side = margin
+    end subroutine note_side
+
     !> The next place to be tried: one from which no margin led on would vanish; at a margin that cannot be told from zero
     !> and goes to it, the mirror of the place on the far side.
-    pure subroutine choose_target(least_margin, stands, lane, slope, is_first, reached, step, target, is_crossing)
+    pure subroutine choose_target(least_margin, stands, lane, slope, side, is_first, reached, step, target, is_crossing)
         real(wp), intent(in) :: least_margin(:)             !! (n_map)
         type(footing), intent(in) :: stands
         integer, intent(in) :: lane
         real(wp), intent(in) :: slope(:)                    !! of the margins some way before; 0: not known
+        real(wp), intent(in) :: side(:)                     !! their last value that could be told; 0: none
         logical, intent(in) :: is_first                     !! position alone does not say which way a singular one is left
         real(wp), intent(in) :: reached, step
         real(wp), intent(out) :: target
@@ -222,11 +237,11 @@ contains
         vanishing = huge(1.0_wp)
         do m = 1, size(least_margin)
             associate (margin => stands%margin(lane, m), drift => stands%drift(lane, m))
-                if (.not. margin*drift < 0) cycle
-                vanishing(m) = abs(margin/drift)
+                if (margin*drift < 0) vanishing(m) = abs(margin/drift)
                 if (abs(margin) > least_margin(m)) then
                     longest = min(longest, nearest_try*vanishing(m))
-                else if (.not. is_first) then
+                else if (.not. is_first .and. (margin*drift < 0 .or. margin*side(m) < 0)) then
+                    ! It goes to zero, or has just passed it.
                     is_crossing(m) = .true.
                     mirrored = max(mirrored, 2*least_margin(m)/merge(slope(m), abs(drift), slope(m) > 0))
                 end if
@@ -241,10 +256,11 @@ contains
     end subroutine choose_target
 
     !> Is the place found where it was tried that to which the mechanism gets?
-    pure logical function is_place_sound(least_margin, stands, tried, lane, step, is_crossing) result(is_sound)
+    pure logical function is_place_sound(least_margin, stands, tried, lane, side, step, is_crossing) result(is_sound)
         real(wp), intent(in) :: least_margin(:)
         type(footing), intent(in) :: stands, tried
         integer, intent(in) :: lane
+        real(wp), intent(in) :: side(:)                     !! the margins that could be told last; 0: none
         real(wp), intent(in) :: step                        !! part of the way
         logical, intent(in) :: is_crossing(:)
         real(wp) :: before, now
@@ -255,7 +271,8 @@ contains
             before = stands%margin(lane, m)
             now = tried%margin(lane, m)
             if (is_crossing(m)) then
-                is_sound = is_sound .and. before*now < 0 .and. abs(now) <= same_margin*max(abs(before), least_margin(m))
+                is_sound = is_sound .and. merge(side(m), before, side(m) /= 0)*now < 0 &
+                           .and. abs(now) <= same_margin*max(abs(before), least_margin(m))
             else
                 is_sound = is_sound .and. is_step_sound(least_margin(m), before, step*stands%drift(lane, m), &
                                                         now, step*tried%drift(lane, m))

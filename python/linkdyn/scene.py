@@ -299,7 +299,7 @@ class Scene:
             load = self._loads_at(job, t, len(given["q"]))
         outputs, failure = self._run(job, threads, given, load, wrench)
         data = to_dataset(job.schema, given | outputs, self.description, self.text, job.solver)
-        if along_motion:
+        if "assembly" in data:
             data.attrs["failure"] = failure
         return data
 
