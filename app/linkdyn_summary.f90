@@ -9,6 +9,7 @@ module linkdyn_summary
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_reaction, result_status, result_assembly, variable_index, samples_width, &
         label_of_value, estimated, estimate_of
+    use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: sample_ok, sample_status_name, message_len
     use linkdyn_text, only: to_text
@@ -47,7 +48,7 @@ module linkdyn_summary
         character(len=message_len) :: why = ""                  !! it failed; blank: its status says it all
         type(event_type) :: crossing                            !! of a change point
         type(event_type) :: anew                                !! the assembly was found from the start, after failures
-        integer :: n_fallback = 0
+        type(road_counts) :: roads
         logical :: has_force = .false., has_reaction = .false.
         type(peak_type), allocatable :: lowest(:), highest(:)   !! driving force (n_actuator)
         real(wp), allocatable :: sum_of_squares(:)              !! (n_actuator)
@@ -89,11 +90,11 @@ contains
     end subroutine add_worst
 
     !> Take a block in. Failed samples count as such and nowhere else.
-    subroutine add_to_summary(layout, block, n, n_fallback, summary, lost_sample, why)
+    subroutine add_to_summary(layout, block, n, roads, summary, lost_sample, why)
         type(layout_type), intent(in) :: layout
         type(block_type), intent(in), target :: block
         integer, intent(in) :: n                     !! samples
-        integer, intent(in) :: n_fallback            !! of them solved by the dense solver
+        type(road_counts), intent(in) :: roads       !! theirs
         type(summary_type), intent(inout) :: summary
         integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
         character(len=*), intent(in), optional :: why
@@ -109,7 +110,7 @@ contains
         summary%has_force = associated(force)
         summary%has_reaction = associated(reaction)
         summary%n_sample = summary%n_sample + n
-        summary%n_fallback = summary%n_fallback + n_fallback
+        summary%roads = summary%roads + roads
         n_force = merge(2, 3, layout%planar)
         do i = 1, n
             if (code(i) /= sample_ok) then
@@ -195,7 +196,7 @@ contains
         call join_events(part%crossing, whole%crossing)
         call join_events(part%anew, whole%anew)
         whole%n_sample = whole%n_sample + part%n_sample
-        whole%n_fallback = whole%n_fallback + part%n_fallback
+        whole%roads = whole%roads + part%roads
         whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
         do k = 1, size(whole%lowest)
             call join(part%lowest(k), whole%lowest(k))
@@ -265,8 +266,10 @@ contains
             //times_text(summary%crossing)
         if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &
             //times_text(summary%anew)
-        if (summary%n_fallback > 0) write (unit, "(a)") "  dense solver     took over "// &
-            to_text(summary%n_fallback)//" samples whose pivots were not to be trusted"
+        if (summary%roads%iterated > 0) write (unit, "(a)") "  closed           "//to_text(summary%roads%closed)// &
+            " samples in closed form, "//to_text(summary%roads%iterated)//" by iteration"
+        if (summary%roads%dense > 0) write (unit, "(a)") "  dense solver     took over "// &
+            to_text(summary%roads%dense)//" samples whose pivots were not to be trusted"
         write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*seconds/summary%n_sample)// &
             " us per sample, "//significant(seconds)//" s in all"
         write (unit, "(a)") "  results          "//output

@@ -1,5 +1,6 @@
 !> Where a mechanism cannot be computed, in words: the links and joints concerned, and how far a coordinate can go.
 module linkdyn_failure
+    use linkdyn_applied_wrenches, only: spring_without_direction
     use linkdyn_assembly_trail, only: lost_way
     use linkdyn_constants, only: pi
     use linkdyn_kinds, only: wp
@@ -8,8 +9,8 @@ module linkdyn_failure
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_group, step_csp, is_dyad, is_length
     use linkdyn_reach, only: find_reach
-    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
-    use linkdyn_text, only: to_text, join
+    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
+    use linkdyn_text, only: to_text, join, quoted
     implicit none (type, external)
     private
     public :: failure_at, lost_in_words, map_in_words, meeting_in_words
@@ -36,6 +37,11 @@ contains
             case default
                 text = text//" cannot be closed"
             end select
+        else if (status == sample_undefined .and. spring_without_direction(model, state, lane) > 0) then
+            text = "spring "//quoted(model%scene%spring(spring_without_direction(model, state, lane))%name) &
+                   //" has no direction, its ends coincide"
+        else if (status == sample_undefined) then
+            text = "a force is beyond all numbers"
         else if (status == sample_singular) then
             text = "the equations of motion are singular"
         else if (status == sample_unreachable) then

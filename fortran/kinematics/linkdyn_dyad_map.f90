@@ -5,13 +5,14 @@
 !> `first` and `second` are how the gap moves for a unit rate. Their cross product vanishes at the dead points; divided by
 !> both lengths it is the sine of the transmission angle.
 module linkdyn_dyad_map
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_vec2, only: vec2, operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
     public :: dyad_map, make_dyad_map, solve_dyad, lengths_of, transmission_angle
-    public :: half_chord
+    public :: drop_uncertain, half_chord
 
     type :: dyad_map
         type(vec2) :: first, second         !! [m] for a rotation, 1 for a slide
@@ -39,6 +40,22 @@ contains
         rate1 = map%inverse*(gap.cross.map%second)
         rate2 = map%inverse*(gap.cross.map%first)
     end subroutine solve_dyad
+
+    !> No rates where next to nothing of them is certain: so near a dead point that the last digits of the position turn the
+    !> links by much of the transmission angle.
+    !>
+    !> A gap of the size of the position's error turns links by up to error*reach/|det|, reach being the length of the
+    !> motions that rotations make, and the determinant changes with the angle by first.second.
+    pure subroutine drop_uncertain(error, reach, map)
+        real(wp), intent(in) :: error(lanes)          !! of the position [m]
+        real(wp), intent(in) :: reach(lanes)
+        type(dyad_map), intent(inout) :: map
+        real(wp), parameter :: least_certain = 1.0e-3_wp    !! three digits of the rates
+        real(wp) :: share(lanes)
+
+        share = error*reach*abs(map%first.dot.map%second)*map%inverse**2
+        where (.not. share <= least_certain) map%inverse = ieee_value(1.0_wp, ieee_quiet_nan)
+    end subroutine drop_uncertain
 
     !> Product of the lengths of both columns: the determinant divided by it is the sine of the transmission angle, 0 at a
     !> dead point.

@@ -41,6 +41,7 @@ module linkdyn_kinematic_state
         logical :: not_converged(lanes) = .false.             !! an iteration ran out of steps
         logical :: branch_lost(lanes) = .false.               !! two assemblies meet on the way
         integer :: way_status(lanes) = sample_ok              !! how following the assembly to here came out: one of `sample_*`
+        logical :: undefined(lanes) = .false.                 !! a spring has no direction
         type(planar_motion) :: plane
         type(group_motion) :: group                           !! closed by Newton's method
         type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)

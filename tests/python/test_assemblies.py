@@ -23,9 +23,9 @@ import linkdyn
 from linkdyn.cli import executable
 
 SCENES = Path(__file__).resolve().parents[1] / "assemblies"
-STATUSES = ["ok", "unreachable", "singular", "not_converged", "branch_lost"]
+STATUSES = ["ok", "unreachable", "singular", "not_converged", "undefined", "branch_lost"]
 WAYS = ["continuous", "change_point", "anew"]
-OK, UNREACHABLE, NOT_CONVERGED, BRANCH_LOST = 0, 1, 3, 4
+OK, UNREACHABLE, NOT_CONVERGED, BRANCH_LOST = 0, 1, 3, 5
 STRAIGHT, THROUGH_CHANGE_POINT, ANEW = range(3)
 
 
@@ -140,10 +140,11 @@ def nearest_to(angle: float, both: NDArray[np.float64]) -> int:
 def test_rsur_comes_back_on_one_assembly(tmp_path: Path) -> None:
     """Beyond what it cannot reach it is on the assembly that it had before; flagged is what does not close."""
     found = states_run("rsur.toml", "rsur_reopen.csv", tmp_path)
-    both = rocker_angles(column("q A", "rsur_reopen.csv"))
-    expected = both[nearest_to(found["joint_variable D.angle"][0], both[:, 0])]
-    ok = found["status"] == OK
-    assert np.array_equal(ok, ~np.isnan(expected)) and not np.all(ok)
+    crank, ok = column("q A", "rsur_reopen.csv"), found["status"] == OK
+    both, outward = rocker_angles(crank), np.arange(0.0, -1.5, -1e-5)
+    branch = nearest_to(found["joint_variable D.angle"][0], both[:, 0])
+    expected, limit = both[branch], outward[np.argmax(np.isnan(rocker_angles(outward)[branch]))]
+    assert np.array_equal(ok, crank > limit) and not np.all(ok)
     assert np.all(found["status"][~ok] == UNREACHABLE)
     assert np.max(np.abs(np.exp(1j * expected) - np.exp(1j * found["joint_variable D.angle"]))[ok]) < 1e-8
 
