@@ -9,7 +9,7 @@ module linkdyn_drive_forward
     use linkdyn_model, only: model_type
     use linkdyn_results, only: block_type, prepare_block
     use linkdyn_roads, only: road_counts
-    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, close_results, &
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
         exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
@@ -62,17 +62,17 @@ contains
             return
         end if
         if (.not. config%quiet) then
-            call print_summary(model%scene, watched%layout, summary, config%solver, config%options%threads, seconds, &
+            call print_summary(model, watched%layout, summary, config%solver, config%options%threads, seconds, &
                                output%name, unit)
             call print_statistics(watched%run, unit)
         end if
         exit_status = exit_done
         if (watched%run%has_stopped) then
             call say(trim(config%scene)//": "//trim(watched%run%reason))
-        else if (summary%n_failed > 0) then
+        else if (summary%failure%n > 0) then
             call say(trim(config%scene)//": failed samples: "//failure_text(summary))
         end if
-        if (summary%n_failed > 0 .or. watched%run%has_stopped) exit_status = exit_samples_failed
+        if (summary%failure%n > 0 .or. watched%run%has_stopped) exit_status = exit_samples_failed
         if (interrupt_noted() > 0) exit_status = exit_of_signal + interrupt_noted()
         call finish_watched(watched)
     end subroutine drive_forward
@@ -160,6 +160,7 @@ contains
         call show_stage("writing")
         call note_run(watched%run, output, status)
         call note_roads(summary%roads, output, status)
+        call note_assembly(watched%layout, summary, output, status)
         call close_results(output, status)
     end subroutine run_blocks
 

@@ -10,23 +10,25 @@ module linkdyn_drive_inverse
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, dyad_names
+    use linkdyn_led_mechanism, only: follows_assembly
+    use linkdyn_model, only: model_type, dyad_names, has_assemblies
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
     use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, samples_width, &
         find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
         result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
         result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
-        result_power_imbalance, result_driving_force_error, result_reaction_error
-    use linkdyn_roads, only: road_counts
-    use linkdyn_run_output, only: output_type, open_results, put_results, note_roads, close_results, exit_done, exit_bad_input, &
-        exit_samples_failed
+        result_power_imbalance, result_driving_force_error, result_reaction_error, result_assembly, variable_index
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
+        exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
-    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text
+    use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, &
+        reason_of_loss
     use linkdyn_terminal, only: show_stage, show_progress, say, seconds_since
     use linkdyn_threads, only: team_size
+    use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
     public :: drive_inverse, load_model
@@ -69,7 +71,8 @@ contains
         end if
         if (status%is_ok()) call prepare_inverse(model, config%options, config%wanted%reaction, solver, status)
         if (status%is_ok()) then
-            call describe_results(model%scene, config%wanted, .true., layout, dyad=dyad_names(model), length=typical_length(model))
+            call describe_results(model%scene, config%wanted, .true., layout, dyad=dyad_names(model), &
+                                  length=typical_length(model), follows_assembly=follows_assembly(model))
             call open_results(config, model, layout, n_sample, output, status)
         end if
         if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
@@ -78,10 +81,10 @@ contains
             call say(status%message)
             return
         end if
-        if (.not. config%quiet) call print_summary(model%scene, layout, summary, config%solver, &
+        if (.not. config%quiet) call print_summary(model, layout, summary, config%solver, &
             config%options%threads, seconds, output%name, unit)
         exit_status = exit_done
-        if (summary%n_failed == 0) return
+        if (summary%failure%n == 0) return
         exit_status = exit_samples_failed
         call say(trim(config%scene)//": failed samples: "//failure_text(summary))
     end subroutine drive_inverse
@@ -115,6 +118,7 @@ contains
         real(wp), intent(out) :: seconds              !! spent computing, mean of the threads
         type(status_type), intent(inout) :: status
         type(assembly_trail) :: trail
+        type(turn_count), allocatable :: turns        !! if results are kept: then blocks are computed in their order
         type(summary_type), allocatable :: part(:)    !! of each group: joined in order, whichever thread made it
         integer(int64) :: run_start
         integer :: length, n_block, n_group, n_taker, n_helper, n_done, k
@@ -125,9 +129,10 @@ contains
         n_group = min(n_block, most_groups)
         ! Where assemblies are followed along the motion, blocks are taken in their order.
         n_taker = 1
-        if (output%is_none .and. model%n_dyad == 0) n_taker = team_size(config%options%threads, n_group)
-        n_helper = merge(1, config%options%threads, output%is_none .and. model%n_dyad == 0)
+        if (output%is_none .and. .not. has_assemblies(model)) n_taker = team_size(config%options%threads, n_group)
+        n_helper = merge(1, config%options%threads, output%is_none .and. .not. has_assemblies(model))
         allocate (part(n_group))
+        if (.not. output%is_none) allocate (turns)
         n_done = 0
         seconds = 0
         call system_clock(run_start)
@@ -141,6 +146,8 @@ contains
         end do
         call show_stage("writing")
         call note_roads(summary%roads, output, status)
+        call note_assembly(layout, summary, output, status)
+        if (variable_index(layout, result_assembly) > 0) call note_result("failure", reason_of_loss(summary), output, status)
         call close_results(output, status)
 
     contains
@@ -173,14 +180,14 @@ contains
             type(summary_type), intent(inout) :: part
             integer(int64) :: start
             real(wp) :: elapsed
-            type(road_counts) :: roads
+            type(inverse_results) :: results
 
             if (.not. status%is_ok()) return
             call system_clock(start)
-            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, roads)
+            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, turns, results)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
-            call add_to_summary(layout, block, n, roads, part)
+            call add_to_summary(layout, block, n, results%roads, part, results%lost_sample, results%lost_in_words)
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n
@@ -214,7 +221,7 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, roads)
+    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, turns, results)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads
@@ -224,8 +231,8 @@ contains
         type(block_type), intent(inout), target :: block
         type(scratch_type), intent(inout), target :: scratch
         type(assembly_trail), intent(inout) :: trail  !! instants follow each other
-        type(road_counts), intent(out) :: roads       !! of the samples
-        type(inverse_results) :: results
+        type(turn_count), allocatable, intent(inout) :: turns    !! not allocated: turns are not counted
+        type(inverse_results), intent(out) :: results !! where they are in the block, and what is said of all
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
 
         call view_values(layout, result_time, n, block, time)
@@ -235,6 +242,7 @@ contains
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
         call view_values(layout, result_status, n, block, results%status)
+        call view_values(layout, result_assembly, n, block, results%assembly)
         call view_values(layout, result_driving_force, n, block, results%driving_force)
         call view_values(layout, result_reaction, n, block, results%reaction)
         call view_values(layout, result_joint_variable, n, block, results%joint_variable)
@@ -262,9 +270,8 @@ contains
         if (allocated(states%time) .and. .not. states%is_motion) then
             call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results)
         else
-            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail)
+            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail, turns=turns)
         end if
-        roads = results%roads
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)
         call flag_unsound(layout, n, block)

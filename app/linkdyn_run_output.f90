@@ -5,14 +5,17 @@ module linkdyn_run_output
     use linkdyn_model, only: model_type
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
     use linkdyn_path, only: refuse_inputs
-    use linkdyn_results, only: layout_type, block_type
+    use linkdyn_results, only: layout_type, block_type, variable_index, result_assembly
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
+    use linkdyn_summary, only: summary_type
+    use linkdyn_text, only: to_text
     use linkdyn_version, only: version
     implicit none (type, external)
     private
-    public :: output_type, open_results, put_results, note_result, note_roads, close_results, default_name, run_attributes
+    public :: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, default_name
+    public :: run_attributes
     public :: exit_done, exit_bad_input, exit_samples_failed
 
     integer, parameter :: exit_done = 0, exit_bad_input = 2, exit_samples_failed = 3
@@ -120,6 +123,18 @@ contains
         call note_result("samples_iterated", roads%iterated, output, status)
         call note_result("samples_dense", roads%dense, output, status)
     end subroutine note_roads
+
+    !> How often the assembly was in question.
+    subroutine note_assembly(layout, summary, output, status)
+        type(layout_type), intent(in) :: layout
+        type(summary_type), intent(in) :: summary
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (variable_index(layout, result_assembly) == 0) return
+        call note_result("change_points_passed", to_text(summary%crossing%n), output, status)
+        call note_result("assemblies_found_anew", to_text(summary%anew%n), output, status)
+    end subroutine note_assembly
 
     subroutine close_results(output, status)
         type(output_type), intent(inout) :: output

@@ -1,18 +1,22 @@
 !> What the engineer wants to know first: peaks and rms of the driving forces, the largest reaction,
 !> how many samples failed, how long it took.
 module linkdyn_summary
+    use linkdyn_assembly_trail, only: reached_crossing, reached_anew
     use linkdyn_inverse, only: solver_name, solver_reduced
+    use linkdyn_choice, only: choices_in_words
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
-        result_time, result_driving_force, result_reaction, result_status, variable_index, samples_width, label_of_value, &
-        estimated, estimate_of
+        result_time, result_driving_force, result_reaction, result_status, result_assembly, variable_index, samples_width, &
+        label_of_value, estimated, estimate_of
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: scene_type
-    use linkdyn_status, only: sample_ok, sample_status_name
+    use linkdyn_status, only: sample_ok, sample_status_name, message_len
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, significant, left, right
+    public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, reason_of_loss, &
+        significant, left, right
 
     !> A largest value with its place.
     type :: peak_type
@@ -21,6 +25,12 @@ module linkdyn_summary
         integer :: place = 0     !! joint
         logical :: is_set = .false.
     end type peak_type
+
+    !> How often something happened, and when first.
+    type :: event_type
+        integer :: n = 0
+        real(wp) :: first = 0    !! [s]
+    end type event_type
 
     !> The largest estimated error of one kind of result in one unit.
     type :: error_peak_type
@@ -33,10 +43,12 @@ module linkdyn_summary
     !> Figures gathered block by block.
     type :: summary_type
         integer :: n_sample = 0
-        integer :: n_failed = 0
+        type(event_type) :: failure
+        integer :: first_failure = sample_ok                    !! status of that sample
+        character(len=message_len) :: why = ""                  !! it failed; blank: its status says it all
+        type(event_type) :: crossing                            !! of a change point
+        type(event_type) :: anew                                !! the assembly was found from the start, after failures
         type(road_counts) :: roads
-        integer :: first_failure = sample_ok
-        real(wp) :: first_failure_time = 0
         logical :: has_force = .false., has_reaction = .false.
         type(peak_type), allocatable :: lowest(:), highest(:)   !! driving force (n_actuator)
         real(wp), allocatable :: sum_of_squares(:)              !! (n_actuator)
@@ -78,18 +90,21 @@ contains
     end subroutine add_worst
 
     !> Take a block in. Failed samples count as such and nowhere else.
-    subroutine add_to_summary(layout, block, n, roads, summary)
+    subroutine add_to_summary(layout, block, n, roads, summary, lost_sample, why)
         type(layout_type), intent(in) :: layout
         type(block_type), intent(in), target :: block
         integer, intent(in) :: n                     !! samples
         type(road_counts), intent(in) :: roads       !! theirs
         type(summary_type), intent(inout) :: summary
+        integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
+        character(len=*), intent(in), optional :: why
         real(wp), pointer :: time(:), force(:, :), reaction(:, :, :)
-        integer, pointer :: code(:)
+        integer, pointer :: code(:), assembly(:)
         integer :: i, k, n_force
 
         call view_values(layout, result_time, n, block, time)
         call view_values(layout, result_status, n, block, code)
+        call view_values(layout, result_assembly, n, block, assembly)
         call view_values(layout, result_driving_force, n, block, force)
         call view_values(layout, result_reaction, n, block, reaction)
         summary%has_force = associated(force)
@@ -99,10 +114,16 @@ contains
         n_force = merge(2, 3, layout%planar)
         do i = 1, n
             if (code(i) /= sample_ok) then
-                if (summary%n_failed == 0) summary%first_failure = code(i)
-                if (summary%n_failed == 0) summary%first_failure_time = time(i)
-                summary%n_failed = summary%n_failed + 1
+                if (summary%failure%n == 0) then
+                    summary%first_failure = code(i)
+                    if (present(lost_sample)) summary%why = merge(why, repeat(" ", len(why)), lost_sample == i)
+                end if
+                call count_event(time(i), summary%failure)
                 cycle
+            end if
+            if (associated(assembly)) then
+                if (assembly(i) == reached_crossing) call count_event(time(i), summary%crossing)
+                if (assembly(i) == reached_anew) call count_event(time(i), summary%anew)
             end if
             if (summary%has_force) then
                 do k = 1, size(force, 1)
@@ -121,6 +142,14 @@ contains
             end do
         end do
     end subroutine add_to_summary
+
+    pure subroutine count_event(time, event)
+        real(wp), intent(in) :: time
+        type(event_type), intent(inout) :: event
+
+        if (event%n == 0) event%first = time
+        event%n = event%n + 1
+    end subroutine count_event
 
     !> Errors of one kind and unit in a sample.
     subroutine note_errors(layout, block, sample, time, worst)
@@ -159,10 +188,14 @@ contains
 
         whole%has_force = part%has_force
         whole%has_reaction = part%has_reaction
-        if (whole%n_failed == 0) whole%first_failure = part%first_failure
-        if (whole%n_failed == 0) whole%first_failure_time = part%first_failure_time
+        if (whole%failure%n == 0) then
+            whole%first_failure = part%first_failure
+            whole%why = part%why
+        end if
+        call join_events(part%failure, whole%failure)
+        call join_events(part%crossing, whole%crossing)
+        call join_events(part%anew, whole%anew)
         whole%n_sample = whole%n_sample + part%n_sample
-        whole%n_failed = whole%n_failed + part%n_failed
         whole%roads = whole%roads + part%roads
         whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
         do k = 1, size(whole%lowest)
@@ -184,6 +217,15 @@ contains
         end subroutine join
     end subroutine join_summaries
 
+    !> Later ones to those before.
+    pure subroutine join_events(part, whole)
+        type(event_type), intent(in) :: part
+        type(event_type), intent(inout) :: whole
+
+        if (whole%n == 0) whole%first = part%first
+        whole%n = whole%n + part%n
+    end subroutine join_events
+
     pure subroutine raise_peak(value, time, place, peak)
         real(wp), intent(in) :: value, time
         integer, intent(in) :: place
@@ -194,8 +236,8 @@ contains
     end subroutine raise_peak
 
     !> The table.
-    subroutine print_summary(scene, layout, summary, solver, threads, seconds, output, unit)
-        type(scene_type), intent(in) :: scene
+    subroutine print_summary(model, layout, summary, solver, threads, seconds, output, unit)
+        type(model_type), intent(in) :: model
         type(layout_type), intent(in) :: layout
         type(summary_type), intent(in) :: summary
         character(len=*), intent(in) :: solver
@@ -204,8 +246,8 @@ contains
         character(len=*), intent(in) :: output       !! file written
         integer, intent(in) :: unit
 
-        if (len_trim(scene%title) > 0) write (unit, "(a)") trim(scene%title)
-        write (unit, "(a)") "  "//to_text(summary%n_sample)//" samples, "//gravity_text(scene)//", solver "//solver// &
+        if (len_trim(model%scene%title) > 0) write (unit, "(a)") trim(model%scene%title)
+        write (unit, "(a)") "  "//to_text(summary%n_sample)//" samples, "//gravity_text(model%scene)//", solver "//solver// &
             ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
         if (summary%has_force) call print_forces(layout, summary, unit)
         if (summary%has_reaction) then
@@ -218,7 +260,12 @@ contains
         end if
         if (size(summary%worst) > 0) call print_errors(layout, summary%worst, unit)
         write (unit, "(a)") ""
+        if (len(choices_in_words(model)) > 0) write (unit, "(a)") "  assembly         "//choices_in_words(model)
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
+        if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &
+            //times_text(summary%crossing)
+        if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &
+            //times_text(summary%anew)
         if (summary%roads%iterated > 0) write (unit, "(a)") "  closed           "//to_text(summary%roads%closed)// &
             " samples in closed form, "//to_text(summary%roads%iterated)//" by iteration"
         if (summary%roads%dense > 0) write (unit, "(a)") "  dense solver     took over "// &
@@ -252,7 +299,7 @@ contains
             end do
         end associate
         width = max(len("driving force"), maxval(len_trim(name)))
-        n_solved = max(1, summary%n_sample - summary%n_failed)
+        n_solved = max(1, summary%n_sample - summary%failure%n)
         write (unit, "(a)") ""
         write (unit, "(a)") "  "//left("driving force", width)//right("lowest", number_width)// &
             right("at t [s]", time_width)//right("highest", number_width)//right("at t [s]", time_width)// &
@@ -318,10 +365,29 @@ contains
         character(len=:), allocatable :: text
 
         text = "none"
-        if (summary%n_failed > 0) text = to_text(summary%n_failed)//" of "//to_text(summary%n_sample)// &
-            ", first at t = "//significant(summary%first_failure_time)//" s: "// &
+        if (summary%failure%n > 0) text = to_text(summary%failure%n)//" of "//to_text(summary%n_sample)// &
+            ", first at t = "//significant(summary%failure%first)//" s: "// &
             trim(sample_status_name(summary%first_failure))
+        if (len_trim(summary%why) > 0) text = text//": "//trim(summary%why)
     end function failure_text
+
+    !> When and why the assembly was lost first; blank if it was not.
+    function reason_of_loss(summary) result(text)
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+
+        text = ""
+        if (len_trim(summary%why) > 0) text = "t = "//significant(summary%failure%first)//" s: "//trim(summary%why)
+    end function reason_of_loss
+
+    !> "3 samples, first at t = 0.72 s"
+    function times_text(event) result(text)
+        type(event_type), intent(in) :: event
+        character(len=:), allocatable :: text
+
+        text = to_text(event%n)//trim(merge(" sample ", " samples", event%n == 1))//", first at t = "//significant(event%first) &
+               //" s"
+    end function times_text
 
     function gravity_text(scene) result(text)
         type(scene_type), intent(in) :: scene

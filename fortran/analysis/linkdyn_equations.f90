@@ -21,9 +21,9 @@ module linkdyn_equations
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_joint_rates, only: actuator_columns, work_columns
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_mass_matrix, only: mass_matrix
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
@@ -31,7 +31,7 @@ module linkdyn_equations
     use linkdyn_row_order, only: order_rows
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
-        sample_singular, sample_not_converged, sample_undefined
+        sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -396,6 +396,7 @@ contains
         where (workspace%state%singular) workspace%status = sample_singular
         where (workspace%state%not_converged) workspace%status = sample_not_converged
         where (workspace%state%unreachable) workspace%status = sample_unreachable
+        where (workspace%state%branch_lost) workspace%status = sample_branch_lost
         if (workspace%checks_input) then
             ! Also what no force depends on, such as the rates of massless links.
             call flag_not_finite(workspace%state%q, workspace%status)

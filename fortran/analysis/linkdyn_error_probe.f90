@@ -163,7 +163,7 @@ contains
                 workspace%load(:, j, k) = solved%load(:, j, k)*copy%load_factor(j, k)
             end do
         end do
-        if (copy%model%n_dyad > 0) workspace%state%plane%branch = solved%state%plane%branch
+        if (copy%model%n_branch > 0) workspace%state%branch = solved%state%branch
         if (size(copy%model%group) == 0) return
         workspace%state%group%start_q = workspace%state%q
         do k = 1, size(copy%place_factor)

@@ -5,15 +5,17 @@ module linkdyn_explain
     use linkdyn_elimination_plan, only: elimination_plan
     use linkdyn_formulation, only: n_transmitted
     use linkdyn_constants, only: pi
+    use linkdyn_choice, only: has_choice, choice_in_words
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, &
+    use linkdyn_led_mechanism, only: follows_assembly
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
         step_group, step_name, is_dyad, side_of
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
-    use linkdyn_transmission, only: smallest_transmission
+    use linkdyn_transmission, only: motion_survey, survey_motion
     implicit none (type, external)
     private
     public :: explain_model
@@ -105,18 +107,23 @@ contains
     subroutine explain_order(model, unit)
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit
-        real(wp) :: angle(model%n_dyad), time(model%n_dyad)
+        type(motion_survey) :: survey
         logical :: moves
         integer :: i
 
-        moves = model%n_dyad > 0 .and. model%scene%time%last > model%scene%time%first
-        if (moves) call smallest_transmission(model, angle, time)
+        moves = follows_assembly(model) .and. model%scene%time%last > model%scene%time%first
+        if (moves) call survey_motion(model, survey)
         write (unit, "(/,a)") "Order of computation"
         do i = 1, size(model%step)
             if (is_dyad(model%step(i)%kind)) call explain_coupler_points(model, i, unit)
             write (unit, "(2x,i4,a)") i, ". "//step_in_words(model, model%step(i))
+            if (has_choice(model, model%step(i))) &
+                write (unit, "(8x,a)") "assembly at the start: "//choice_in_words(model, model%step(i))
             if (is_dyad(model%step(i)%kind) .and. moves) call explain_transmission(model%step(i)%first)
         end do
+        if (survey%n_failed > 0) write (unit, "(2x,a)") "not to be assembled at "//to_text(survey%n_failed)//" of " &
+            //to_text(survey%n_instant)//" instants along the motion, first at t = "//to_text(survey%first_failure)//" s: " &
+            //trim(survey%why)
 
     contains
 
@@ -124,8 +131,9 @@ contains
             integer, intent(in) :: d
             character(len=64) :: line
 
-            if (angle(d) > pi) return                  ! it could not be assembled at all
-            write (line, "(a,f0.1,a,g0.4,a)") "transmission angle down to ", angle(d)*180/pi, " deg, at t = ", time(d), " s"
+            if (survey%angle(d) > pi) return           ! it could not be assembled at all
+            write (line, "(a,f0.1,a,g0.4,a)") "transmission angle down to ", survey%angle(d)*180/pi, " deg, at t = ", &
+                survey%time(d), " s"
             write (unit, "(8x,a)") trim(line)
         end subroutine explain_transmission
     end subroutine explain_order
@@ -203,8 +211,6 @@ contains
         do i = 1, 3
             text = text//" "//trim(model%joint(step%joint(i))%name)
         end do
-        if (any(step%kind == [step_rrr, step_rrp, step_rpr])) &
-            text = text//", branch "//trim(merge("+1", "-1", model%branch(step%first) > 0))
     end function dyad_in_words
 
     function name_of(model, link) result(name)

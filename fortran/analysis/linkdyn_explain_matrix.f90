@@ -4,9 +4,9 @@ module linkdyn_explain_matrix
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_formulation, only: formulation_type, matrix_entry, build_formulation, style_lecture
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_slots, only: slot_store, make_slots

@@ -16,7 +16,7 @@ module linkdyn_forward
     use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
-    use linkdyn_failure, only: failure_at
+    use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
@@ -35,6 +35,7 @@ module linkdyn_forward
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
     use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
+    use linkdyn_turns, only: turn_count
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
@@ -65,6 +66,8 @@ module linkdyn_forward
         integer :: step_entered = -1                   !! steps done when the phase was entered
         integer :: dead_coordinate = 0                 !! that the run has stopped at; 0: none
         real(wp), allocatable :: y(:, :)               !! (lane, n)
+        type(turn_count) :: turns                      !! of the samples given
+        integer :: n_crossed = 0                       !! change points passed before the last sample given
         real(wp), allocatable :: kink(:)               !! instants at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
         real(wp) :: good_until = 0                     !! [s]
@@ -95,7 +98,6 @@ contains
         associate (phase => run%known(1)%phase)
             phase%model => model
             phase%choice = spread(0, 1, model%n_q)
-            phase%branch = model%step%branch
             call plan_phase(model, options, phase, status)
             run%system => phase%system
         end associate
@@ -214,7 +216,7 @@ contains
             work = ieee_value(1.0_wp, ieee_quiet_nan)
             if (.not. run%has_stopped) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
-                call keep_accepted(run%model, run%system%assembly, i - first + 1, assembly)
+                call keep_accepted(run%model, run%system%assembly, i - first + 1, assembly, run%n_crossed)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%y(1, run%system%layout%work)
             end if
@@ -236,7 +238,7 @@ contains
             associate (here => run%known(phase)%phase)
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), qd(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
-                                  own=run%own)
+                                  own=run%own, turns=run%turns)
             end associate
             results%forces%roads = results%forces%roads + part%roads
         end subroutine find_forces
@@ -344,7 +346,7 @@ contains
             call exchange_scene(run%own, choices(:, i), run%model, run%system%watch%state, scene)
             call build_model(scene, model(i), status)
             if (.not. status%is_ok()) cycle
-            phase(i) = find_phase(run, choices(:, i), model(i)%step%branch)
+            phase(i) = find_phase(run, choices(:, i))
             if (run%known(phase(i))%phase%is_refused) cycle
             n_iterated(i) = number_iterated(model(i))
             if (n_iterated(i) == 0) exit               ! all in closed form
@@ -357,23 +359,17 @@ contains
         end do
     end subroutine find_better_phase
 
-    !> The number of a choice's phase, which is new if it was never looked for. A group of a spatial mechanism that closes
-    !> in another way has a model of its own; in the plane a model serves all assemblies.
-    integer function find_phase(run, choice, branch) result(number)
+    !> The number of a choice's phase, which is new if it was never looked for. A model serves all assemblies.
+    integer function find_phase(run, choice) result(number)
         type(forward_run), intent(inout) :: run
         integer, intent(in) :: choice(:)
-        integer, intent(in) :: branch(:)               !! of the steps
 
         do number = 1, size(run%known)
-            associate (phase => run%known(number)%phase)
-                if (any(phase%choice /= choice)) cycle
-                if (all(phase%branch == branch)) return
-            end associate
+            if (all(run%known(number)%phase%choice == choice)) return
         end do
         run%known = [run%known, phase_box()]
         allocate (run%known(number)%phase)
         run%known(number)%phase%choice = choice
-        run%known(number)%phase%branch = branch
     end function find_phase
 
     !> Go on in a phase, with a model that starts at the position reached.
@@ -437,6 +433,9 @@ contains
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+        else if (run%system%assembly%map_lost(1) > 0) then
+            reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
+                     //meeting_in_words(run%model)
         else if (run%system%workspace%status(1) /= sample_ok) then
             reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
         else if (run%integrator%has_shrunk) then
@@ -509,13 +508,14 @@ contains
 
     !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
     !> is told to stop nothing of it can be used.
-    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, status)
+    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, status)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
         real(wp), intent(in) :: q_start(:, :), qd_start(:, :)    !! (n_q, n_member)
         real(wp), intent(in) :: t(:)                   !! [s] (n)
         real(wp), intent(out) :: q(:, :, :), qd(:, :, :)         !! (n_q, n, n_member); NaN once a member has stopped
         real(wp), intent(out) :: good_until(:)         !! last good instant (n_member) [s]
+        integer, intent(out) :: n_crossed(:)           !! change points passed (n_member)
         type(status_type), intent(inout) :: status
         type(status_type) :: block_status
         integer :: block, n_block
@@ -562,6 +562,7 @@ contains
                 end do
                 do i = 1, lanes
                     good_until(member(i)) = run%integrator%good_until(i)
+                    n_crossed(member(i)) = run%system%assembly%n_crossed(i)
                 end do
             end if
             call finish_forward(run)

@@ -29,7 +29,6 @@ module linkdyn_forward_phase
 
     type :: forward_phase
         integer, allocatable :: choice(:)              !! joint variable that stands in for a coordinate; 0: none does (n_q)
-        integer, allocatable :: branch(:)              !! of the steps of the model
         type(model_type), pointer :: model => null()
         logical :: owns_model = .false.                !! else it is the user's
         logical :: is_refused = .false.                !! it cannot be planned

@@ -9,10 +9,10 @@ module linkdyn_forward_system
     use linkdyn_forward_state, only: state_layout, plan_layout, choose_free, unpack_state, pack_rates
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_scene, only: drive_inverse
@@ -135,6 +135,7 @@ contains
         real(wp), intent(in) :: y(:, :)
 
         call begin_assembly(self%model, t, self%assembly)
+        self%assembly%n_crossed = other%assembly%n_crossed
         self%inverse_assembly = other%inverse_assembly
         self%inverse_time = -huge(1.0_wp)
         self%watch%may_exchange = .true.

@@ -5,7 +5,8 @@
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
+        reached_straight
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_dyad_map, only: transmission_angle
@@ -13,6 +14,7 @@ module linkdyn_inverse
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
         choose_solver
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
+    use linkdyn_failure, only: lost_in_words
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
@@ -26,8 +28,9 @@ module linkdyn_inverse
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_roads, only: road_counts
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
-    use linkdyn_status, only: status_type, sample_ok, sample_undefined
+    use linkdyn_status, only: status_type, sample_ok, sample_undefined, message_len
     use linkdyn_threads, only: team_size
+    use linkdyn_turns, only: turn_count, count_turns
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
@@ -53,6 +56,7 @@ module linkdyn_inverse
         real(wp), pointer, contiguous :: joint_variable(:, :) => null() !! (n_variable, n) [m, rad]
         real(wp), pointer, contiguous :: joint_rate(:, :) => null() !! (n_variable, n)
         integer, pointer, contiguous :: status(:) => null()     !! (n) one of `sample_*`
+        integer, pointer, contiguous :: assembly(:) => null()   !! (n) one of `reached_*`
         real(wp), pointer, contiguous :: rcond(:) => null()     !! (n) NaN where the solver has none
         real(wp), pointer, contiguous :: error(:) => null()     !! (n) NaN where the solver has none
         real(wp), pointer, contiguous :: driving_force_error(:, :) => null() !! (n_actuator, n) estimates [N, N m]
@@ -68,6 +72,8 @@ module linkdyn_inverse
         real(wp), pointer, contiguous :: position(:, :, :) => null() !! (3, n_link, n) origins [m]
         real(wp), pointer, contiguous :: rotation(:, :, :, :) => null() !! (3, 3, n_link, n) columns: the link's axes
         type(road_counts) :: roads                              !! of the samples
+        integer :: lost_sample = 0                              !! the first to which the assembly was not followed; 0: none
+        character(len=message_len) :: lost_in_words = ""        !! why
     end type inverse_results
 
     !> Scratch of one thread.
@@ -169,7 +175,7 @@ contains
     !> told of that one's coordinates and dyads.
     !>
     !> When the process is told to stop the batch is left unfinished: ask `is_interrupted`.
-    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own)
+    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, turns)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
@@ -180,6 +186,7 @@ contains
         type(assembly_trail), intent(inout), optional :: trail
         type(sample_assembly), intent(in), optional :: known
         type(model_type), intent(in), optional :: own           !! that other model; absent: no coordinate stands in
+        type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
         integer :: n, n_block, n_thread, share, block, n_dense
@@ -220,6 +227,19 @@ contains
         !$omp end parallel
         call release_blas_threads()
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
+        if (associated(results%assembly)) then
+            results%assembly = reached_straight
+            if (allocated(assembly%reached) .and. (present(known) .or. present(trail))) results%assembly = assembly%reached(:n)
+        end if
+        results%lost_sample = assembly%lost%sample
+        if (results%lost_sample > 0) results%lost_in_words = lost_in_words(model, assembly%lost)
+        if (present(turns) .and. associated(results%joint_variable)) then
+            if (present(own)) then
+                call count_turns(own, results%joint_variable, turns)
+            else
+                call count_turns(model, results%joint_variable, turns, q)
+            end if
+        end if
 
     contains
 
@@ -500,6 +520,7 @@ contains
         if (associated(whole%joint_variable)) part%joint_variable => whole%joint_variable(:, first:last)
         if (associated(whole%joint_rate)) part%joint_rate => whole%joint_rate(:, first:last)
         if (associated(whole%status)) part%status => whole%status(first:last)
+        if (associated(whole%assembly)) part%assembly => whole%assembly(first:last)
         if (associated(whole%rcond)) part%rcond => whole%rcond(first:last)
         if (associated(whole%error)) part%error => whole%error(first:last)
         if (associated(whole%driving_force_error)) part%driving_force_error => whole%driving_force_error(:, first:last)

@@ -4,12 +4,12 @@ module linkdyn_poses
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_scene, only: joint_n_variable, joint_cylindrical
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_undefined
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_branch_lost, sample_undefined
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.rotate.), identity_mat3, zero_vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
@@ -55,6 +55,7 @@ contains
                 sample_status(sample) = sample_ok
                 if (state%not_converged(lane)) sample_status(sample) = sample_not_converged
                 if (state%unreachable(lane)) sample_status(sample) = sample_unreachable
+                if (state%branch_lost(lane)) sample_status(sample) = sample_branch_lost
                 do i = 1, model%n_link
                     position(:, i, sample) = link_position(model, state, i, lane)
                     rotation(:, :, i, sample) = link_rotation(model, state, i, lane)

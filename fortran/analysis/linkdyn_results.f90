@@ -6,6 +6,7 @@
 !> variable, the sample running slowest; *views* give them their shape.
 module linkdyn_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name, coordinate_joint
@@ -21,7 +22,7 @@ module linkdyn_results
     public :: result_error, result_growth, result_power_imbalance, result_time
     public :: result_driving_force_error, result_reaction_error
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
-    public :: result_transmission_angle, result_stand_in, result_singularity_distance
+    public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: estimated, estimate_of, label_of_value
 
@@ -69,6 +70,7 @@ module linkdyn_results
     integer, parameter :: result_qdd_error = 27
     integer, parameter :: result_joint_rate_error = 28
     integer, parameter :: result_singularity_distance = 29  ! of inverse dynamics, on demand
+    integer, parameter :: result_assembly = 30         ! along a motion, where a mechanism has several
     integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
     ! ---- of what errors are estimated, and what the estimates are
     integer, parameter :: estimated(6) = [result_q, result_qd, result_qdd, result_driving_force, result_reaction, &
@@ -239,7 +241,7 @@ contains
     end subroutine choose_wanted
 
     !> Dimensions, labels and variables of the results of inverse dynamics, or of forward dynamics.
-    subroutine describe_results(scene, wanted, has_time, layout, is_forward, dyad, length)
+    subroutine describe_results(scene, wanted, has_time, layout, is_forward, dyad, length, follows_assembly)
         type(scene_type), intent(in) :: scene
         type(wanted_type), intent(in) :: wanted
         logical, intent(in) :: has_time              !! samples are instants of a motion
@@ -247,6 +249,7 @@ contains
         logical, intent(in), optional :: is_forward  !! absent: false
         character(len=*), intent(in), optional :: dyad(:)    !! names of the planar dyads; absent: none
         real(wp), intent(in), optional :: length     !! characteristic one [m]
+        logical, intent(in), optional :: follows_assembly    !! the mechanism has several; absent: false
         logical :: is_run
 
         layout%planar = scene%planar
@@ -262,6 +265,10 @@ contains
         is_run = .false.
         if (present(is_forward)) is_run = is_forward
         call describe_variables(wanted, has_time, is_run, layout, length)
+        if (present(follows_assembly)) then
+            if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
+                "how the assembly of the sample was found", "1", flag=reached_name)
+        end if
         if (is_run) call describe_run(wanted, any(scene%coordinate%kind == coordinate_joint), layout)
     end subroutine describe_results
 

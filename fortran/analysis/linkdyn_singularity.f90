@@ -13,9 +13,9 @@ module linkdyn_singularity
     use linkdyn_force_map, only: typical_length
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, step_pose, step_joint, step_ups
     use linkdyn_scene, only: joint_prismatic, joint_cylindrical
     use linkdyn_slots, only: slot_store, make_slots
@@ -205,7 +205,7 @@ contains
             do k = 1, model%n_q
                 moved%qd(:, k) = -sign(1.0_wp, sigma)*space%gradient(:, k)/(space%unit(k)*steepness)
             end do
-            if (model%n_dyad > 0) moved%plane%branch = state%plane%branch
+            if (model%n_branch > 0) moved%branch = state%branch
             if (size(model%group) > 0) then
                 moved%group%start_place = state%group%place
                 moved%group%start_q = state%q

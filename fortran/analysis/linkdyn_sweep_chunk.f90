@@ -9,11 +9,12 @@ module linkdyn_sweep_chunk
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_rates, only: actuator_rates, measure_joints, measure_variable
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_reactions, only: collect_reactions
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, &
+        sample_undefined
     use linkdyn_sweep_design, only: sweep_design
     use linkdyn_sweep_map, only: sweep_map, map_part, cell_of, start_part, add_to_part
     use linkdyn_sweep_plan, only: sweep_plan, place_cursor, advance_cursor
@@ -203,6 +204,7 @@ contains
             where (state%singular) code = sample_singular
             where (state%not_converged) code = sample_not_converged
             where (state%unreachable) code = sample_unreachable
+            where (state%branch_lost) code = sample_branch_lost
         end associate
         call evaluate_early(row, design)
         call flag_unsound(design%value(:, :row%n_early), code)

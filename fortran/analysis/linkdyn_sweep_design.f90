@@ -111,9 +111,7 @@ contains
             end do
             design%workspace%state%qd = 0
             design%workspace%state%qdd = 0
-            do k = 1, model%n_dyad
-                design%workspace%state%plane%branch(:, k) = model%branch(k)
-            end do
+            if (model%n_branch > 0) design%workspace%state%branch = spread(model%branch, 1, lanes)
         end associate
         design%follows_motion = .false.
         do i = 1, size(plan%axis)

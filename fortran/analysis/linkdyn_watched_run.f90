@@ -12,6 +12,7 @@ module linkdyn_watched_run
     use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward
     use linkdyn_forward_block, only: advance_block
     use linkdyn_kinds, only: wp
+    use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_results, only: layout_type, variable_type, block_type, wanted_type, describe_results, prepare_block, &
         variable_index, samples_width, dim_component, result_q, estimated, estimate_of
@@ -70,7 +71,8 @@ contains
         allocate (watched%companion(merge(n_companion, 0, wanted%errors)))
         call start_forward(model, options, watched%run, status)
         if (.not. status%is_ok()) return
-        call describe_results(model%scene, wanted, .true., watched%layout, is_forward=.true., dyad=dyad_names(model))
+        call describe_results(model%scene, wanted, .true., watched%layout, is_forward=.true., dyad=dyad_names(model), &
+                              follows_assembly=follows_assembly(model))
         needed = wanted_type(wanted%driving_force, wanted%reaction, wanted%joint_variable, power=.false., checks=.false.)
         do i = 1, size(watched%companion)
             associate (companion => watched%companion(i))

@@ -19,6 +19,7 @@ module linkdyn_f2py_api
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
+    use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_poses, only: find_poses, poses_of_joints
@@ -34,6 +35,7 @@ module linkdyn_f2py_api
     use linkdyn_sweep_handles, only: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_text, only: to_text, quoted, printable
+    use linkdyn_turns, only: turn_count
     use linkdyn_version, only: version
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched, time_reached
     implicit none
@@ -218,7 +220,7 @@ contains
         if (wanted%distance .and. has_time == 2) call refuse_distance(status)
         if (status%code == 0) then
             call describe_results(model%scene, wanted, has_time /= 0, layout, is_forward=has_time == 2, dyad=dyad_names(model), &
-                                  length=typical_length(model))
+                                  length=typical_length(model), follows_assembly=follows_assembly(model))
             call to_bytes(layout_as_json(layout), text, length)
         end if
         call report(status, code, message)
@@ -291,18 +293,20 @@ contains
             n_variable, joint_variable, joint_rate, n_check, power_imbalance, n_rcond, rcond, &
             n_distance, distance, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
-            n_growth, growth, sample_status, roads, code, message)
+            n_growth, growth, n_assembly, assembly, sample_status, roads, lost_sample, lost_in_words, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(12)           ! 1: driving force, power, reaction, joint variables, checks,
-                                                           ! rcond, distance, relative error, errors of driving forces, of reactions, transmission angles, growth
+        integer(c_int), intent(in) :: wanted(13)           ! 1: driving force, power, reaction, joint variables, checks, rcond,
+                                                           ! distance, relative error, errors of driving forces, of
+                                                           ! reactions, transmission angles, growth, assembly
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
         integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission, n_growth
+        integer(c_int), intent(in) :: n_assembly
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
@@ -314,8 +318,11 @@ contains
         real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
+        integer(c_int), intent(inout), target :: assembly(n_assembly)                            ! (n)
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: roads(3)            ! samples closed in closed form, by iteration; handed to the dense solver
+        integer(c_int), intent(out) :: lost_sample         ! the first to which the assembly was not followed, from 1; 0: none
+        character(len=512), intent(out) :: lost_in_words   ! why
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
@@ -323,12 +330,15 @@ contains
         type(inverse_solver), pointer :: planned
         type(status_type) :: status
         type(assembly_trail) :: trail
+        type(turn_count) :: turns
         type(inverse_results) :: results
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
 
         call start_listening()
         roads = 0
+        lost_sample = 0
+        lost_in_words = ""
         call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
             model => scene%model
@@ -347,6 +357,7 @@ contains
             call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(10))
             call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(11))
             call check_size("growth", n_growth, n, status, wanted(12))
+            call check_size("assembly", n_assembly, n, status, wanted(13))
         end if
         if (status%code == 0) then
             call check_finite("q", model, first, n, q, status)
@@ -374,6 +385,7 @@ contains
             if (wanted(10) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
             if (wanted(11) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
             if (wanted(12) == 1) results%growth => growth
+            if (wanted(13) == 1) results%assembly => assembly
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
                 allocate (own_force(model%n_actuator, n))
                 results%driving_force => own_force
@@ -383,11 +395,13 @@ contains
                 results%joint_rate => own_rate
             end if
             if (in_order == 1) then
-                call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results, trail=trail)
+                call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results, trail=trail, turns=turns)
             else
                 call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results)
             end if
             roads = [results%roads%closed, results%roads%iterated, results%roads%dense]
+            lost_sample = results%lost_sample
+            lost_in_words = results%lost_in_words
             if (wanted(2) == 1) then
                 speed2(1:model%n_actuator, 1:n) => driving_speed
                 power2(1:model%n_actuator, 1:n) => driving_power
@@ -603,14 +617,15 @@ contains
     end subroutine api_poses
 
     !> Forward runs by rk4 from many starts.
-    subroutine api_ensemble(handle, threads, step, n_t, t, n, good_until, n_start, q_start, n_start_rate, qd_start, &
-            n_q_values, q, n_qd_values, qd, code, message)
+    subroutine api_ensemble(handle, threads, step, n_t, t, n, good_until, n_members, crossed, n_start, q_start, &
+            n_start_rate, qd_start, n_q_values, q, n_qd_values, qd, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle, threads
         real(c_double), intent(in) :: step
-        integer(c_int), intent(in) :: n_t, n, n_start, n_start_rate, n_q_values, n_qd_values
+        integer(c_int), intent(in) :: n_t, n, n_members, n_start, n_start_rate, n_q_values, n_qd_values
         real(c_double), intent(in) :: t(n_t)                                 ! increasing; the members start at the first [s]
         real(c_double), intent(inout) :: good_until(n)
+        integer(c_int), intent(inout) :: crossed(n_members)                  ! change points passed
         real(c_double), intent(in), target :: q_start(n_start), qd_start(n_start_rate)     ! (n_q, n)
         real(c_double), intent(inout), target :: q(n_q_values), qd(n_qd_values)            ! (n_q, n_t, n)
         integer(c_int), intent(out) :: code
@@ -622,6 +637,7 @@ contains
 
         call start_listening()
         call find_model(handle, model, status)
+        if (status%code == 0) call check_size("room for change points", n_members, n, status)
         if (status%code == 0) call check_size("q", n_start, model%n_q*n, status)
         if (status%code == 0) call check_size("qd", n_start_rate, model%n_q*n, status)
         if (status%code == 0) call check_size("room for q", n_q_values, model%n_q*n_t*n, status)
@@ -637,7 +653,7 @@ contains
             options%integrator%step = step
             options%t_start = t(1)
             options%threads = threads
-            call run_ensemble(model, options, q_start2, qd_start2, t, q3, qd3, good_until, status)
+            call run_ensemble(model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, status)
         end if
         call report_heard(status, code, message)
     end subroutine api_ensemble

@@ -7,7 +7,8 @@ module linkdyn_status
     private
     public :: status_type, fail
     public :: status_ok, status_bad_input, status_io_error, status_unavailable, status_internal, status_interrupted
-    public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined, n_sample_status
+    public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined, sample_branch_lost
+    public :: n_sample_status
     public :: sample_status_name
     public :: message_len
 
@@ -20,13 +21,14 @@ module linkdyn_status
     integer, parameter :: status_interrupted = 8   !! told to stop: nothing of what was asked for can be used
 
     integer, parameter :: sample_ok = 0            !! solved
-    integer, parameter :: sample_unreachable = 1   !! a loop cannot close at this position
+    integer, parameter :: sample_unreachable = 1   !! a loop cannot close at this position, or not on the assembly followed
     integer, parameter :: sample_singular = 2      !! the equations have no unique solution here
     integer, parameter :: sample_not_converged = 3 !! an iteration ran out of steps
     integer, parameter :: sample_undefined = 4     !! a force has no direction here, or a value is beyond all numbers
-    integer, parameter :: n_sample_status = 5
+    integer, parameter :: sample_branch_lost = 5   !! two assemblies meet on the way: which of them it is cannot be told
+    integer, parameter :: n_sample_status = 6
     character(len=13), parameter :: sample_status_name(0:n_sample_status - 1) = &
-        [character(len=13) :: "ok", "unreachable", "singular", "not_converged", "undefined"]
+        [character(len=13) :: "ok", "unreachable", "singular", "not_converged", "undefined", "branch_lost"]
 
     !> Outcome of a call: `code` is one of the `status_*` constants, `message` one line for people.
     type :: status_type

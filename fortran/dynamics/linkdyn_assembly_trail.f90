@@ -1,52 +1,67 @@
-!> The assembly of every dyad along a motion: which branch it is on at each sample, by continuity.
+!> The assembly along a motion: for each sample the branches of the closed forms and where the groups' links are.
 !>
-!> A dyad changes its branch where its transmission angle passes through zero, as a parallelogram does when it is flat.
-!> Samples are therefore looked at in their order, `lanes` at a time: velocity tells whether the transmission of a dyad
-!> will have changed its sign at the next sample. Where it might, the step is cut into finer ones until either the
-!> mechanism is seen to turn back before the dead point or the dead point is reached to within `near_dead`, and passed
-!> in the direction of the motion. What is nearer to a dead point than that cannot be told from passing through it.
+!> Samples are looked at in their order, `lanes` at a time. A step from one to the next that the rule of
+!> `linkdyn_following` does not believe at once is led along the straight way in the space of the coordinates, in steps as
+!> short as need be. A sample to which the way does not lead keeps the status that says so.
 !>
-!> Groups closed by iteration set out, every `lanes` samples, from the assembly of the sample where they did last.
+!> After such a stretch the motion goes on from the last sample before it, if a straight way leads on from there. Else
+!> it begins anew at the first sample that is reached from the scene's start, as a sample on its own is.
 !>
-!> A sample on its own, outside a motion, is on the branch of the start.
+!> A sample on its own, outside a motion, has the branches of the start, and its groups are led from the start.
 module linkdyn_assembly_trail
-    use linkdyn_dyad_map, only: transmission_sine
-    use linkdyn_group_motion, only: begin_iteration
+    use linkdyn_following, only: way_report, is_step_sound
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_rrr, step_rrp, step_rpr, place_size
+    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, least_margins, &
+        place_rates, follows_assembly
+    use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
+    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_quaternion, only: turn_between
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
     implicit none (type, external)
     private
-    public :: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, keep_lane
-    public :: begin_trail, cross_step, untrusted, look_ahead
+    public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, keep_lane, begin_trail
+    public :: reached_straight, reached_crossing, reached_anew, reached_name
 
-    ! The sine of the transmission angle is known to about sqrt(epsilon), its rate loses its digits below 10 times that.
-    real(wp), parameter :: untrusted = 7*sqrt(epsilon(1.0_wp))
-    real(wp), parameter :: near_dead = 50*untrusted
-    real(wp), parameter :: look_ahead = 1.5_wp      !! steps: a dead point at the very end of a step must not be missed
-    integer, parameter :: deepest = 12              !! cuts of a step into `lanes` parts
-    integer, parameter :: most_blocks = 40          !! looked at in one step; a step that needs more has no meaning
+    ! ---- how a sample was reached
+    integer, parameter :: reached_straight = 0    !! by continuity from the sample before, or it is on its own
+    integer, parameter :: reached_crossing = 1    !! through a change point
+    integer, parameter :: reached_anew = 2        !! from the start, after samples that could not be reached
+    character(len=12), parameter :: reached_name(0:2) = [character(len=12) :: "continuous", "change_point", "anew"]
+
+    !> A way on which an assembly was lost: from the last place that was reached.
+    type :: lost_way
+        integer :: sample = 0                       !! to which it was to lead; 0: none was lost
+        integer :: status = sample_ok               !! one of `sample_*`
+        integer :: map = 0                          !! at fault; 0: none in particular
+        real(wp) :: reached = 0                     !! part of the way
+        real(wp), allocatable :: from(:), to(:)     !! (n_q)
+        real(wp), allocatable :: branch(:)          !! at its beginning (n_branch)
+        real(wp), allocatable :: place(:, :)        !! (place_size, n_link)
+    end type lost_way
 
     !> On which assembly each of some samples is to be computed.
     type :: sample_assembly
-        real(wp), allocatable :: branch(:, :)       !! (n_dyad, n)
+        real(wp), allocatable :: branch(:, :)       !! (n_branch, n)
         real(wp), allocatable :: q(:, :)            !! coordinates at which groups set out (n_q, n)
         real(wp), allocatable :: place(:, :, :)     !! of their links there (place_size, n_link, n)
+        integer, allocatable :: status(:)           !! one of `sample_*`: not ok where the assembly was not followed to (n)
+        integer, allocatable :: reached(:)          !! one of `reached_*` (n)
+        type(lost_way) :: lost                      !! the first
         real(wp), allocatable :: counted(:, :)      !! see `kinematic_state`; absent: no coordinate stands in (n_q, n)
     end type sample_assembly
 
     !> Where the motion stood last.
     type :: assembly_trail
         logical :: has_begun = .false.
-        logical :: is_needed = .false.              !! the model has dyads with two branches, or groups
-        real(wp), allocatable :: q(:)               !! (n_q)
-        real(wp), allocatable :: branch(:)          !! (n_dyad)
-        real(wp) :: rest = 0                        !! no dead point is looked for this far ahead, one having just been passed
-        real(wp) :: clear = 0                       !! the same, as part of the step under way
-        integer :: n_block = 0                      !! looked at in the step under way
-        logical, allocatable :: has_branches(:)     !! (n_dyad)
+        logical :: is_needed = .false.              !! the assembly may change
+        logical :: is_lost = .false.                !! the last samples could not be reached
+        real(wp), allocatable :: q(:)               !! of the last sample that was (n_q)
+        real(wp), allocatable :: branch(:)          !! (n_branch)
+        real(wp), allocatable :: place(:, :)        !! (place_size, n_link)
+        real(wp), allocatable :: least_margin(:)    !! (n_map)
         type(kinematic_state) :: state
     end type assembly_trail
 
@@ -57,18 +72,26 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: n
         type(sample_assembly), intent(out) :: assembly
-        integer :: g, i
 
         assembly%branch = spread(model%branch, 2, n)
+        allocate (assembly%status(n), source=sample_ok)
+        allocate (assembly%reached(n), source=reached_straight)
         if (size(model%group) == 0) return
         assembly%q = spread(model%start_q, 2, n)
-        allocate (assembly%place(place_size(model), model%n_link, n))
-        do g = 1, size(model%group)
-            do i = 1, size(model%group(g)%link)
-                assembly%place(:, model%group(g)%link(i), :) = spread(model%group(g)%start(:, i), 2, n)
-            end do
-        end do
+        assembly%place = spread(start_places(model), 3, n)
     end subroutine make_room
+
+    !> Places of the groups' links at the start; zero for other links.
+    pure function start_places(model) result(place)
+        type(model_type), intent(in) :: model
+        real(wp) :: place(place_size(model), model%n_link)
+        integer :: g
+
+        place = 0
+        do g = 1, size(model%group)
+            place(:, model%group(g)%link) = model%group(g)%start
+        end do
+    end function start_places
 
     !> Put a lane of the state on the assembly of a sample.
     subroutine place_sample(model, assembly, sample, lane, state)
@@ -76,40 +99,42 @@ contains
         type(sample_assembly), intent(in) :: assembly
         integer, intent(in) :: sample, lane
         type(kinematic_state), intent(inout) :: state
-        integer :: g, i
 
-        if (model%n_dyad > 0) state%plane%branch(lane, :) = assembly%branch(:, sample)
+        if (model%n_branch > 0) state%branch(lane, :) = assembly%branch(:, sample)
+        state%way_status(lane) = assembly%status(sample)
         if (allocated(assembly%counted)) state%counted(lane, :) = assembly%counted(:, sample)
         if (size(model%group) == 0) return
         state%group%start_q(lane, :) = assembly%q(:, sample)
-        do g = 1, size(model%group)
-            do i = 1, size(model%group(g)%link)
-                associate (l => model%group(g)%link(i))
-                    state%group%start_place(lane, :, l) = assembly%place(:, l, sample)
-                end associate
-            end do
-        end do
+        state%group%start_place(lane, :, :) = assembly%place(:, :, sample)
     end subroutine place_sample
 
-    !> Where a lane's groups have been closed, for samples i to j.
-    subroutine keep_lane(model, state, lane, i, j, assembly)
+    !> Where a lane's groups have been closed, for a sample.
+    subroutine keep_lane(model, state, lane, sample, assembly)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: lane, i, j
+        integer, intent(in) :: lane, sample
         type(sample_assembly), intent(inout) :: assembly
-        integer :: g, k, sample
 
-        do sample = i, j
-            assembly%q(:, sample) = state%q(lane, :)
-            do g = 1, size(model%group)
-                do k = 1, size(model%group(g)%link)
-                    associate (l => model%group(g)%link(k))
-                        assembly%place(:, l, sample) = state%group%place(lane, :, l)
-                    end associate
-                end do
-            end do
-        end do
+        if (model%n_branch > 0) assembly%branch(:, sample) = state%branch(lane, :)
+        if (size(model%group) == 0) return
+        assembly%q(:, sample) = state%q(lane, :)
+        assembly%place(:, :, sample) = state%group%place(lane, :, :)
     end subroutine keep_lane
+
+    !> Begin at the scene's start.
+    subroutine begin_trail(model, trail)
+        type(model_type), intent(in) :: model
+        type(assembly_trail), intent(inout) :: trail
+
+        trail%has_begun = .true.
+        trail%is_needed = follows_assembly(model)
+        if (.not. trail%is_needed) return
+        trail%q = model%start_q
+        trail%branch = model%branch
+        trail%place = start_places(model)
+        trail%least_margin = least_margins(model)
+        call prepare_kinematics(model, 0, trail%state)
+    end subroutine begin_trail
 
     !> Assembly at samples that follow each other and those of the last call.
     subroutine follow_assembly(model, q, trail, assembly)
@@ -117,189 +142,262 @@ contains
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(out) :: assembly
-        integer :: n, i
+        integer :: n_done
 
-        n = size(q, 2)
-        if (.not. trail%has_begun) call begin_trail(model, q(:, 1), trail)
-        call make_room(model, n, assembly)
-        if (any(trail%has_branches)) call follow_branches(model, q, trail, assembly%branch)
-        if (size(model%group) == 0) return
-        trail%state%qd = 0
-        trail%state%qdd = 0
-        do i = 1, n, lanes
-            trail%state%q = spread(q(:, i), 1, lanes)
-            if (model%n_dyad > 0) trail%state%plane%branch = spread(assembly%branch(:, i), 1, lanes)
-            call evaluate_kinematics(model, trail%state)
-            associate (state => trail%state, group => trail%state%group)
-                ! Where the links cannot be placed, the next samples set out from where they last could.
-                if (.not. (state%unreachable(1) .or. state%not_converged(1))) then
-                    group%start_place = group%place
-                    group%start_q = state%q
-                end if
-                call begin_iteration(group)
-                trail%state%q = group%start_q
-            end associate
-            call keep_lane(model, trail%state, 1, i, min(n, i + lanes - 1), assembly)
+        if (.not. trail%has_begun) call begin_trail(model, trail)
+        call make_room(model, size(q, 2), assembly)
+        if (.not. trail%is_needed) return
+        n_done = 0
+        do while (n_done < size(q, 2))
+            if (trail%is_lost) then
+                call search_on(model, q, trail, assembly, n_done)
+            else
+                call go_on(model, q, trail, assembly, n_done)
+            end if
         end do
     end subroutine follow_assembly
 
-    !> Branches of the dyads at samples that follow each other.
-    subroutine follow_branches(model, q, trail, branch)
+    !> The trail has come to a lane's place.
+    subroutine come_to(model, lane, q, trail)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: lane
+        real(wp), intent(in) :: q(:)                 !! of the sample (n_q)
+        type(assembly_trail), intent(inout) :: trail
+
+        trail%is_lost = .false.
+        trail%q = q
+        if (model%n_branch > 0) trail%branch = trail%state%branch(lane, :)
+        if (size(model%group) > 0) trail%place = trail%state%group%place(lane, :, :)
+    end subroutine come_to
+
+    !> Put all lanes where the trail stands.
+    subroutine stand_on_lanes(model, trail)
+        type(model_type), intent(in) :: model
+        type(assembly_trail), intent(inout) :: trail
+
+        if (model%n_branch > 0) trail%state%branch = spread(trail%branch, 1, lanes)
+        if (size(model%group) > 0) trail%state%group%place = spread(trail%place, 1, lanes)
+        trail%state%way_status = sample_ok
+    end subroutine stand_on_lanes
+
+    ! ---------------------------------------------------------------- from sample to sample
+
+    !> Take the next samples as long as every step is believed at once; if not even one is, lead the mechanism to it.
+    subroutine go_on(model, q, trail, assembly, n_done)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
-        real(wp), intent(out) :: branch(:, :)        !! (n_dyad, n)
-        logical :: doubtful(lanes, model%n_dyad)
-        integer :: n, i, next, lane
+        type(sample_assembly), intent(inout) :: assembly
+        integer, intent(inout) :: n_done             !! samples dealt with
+        real(wp) :: at(lanes, model%n_q)
+        logical :: is_believed(lanes)
+        integer :: n, lane, last
 
-        n = size(q, 2)
-        call go_on(trail%q, q(:, 1))
-        branch(:, 1) = trail%branch
-        i = 1
-        do while (i < n)
-            do lane = 1, lanes
-                next = min(i + lane, n)
-                trail%state%q(lane, :) = q(:, min(i + lane - 1, n))
-                trail%state%qd(lane, :) = q(:, next) - q(:, min(i + lane - 1, n))
-            end do
-            call find_doubts(model, trail, doubtful)
-            do lane = 1, lanes
-                if (i == n) exit
-                if (any(doubtful(lane, :))) then
-                    call go_on(q(:, i), q(:, i + 1))
-                    i = i + 1
-                    branch(:, i) = trail%branch
-                    exit
-                end if
-                i = i + 1
-                branch(:, i) = trail%branch
-            end do
+        ! The first lane stands where the trail does; lanes beyond the last sample repeat it.
+        n = min(lanes - 1, size(q, 2) - n_done)
+        at(1, :) = trail%q
+        do lane = 2, lanes
+            at(lane, :) = q(:, n_done + min(lane - 1, n))
         end do
-        trail%q = q(:, n)
+        call judge_steps(model, at, n + 1, trail, is_believed)
+        last = findloc([is_believed(2:n + 1), .false.], .false., dim=1)
+        do lane = 2, last
+            call keep_lane(model, trail%state, lane, n_done + lane - 1, assembly)
+        end do
+        n_done = n_done + last - 1
+        if (last > 1) then
+            call come_to(model, last, at(last, :), trail)
+        else
+            n_done = n_done + 1
+            call lead_on(model, q(:, n_done), n_done, trail, assembly)
+        end if
+    end subroutine go_on
 
-    contains
-
-        subroutine go_on(from, to)
-            real(wp), intent(in) :: from(:), to(:)
-            real(wp) :: branch_there(model%n_dyad), rest
-
-            branch_there = trail%branch
-            rest = trail%rest
-            call cross_step(model, from, to, trail, branch_there, rest)
-            trail%rest = rest
-        end subroutine go_on
-    end subroutine follow_branches
-
-    subroutine begin_trail(model, q, trail)
+    !> Which of the steps from each lane's place to the next one's are believed at once. The state has what was found there.
+    subroutine judge_steps(model, at, n, trail, is_believed)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: at(:, :)             !! (lane, n_q), the trail's own first
+        integer, intent(in) :: n                     !! places; further lanes repeat the last
+        type(assembly_trail), intent(inout) :: trail
+        logical, intent(out) :: is_believed(lanes)   !! the step to a lane; of the first lane there is none
+        real(wp), dimension(lanes, size(trail%least_margin)) :: margin, drift
+        real(wp) :: way(lanes, size(at, 2)), back(lanes), square(lanes)
+        real(wp) :: rate(lanes, link_freedom(model), model%n_link)
+        integer :: lane, m, k
+
+        do lane = 1, lanes
+            way(lane, :) = at(min(lane, n - 1) + 1, :) - at(min(lane, n - 1), :)
+        end do
+        call evaluate_places(model, at, way, trail, margin, drift, rate, is_believed)
+        ! Rates are those of the way to the next place; back along the way to a place they are led by as much of them as that
+        ! way lies along it.
+        back = 0
+        square = 0
+        do k = 1, size(way, 2)
+            back(2:) = back(2:) + way(:lanes - 1, k)*way(2:, k)
+            square = square + way(:, k)**2
+        end do
+        back = merge(back/max(square, tiny(1.0_wp)), 0.0_wp, square > 0)
+        do m = 1, size(margin, 2)
+            associate (least => trail%least_margin(m))
+                is_believed(2:) = is_believed(2:) .and. abs(margin(2:, m)) > least &
+                                  .and. is_step_sound(least, margin(:lanes - 1, m), drift(:lanes - 1, m), margin(2:, m), &
+                                                      back(2:)*drift(2:, m))
+            end associate
+        end do
+        if (size(model%group) == 0) return
+        do lane = 2, n
+            if (is_believed(lane)) is_believed(lane) = fits_tangents(model, trail%state, lane, rate(lane - 1, :, :), &
+                back(lane)*rate(lane, :, :), margin(lane - 1:lane, model%n_branch + 1:))
+        end do
+    end subroutine judge_steps
+
+    !> The mechanism on the branches of the trail, groups led from there, on each lane at a place of its own; margins and
+    !> rates per way to the next lane's place.
+    subroutine evaluate_places(model, at, way, trail, margin, drift, rate, is_closed)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: at(:, :)             !! (lane, n_q), the trail's own first
+        real(wp), intent(in) :: way(:, :)            !! to the next place (lane, n_q)
+        type(assembly_trail), intent(inout) :: trail
+        real(wp), intent(out) :: margin(:, :), drift(:, :)    !! (lane, n_map)
+        real(wp), intent(out) :: rate(:, :, :)       !! of the groups' links (lane, link_freedom, n_link)
+        logical, intent(out) :: is_closed(lanes)
+        type(way_report) :: report
+        integer :: g, i
+
+        call stand_on_lanes(model, trail)
+        associate (state => trail%state)
+            state%q = at
+            is_closed = .true.
+            if (size(model%group) > 0) then
+                call lead_mechanism(model, any(at /= spread(trail%q, 1, lanes), dim=2), spread(trail%q, 1, lanes), .false., &
+                                    state, report, is_hasty=.true.)
+                is_closed = status_of_way(report%outcome) == sample_ok
+                state%group%is_led = .true.
+                state%group%moves = is_closed
+            end if
+            state%qd = way
+            state%qdd = 0
+            call run_program(model, state)
+            call measure_margins(model, state, margin, drift)
+            is_closed = is_closed .and. .not. (state%unreachable .or. state%not_converged)
+            if (size(model%group) == 0) return
+            state%group%is_led = .false.
+            do g = 1, size(model%group)
+                do i = 1, size(model%group(g)%link)
+                    associate (l => model%group(g)%link(i))
+                        rate(:, :, l) = place_rates(model, state, l, level_velocity)
+                    end associate
+                end do
+            end do
+        end associate
+    end subroutine evaluate_places
+
+    !> Do the rates at both ends of a step explain where the groups' links have gone? What they leave open must be small
+    !> against the distance, about the margin, at which another assembly may be.
+    pure logical function fits_tangents(model, state, lane, before, now, margin) result(fits)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: lane                  !! of the step's end; its beginning is on the lane before
+        real(wp), intent(in) :: before(:, :), now(:, :)    !! rates per step (link_freedom, n_link)
+        real(wp), intent(in) :: margin(:, :)         !! at both ends (2, n_group)
+        real(wp), parameter :: part = 0.125_wp
+        real(wp) :: moved(link_freedom(model)), open, turn(lanes, 3)
+        integer :: g, i, n
+
+        fits = .true.
+        n = merge(2, 3, model%is_planar)
+        do g = 1, size(model%group)
+            open = 0
+            do i = 1, size(model%group(g)%link)
+                associate (l => model%group(g)%link(i), place => state%group%place)
+                    moved(:n) = place(lane, :n, l) - place(lane - 1, :n, l)
+                    if (model%is_planar) then
+                        moved(3) = place(lane, 3, l) - place(lane - 1, 3, l)
+                    else
+                        turn = turn_between(spread(place(lane - 1, 4:, l), 1, lanes), spread(place(lane, 4:, l), 1, lanes))
+                        moved(4:) = turn(1, :)
+                    end if
+                    moved = moved - (before(:, l) + now(:, l))/2
+                    open = max(open, maxval(abs(moved(:n)))/scene_size(model), maxval(abs(moved(n + 1:))))
+                end associate
+            end do
+            fits = fits .and. open <= part*minval(abs(margin(:, g)))
+        end do
+    end function fits_tangents
+
+    !> Lead the mechanism to one sample.
+    subroutine lead_on(model, q, sample, trail, assembly)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:)                 !! (n_q)
+        integer, intent(in) :: sample
+        type(assembly_trail), intent(inout) :: trail
+        type(sample_assembly), intent(inout) :: assembly
+        type(way_report) :: report
+        logical :: goes(lanes)
+        integer :: lane
+
+        call stand_on_lanes(model, trail)
+        trail%state%q = spread(q, 1, lanes)
+        goes = [(lane == 1, lane=1, lanes)]
+        call lead_mechanism(model, goes, spread(trail%q, 1, lanes), .true., trail%state, report)
+        call take_outcome(model, 1, report, sample, q, trail, assembly)
+        trail%is_lost = any(assembly%status(sample) == [sample_unreachable, sample_not_converged, sample_branch_lost])
+        if (assembly%status(sample) == sample_ok .or. assembly%lost%sample > 0) return
+        assembly%lost = lost_way(sample, assembly%status(sample), report%map(1), report%reached(1), trail%q, q, trail%branch, &
+                                 trail%place)
+    end subroutine lead_on
+
+    !> What a way has come to, for its sample.
+    subroutine take_outcome(model, lane, report, sample, q, trail, assembly)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: lane
+        type(way_report), intent(in) :: report
+        integer, intent(in) :: sample
         real(wp), intent(in) :: q(:)
         type(assembly_trail), intent(inout) :: trail
-        integer :: i
+        type(sample_assembly), intent(inout) :: assembly
 
-        trail%has_begun = .true.
-        trail%q = q
-        trail%branch = model%branch
-        allocate (trail%has_branches(model%n_dyad))
-        trail%has_branches = .false.
-        do i = 1, size(model%step)
-            if (any(model%step(i)%kind == [step_rrr, step_rrp, step_rpr])) trail%has_branches(model%step(i)%first) = .true.
-        end do
-        trail%is_needed = any(trail%has_branches) .or. size(model%group) > 0
-        if (trail%is_needed) call prepare_kinematics(model, 0, trail%state)
-    end subroutine begin_trail
+        assembly%status(sample) = status_of_way(report%outcome(lane))
+        if (report%n_crossed(lane) > 0) assembly%reached(sample) = reached_crossing
+        call keep_lane(model, trail%state, lane, sample, assembly)
+        if (assembly%status(sample) == sample_ok) call come_to(model, lane, q, trail)
+    end subroutine take_outcome
 
-    !> Evaluate the block in the state, `qd` being the way to the next sample: will a transmission change its sign?
-    subroutine find_doubts(model, trail, doubtful)
+    ! ---------------------------------------------------------------- after samples that could not be reached
+
+    !> Look for the next sample that can be reached, from the last one that could or from the start.
+    subroutine search_on(model, q, trail, assembly, n_done)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
-        logical, intent(out) :: doubtful(lanes, model%n_dyad)
-        real(wp) :: determinant(lanes)
-        integer :: d
+        type(sample_assembly), intent(inout) :: assembly
+        integer, intent(inout) :: n_done
+        type(way_report) :: report
+        type(kinematic_state) :: on_its_own
+        integer :: n, lane
 
-        trail%state%qdd = 0
-        do d = 1, model%n_dyad
-            trail%state%plane%branch(:, d) = trail%branch(d)
+        n = min(lanes, size(q, 2) - n_done)
+        call stand_on_lanes(model, trail)
+        do lane = 1, lanes
+            trail%state%q(lane, :) = q(:, n_done + min(lane, n))
         end do
-        call evaluate_kinematics(model, trail%state)
-        do d = 1, model%n_dyad
-            determinant = trail%state%plane%dyad(d)%determinant
-            doubtful(:, d) = trail%has_branches(d) .and. .not. trail%state%unreachable &
-                             .and. determinant*(determinant + look_ahead*trail%state%plane%drift(:, d)) < 0 &
-                             .and. transmission_sine(trail%state%plane%dyad(d)) > untrusted
+        call prepare_kinematics(model, 0, on_its_own)
+        on_its_own%q = trail%state%q
+        call lead_mechanism(model, spread(.true., 1, lanes), spread(trail%q, 1, lanes), .true., trail%state, report)
+        call evaluate_kinematics(model, on_its_own)
+        do lane = 1, n
+            n_done = n_done + 1
+            call take_outcome(model, lane, report, n_done, q(:, n_done), trail, assembly)
+            if (assembly%status(n_done) == sample_ok) return
+            if (assembly%status(n_done) == sample_branch_lost .or. on_its_own%unreachable(lane) &
+                .or. on_its_own%not_converged(lane) .or. on_its_own%singular(lane) .or. on_its_own%branch_lost(lane)) cycle
+            assembly%status(n_done) = sample_ok
+            assembly%reached(n_done) = reached_anew
+            call keep_lane(model, on_its_own, lane, n_done, assembly)
+            trail%state = on_its_own
+            call come_to(model, lane, q(:, n_done), trail)
+            return
         end do
-    end subroutine find_doubts
-
-    !> The branches after a step between two positions, from those before it.
-    subroutine cross_step(model, from, to, trail, branch, clear)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: from(:), to(:)       !! (n_q)
-        type(assembly_trail), intent(inout) :: trail !! its groups set out from `from`
-        real(wp), intent(inout) :: branch(:)         !! (n_dyad)
-        real(wp), intent(inout) :: clear             !! how far ahead no dead point is looked for, one having just been passed
-        real(wp) :: length
-
-        length = norm2(to - from)
-        if (length == 0) return
-        trail%branch = branch
-        trail%clear = clear/length
-        trail%n_block = 0
-        call pass_part(model, from, to - from, 0.0_wp, 1.0_wp, 0, trail)
-        branch = trail%branch
-        clear = max(0.0_wp, (trail%clear - 1)*length)
-    end subroutine cross_step
-
-    !> Go a part of the way from a position, in smaller parts.
-    recursive subroutine pass_part(model, from, way, first, last, depth, trail)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: from(:), way(:)      !! (n_q)
-        real(wp), intent(in) :: first, last          !! of the way
-        integer, intent(in) :: depth
-        type(assembly_trail), intent(inout) :: trail
-        logical :: doubtful(lanes, model%n_dyad)
-        real(wp) :: part, at(lanes + 1), sine(lanes, model%n_dyad)
-        integer :: done, lane, d
-
-        part = (last - first)/lanes
-        done = 0
-        do while (done < lanes)
-            at = [(max(first + (lane - 1)*part, trail%clear), lane=1, lanes + 1)]
-            do lane = 1, lanes
-                trail%state%q(lane, :) = from + at(lane)*way
-                trail%state%qd(lane, :) = (at(lane + 1) - at(lane))*way
-            end do
-            call find_doubts(model, trail, doubtful)
-            trail%n_block = trail%n_block + 1
-            do lane = done + 1, lanes
-                if (any(doubtful(lane, :))) exit
-            end do
-            if (lane > lanes .or. depth == deepest .or. trail%n_block > most_blocks) return
-            do d = 1, model%n_dyad
-                sine(:, d) = transmission_sine(trail%state%plane%dyad(d))
-            end do
-            if (all(sine(lane, :) <= near_dead .or. .not. doubtful(lane, :))) then
-                trail%clear = at(lane) + 3*part
-                call pass_dead_points(model, from + trail%clear*way, doubtful(lane, :), trail)
-            else
-                call pass_part(model, from, way, at(lane), at(lane + 1), depth + 1, trail)
-            end if
-            done = lane
-        end do
-    end subroutine pass_part
-
-    !> Change the branches of the dyads at their dead points, unless their loops cannot close beyond.
-    subroutine pass_dead_points(model, beyond, is_near, trail)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: beyond(:)            !! (n_q), a little further on
-        logical, intent(in) :: is_near(:)
-        type(assembly_trail), intent(inout) :: trail
-        integer :: d
-
-        where (is_near) trail%branch = -trail%branch
-        do d = 1, model%n_dyad
-            trail%state%plane%branch(:, d) = trail%branch(d)
-        end do
-        trail%state%q = spread(beyond, 1, lanes)
-        call evaluate_kinematics(model, trail%state)
-        if (trail%state%unreachable(1)) where (is_near) trail%branch = -trail%branch
-    end subroutine pass_dead_points
+    end subroutine search_on
 end module linkdyn_assembly_trail

@@ -2,12 +2,14 @@
 module linkdyn_builder
     use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, link_type, joint_type, is_length, scene_size
+    use linkdyn_model, only: model_type, link_type, joint_type, step_csp, step_group, is_dyad, is_length, scene_size
+    use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, joint_n_variable, joint_prismatic, frame_link
     use linkdyn_spatial_start, only: assemble_in_space
     use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_text, only: quoted
     implicit none (type, external)
     private
     public :: build_model
@@ -51,11 +53,43 @@ contains
         call list_joints_of_links(model)
         call share_orientations(model)
         call plan_steps(model, status, closed_forms)
+        if (status%is_ok()) call refuse_idle_branches(model, status)
         if (status%is_ok()) call plan_carried_legs(model)
         call choose_strides(model)
+        if (status%is_ok()) call prepare_margins(model)
         call assemble_start(model, status)
         call assemble_in_space(model, status)
     end subroutine build_model
+
+    !> A `branch` where there is none to be chosen.
+    subroutine refuse_idle_branches(model, status)
+        type(model_type), intent(in) :: model
+        type(status_type), intent(inout) :: status
+        logical :: is_meant(model%n_joint), is_iterated(model%n_joint)
+        integer :: i, j
+
+        is_meant = .false.
+        is_iterated = .false.
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (is_dyad(step%kind)) is_meant(step%joint) = .true.
+                if (step%kind == step_csp) is_meant(step%joint(2)) = .true.
+                if (step%kind == step_group) is_iterated(model%group(step%first)%joint) = .true.
+            end associate
+        end do
+        do j = 1, model%n_joint
+            associate (spec => model%scene%joint(j))
+                if (spec%branch == 0 .or. is_meant(j)) cycle
+                if (is_iterated(j)) then
+                    call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' has no meaning here: its links " &
+                              //"are closed by iteration (expected 'start' of joints or links near the assembly wanted)")
+                else
+                    call fail(status, status_bad_input, "joint "//quoted(spec%name)//": 'branch' has no meaning here: its links " &
+                              //"close in one way only")
+                end if
+            end associate
+        end do
+    end subroutine refuse_idle_branches
 
     !> A tenth of a radian, or of the mechanism's size.
     subroutine choose_strides(model)

@@ -1,32 +1,40 @@
 !> The assembly carried along a run of forward dynamics, on every lane: that of the last state accepted.
 !>
 !> An integrator tries positions ahead of the accepted one, in no fixed order, and may reject them. All of them are
-!> computed on the branches of the accepted state, unless a dyad may have passed a dead point on the way; then the way
-!> from the accepted position is followed in finer steps. Groups closed by iteration set out from the accepted position.
+!> computed on the branches of the accepted state, groups closed by iteration from where its tangent leads, unless the
+!> step is not to be believed; then the straight way from the accepted position is followed (`linkdyn_following`).
 module linkdyn_carried_assembly
-    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, begin_trail, cross_step, keep_lane, untrusted, look_ahead
-    use linkdyn_dyad_map, only: transmission_sine
+    use linkdyn_assembly_trail, only: sample_assembly, keep_lane, reached_crossing
+    use linkdyn_following, only: way_report, is_step_sound, way_arrived, way_at_singularity, way_forks, &
+        largest_contraction
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
+    use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, has_assemblies
+    use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, least_margins, n_map, place_rates, &
+        span_of, follows_assembly
+    use linkdyn_model, only: model_type, link_freedom
+    use linkdyn_newton_group, only: shifted
+    use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_accepted
 
     type :: carried_assembly
-        logical :: is_needed = .false.                 !! the model has more than one assembly
+        logical :: is_needed = .false.                 !! the assembly may change
         real(wp) :: t(lanes) = 0                       !! accepted [s]
         real(wp), allocatable :: q(:, :)               !! there                          (lane, n_q)
-        real(wp), allocatable :: branch(:, :)          !!                                (lane, n_dyad)
-        real(wp), allocatable :: determinant(:, :)     !! of the dyads' maps             (lane, n_dyad)
-        real(wp), allocatable :: drift(:, :)           !! its rate; 0 where untrusted    (lane, n_dyad)
-        real(wp) :: clear(lanes) = 0                   !! no dead point is looked for this far ahead
-        real(wp) :: clear_tried(lanes) = 0             !! the same at the state tried last
+        real(wp), allocatable :: quaternion(:, :, :)   !! of poses given by one          (lane, 4, n_pose)
+        real(wp), allocatable :: branch(:, :)          !!                                (lane, n_branch)
+        real(wp), allocatable :: margin(:, :)          !! of the maps                    (lane, n_map)
+        real(wp), allocatable :: drift(:, :)           !! its rate [1/s]                 (lane, n_map)
+        real(wp), allocatable :: side(:, :)            !! the last margin that could be told from zero; 0: none yet (lane, n_map)
         real(wp), allocatable :: place(:, :, :)        !! of the groups' links           (lane, place_size, n_link)
+        real(wp), allocatable :: column(:, :, :, :)    !! its rates for unit rates of q  (lane, link_freedom, n_link, n_q)
+        integer :: n_crossed(lanes) = 0                !! change points passed since the start
+        integer :: n_crossed_tried(lanes) = 0          !! on the way to the state tried last
+        integer :: map_lost(lanes) = 0                 !! at fault where two assemblies met on a way tried near here; 0: none
         type(kinematic_state) :: state                 !! scratch: positions and velocities of the state to be accepted
-        type(assembly_trail), private :: trail         !! scratch: ways in fine steps
     end type carried_assembly
 
 contains
@@ -37,18 +45,21 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         type(carried_assembly), intent(out) :: assembly
 
-        if (.not. has_assemblies(model)) return
-        call begin_trail(model, model%start_q, assembly%trail)
-        assembly%is_needed = assembly%trail%is_needed
+        assembly%is_needed = follows_assembly(model)
         if (.not. assembly%is_needed) return
         assembly%t = t
         assembly%q = spread(model%start_q, 1, lanes)
         assembly%branch = spread(model%branch, 1, lanes)
-        assembly%determinant = 0*assembly%branch
-        assembly%drift = assembly%determinant
-        call prepare_kinematics(model, 0, assembly%state)
+        allocate (assembly%margin(lanes, n_map(model)), assembly%drift(lanes, n_map(model)))
+        assembly%margin = 0                            ! which says nothing
+        assembly%drift = 0
+        assembly%side = assembly%margin
+        call prepare_kinematics(model, merge(model%n_q, 0, size(model%group) > 0), assembly%state)
+        assembly%quaternion = assembly%state%quaternion
         if (size(model%group) == 0) return
         assembly%place = assembly%state%group%start_place
+        allocate (assembly%column(lanes, link_freedom(model), model%n_link, model%n_q))
+        assembly%column = 0
     end subroutine begin_assembly
 
     !> Kinematics of a state tried, on the assembly that leads there.
@@ -57,79 +68,99 @@ contains
         real(wp), intent(in) :: t(lanes)               !! [s]
         type(carried_assembly), intent(inout) :: assembly
         type(kinematic_state), intent(inout) :: state
-        logical :: doubtful(lanes)
-        real(wp) :: branch(lanes, model%n_dyad)
+        type(way_report) :: report
+        logical :: doubtful(lanes), arrives(lanes)
 
-        if (model%n_dyad > 0) state%plane%branch = assembly%branch
+        if (model%n_branch > 0) state%branch = assembly%branch
+        state%way_status = sample_ok
         if (size(model%group) > 0) then
-            state%group%start_q = assembly%q
-            state%group%start_place = assembly%place
+            call predict_places(model, assembly, state)
+            state%group%moves = .true.
         end if
-        call evaluate_kinematics(model, state)
-        assembly%clear_tried = 0
-        doubtful = may_have_passed(assembly, t, state)
+        call run_program(model, state)
+        assembly%n_crossed_tried = 0
+        doubtful = is_doubtful(model, assembly, t, state)
         if (.not. any(doubtful)) return
-        branch = assembly%branch
-        assembly%clear_tried = merge(assembly%clear, 0.0_wp, doubtful)
-        call follow_ways(model, doubtful, assembly, state%q, branch)
-        if (all(branch == assembly%branch)) return
-        state%plane%branch = branch
-        call evaluate_kinematics(model, state)
+        call stand_where(model, doubtful, assembly, state)
+        call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion)
+        assembly%n_crossed_tried = report%n_crossed
+        if (.not. model%scene%passes_change_points) then
+            where (report%outcome == way_at_singularity) report%outcome = way_forks
+        end if
+        arrives = report%outcome == way_arrived .or. report%outcome == way_at_singularity
+        where (doubtful .and. .not. arrives) state%way_status = status_of_way(report%outcome)
+        where (state%way_status == sample_branch_lost) assembly%map_lost = report%map
+        if (size(model%group) > 0) state%group%moves = arrives
+        call run_program(model, state)
     end subroutine evaluate_on_assembly
 
-    !> May a dyad have passed a dead point since the accepted state? Its map's determinant, led on by its rate from the
-    !> accepted state, or back from the one tried, would have changed its sign.
-    function may_have_passed(assembly, t, state) result(doubtful)
+    !> The groups' links where the tangent at the accepted position leads.
+    subroutine predict_places(model, assembly, state)
+        type(model_type), intent(in) :: model
+        type(carried_assembly), intent(in) :: assembly
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: span(lanes, model%n_q), shift(lanes, link_freedom(model))
+        integer :: g, i, k
+
+        span = span_of(model, state, assembly%q, assembly%quaternion)
+        do g = 1, size(model%group)
+            do i = 1, size(model%group(g)%link)
+                associate (l => model%group(g)%link(i))
+                    shift = 0
+                    do k = 1, model%n_q
+                        shift = shift + spread(span(:, k), 2, link_freedom(model))*assembly%column(:, :, l, k)
+                    end do
+                    state%group%place(:, :, l) = shifted(model, assembly%place(:, :, l), shift)
+                end associate
+            end do
+        end do
+    end subroutine predict_places
+
+    !> The doubtful lanes back to the accepted assembly, where their way begins.
+    subroutine stand_where(model, doubtful, assembly, state)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: doubtful(lanes)
+        type(carried_assembly), intent(in) :: assembly
+        type(kinematic_state), intent(inout) :: state
+        integer :: k, l
+
+        if (size(model%group) == 0) return
+        do l = 1, model%n_link
+            do k = 1, size(assembly%place, 2)
+                where (doubtful) state%group%place(:, k, l) = assembly%place(:, k, l)
+            end do
+        end do
+    end subroutine stand_where
+
+    !> Is the step from the accepted state to the one tried not to be believed as it is?
+    function is_doubtful(model, assembly, t, state) result(doubtful)
+        type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
         real(wp), intent(in) :: t(lanes)
         type(kinematic_state), intent(in) :: state
         logical :: doubtful(lanes)
-        real(wp) :: ahead(lanes)
-        integer :: d
+        real(wp), dimension(lanes, n_map(model)) :: margin, drift
+        real(wp) :: ahead(lanes), least(n_map(model))
+        integer :: m
 
         ! On the wrong branch the loops behind the dyad may not close.
-        doubtful = state%unreachable .and. any(assembly%trail%has_branches)
-        ahead = look_ahead*(t - assembly%t)
-        do d = 1, size(assembly%branch, 2)
-            if (.not. assembly%trail%has_branches(d)) cycle
-            associate (before => assembly%determinant(:, d), now => state%plane%dyad(d)%determinant)
-                doubtful = doubtful .or. before*(before + ahead*assembly%drift(:, d)) < 0 &
-                           .or. now*(now - ahead*state%plane%drift(:, d)) < 0
-            end associate
+        doubtful = state%unreachable
+        ahead = t - assembly%t
+        call measure_margins(model, state, margin, drift)
+        if (size(model%group) > 0) then
+            doubtful = doubtful .or. state%not_converged .or. .not. state%group%contraction <= largest_contraction
+            do m = model%n_branch + 1, size(margin, 2)
+                drift(:, m) = secant(assembly%margin(:, m), margin(:, m), ahead)
+            end do
+        end if
+        least = least_margins(model)
+        do m = 1, size(margin, 2)
+            doubtful = doubtful .or. .not. is_step_sound(least(m), assembly%margin(:, m), ahead*assembly%drift(:, m), &
+                                                         margin(:, m), ahead*drift(:, m))
+            ! From where it is not told on which side it is, a mechanism would leave to either.
+            if (.not. model%scene%passes_change_points) doubtful = doubtful .or. abs(margin(:, m)) <= least(m)
         end do
-    end function may_have_passed
-
-    !> Branches at the positions tried, lane by lane, along the straight way from the accepted ones.
-    subroutine follow_ways(model, doubtful, assembly, q, branch)
-        type(model_type), intent(in) :: model
-        logical, intent(in) :: doubtful(lanes)
-        type(carried_assembly), intent(inout) :: assembly
-        real(wp), intent(in) :: q(:, :)                !! (lane, n_q)
-        real(wp), intent(inout) :: branch(:, :)        !! (lane, n_dyad)
-        integer :: lane
-
-        do lane = 1, lanes
-            if (.not. doubtful(lane)) cycle
-            if (lane > 1) then
-                ! A run on its own has the same state on every lane.
-                if (doubtful(lane - 1) .and. all(q(lane, :) == q(lane - 1, :)) &
-                    .and. all(assembly%q(lane, :) == assembly%q(lane - 1, :)) &
-                    .and. all(assembly%branch(lane, :) == assembly%branch(lane - 1, :))) then
-                    branch(lane, :) = branch(lane - 1, :)
-                    assembly%clear_tried(lane) = assembly%clear_tried(lane - 1)
-                    cycle
-                end if
-            end if
-            if (size(model%group) > 0) then
-                associate (group => assembly%trail%state%group)
-                    group%start_q = spread(assembly%q(lane, :), 1, lanes)
-                    group%start_place = spread(assembly%place(lane, :, :), 1, lanes)
-                end associate
-            end if
-            call cross_step(model, assembly%q(lane, :), q(lane, :), assembly%trail, branch(lane, :), &
-                            assembly%clear_tried(lane))
-        end do
-    end subroutine follow_ways
+    end function is_doubtful
 
     !> Go on to a new accepted state: `assembly%state` holds its coordinates and rates.
     subroutine accept_assembly(model, t, is_accepted, assembly)
@@ -137,45 +168,114 @@ contains
         real(wp), intent(in) :: t(lanes)               !! [s]
         logical, intent(in) :: is_accepted(lanes)      !! other lanes stay where they are
         type(carried_assembly), intent(inout) :: assembly
-        logical :: stays(lanes)
-        integer :: d, k, l
+        real(wp), dimension(lanes, n_map(model)) :: margin, drift
+        real(wp) :: column(lanes, link_freedom(model))
+        logical :: goes(lanes)
+        integer :: g, i, k, l, m
 
         call evaluate_on_assembly(model, t, assembly, assembly%state)
+        call measure_margins(model, assembly%state, margin, drift)
+        do m = model%n_branch + 1, size(margin, 2)
+            drift(:, m) = secant(assembly%margin(:, m), margin(:, m), t - assembly%t)
+        end do
         associate (state => assembly%state)
-            stays = .not. is_accepted .or. state%unreachable .or. state%not_converged
-            where (.not. stays)
+            goes = is_accepted .and. .not. (state%unreachable .or. state%not_converged .or. state%branch_lost)
+            where (goes)
                 assembly%t = t
-                assembly%clear = assembly%clear_tried
             end where
+            call count_crossings(model, margin, goes, assembly)
+            call forget_map_lost(model, margin, goes, assembly%map_lost)
             do k = 1, model%n_q
-                where (.not. stays) assembly%q(:, k) = state%q(:, k)
+                where (goes) assembly%q(:, k) = state%q(:, k)
             end do
-            do d = 1, model%n_dyad
-                where (.not. stays)
-                    assembly%branch(:, d) = state%plane%branch(:, d)
-                    assembly%determinant(:, d) = state%plane%dyad(d)%determinant
-                    assembly%drift(:, d) = merge(state%plane%drift(:, d), 0.0_wp, &
-                                                 transmission_sine(state%plane%dyad(d)) > untrusted)
+            do k = 1, model%n_pose
+                assembly%quaternion(:, :, k) = merge(state%quaternion(:, :, k), assembly%quaternion(:, :, k), &
+                                                     spread(goes, 2, 4))
+            end do
+            do k = 1, model%n_branch
+                where (goes) assembly%branch(:, k) = state%branch(:, k)
+            end do
+            do m = 1, size(margin, 2)
+                where (goes)
+                    assembly%margin(:, m) = margin(:, m)
+                    assembly%drift(:, m) = drift(:, m)
                 end where
             end do
-            if (size(model%group) == 0) return
-            do l = 1, model%n_link
-                do k = 1, size(assembly%place, 2)
-                    where (.not. stays) assembly%place(:, k, l) = state%group%place(:, k, l)
+            do g = 1, size(model%group)
+                do i = 1, size(model%group(g)%link)
+                    l = model%group(g)%link(i)
+                    do k = 1, size(assembly%place, 2)
+                        where (goes) assembly%place(:, k, l) = state%group%place(:, k, l)
+                    end do
+                    do k = 1, model%n_q
+                        column = place_rates(model, state, l, k)
+                        assembly%column(:, :, l, k) = merge(column, assembly%column(:, :, l, k), spread(goes, 2, size(column, 2)))
+                    end do
                 end do
             end do
         end associate
     end subroutine accept_assembly
 
-    !> The accepted assembly of lane 1, for a sample.
-    subroutine keep_accepted(model, assembly, sample, samples)
+    !> Change points passed by a step: those of the way to its end, or, where it set out from too near one to tell, those
+    !> seen by the sides on which the mechanism was and is.
+    subroutine count_crossings(model, margin, goes, assembly)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        logical, intent(in) :: goes(lanes)
+        type(carried_assembly), intent(inout) :: assembly
+        real(wp) :: least(n_map(model))
+        integer :: seen(lanes), m
+
+        least = least_margins(model)
+        seen = 0
+        do m = 1, size(least)
+            where (goes .and. abs(margin(:, m)) > least(m))
+                seen = seen + merge(1, 0, assembly%side(:, m)*margin(:, m) < 0)
+                assembly%side(:, m) = margin(:, m)
+            end where
+        end do
+        where (goes) assembly%n_crossed = assembly%n_crossed + max(assembly%n_crossed_tried, seen)
+    end subroutine count_crossings
+
+    !> A change point that was tried counts until the mechanism has got away from it.
+    subroutine forget_map_lost(model, margin, goes, map_lost)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        logical, intent(in) :: goes(lanes)
+        integer, intent(inout) :: map_lost(lanes)
+        real(wp), parameter :: away = 1000             !! least margins: a step that ends so near is the last before steps vanish
+        real(wp) :: least(n_map(model))
+        integer :: lane
+
+        least = least_margins(model)
+        do lane = 1, lanes
+            associate (m => map_lost(lane))
+                if (m == 0 .or. .not. goes(lane)) cycle
+                if (abs(margin(lane, m)) > away*least(m)) m = 0
+            end associate
+        end do
+    end subroutine forget_map_lost
+
+    !> Rate of a margin between two instants; 0 where that before says nothing.
+    elemental real(wp) function secant(before, now, duration) result(rate)
+        real(wp), intent(in) :: before, now
+        real(wp), intent(in) :: duration               !! [s]
+
+        rate = 0
+        if (before*now > 0 .and. duration /= 0) rate = (now - before)/duration
+    end function secant
+
+    !> The accepted assembly of lane 1, for a sample; and whether change points have been passed since the one before.
+    subroutine keep_accepted(model, assembly, sample, samples, n_crossed)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
         integer, intent(in) :: sample
         type(sample_assembly), intent(inout) :: samples
+        integer, intent(inout) :: n_crossed            !! change points, up to the sample before, to this one
 
         if (.not. assembly%is_needed) return
-        samples%branch(:, sample) = assembly%branch(1, :)
-        if (size(model%group) > 0) call keep_lane(model, assembly%state, 1, sample, sample, samples)
+        call keep_lane(model, assembly%state, 1, sample, samples)
+        if (assembly%n_crossed(1) /= n_crossed) samples%reached(sample) = reached_crossing
+        n_crossed = assembly%n_crossed(1)
     end subroutine keep_accepted
 end module linkdyn_carried_assembly

@@ -1,9 +1,9 @@
 !> Room between straight bodies, and how far joints swing: what bounds the workspace besides the strokes.
 module linkdyn_clearance
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, step_ups, orientation_of
     use linkdyn_scene, only: joint_universal, joint_spherical
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.rotate.), &

@@ -1,6 +1,6 @@
 !> The CSP group as a step of the kinematic program: from markers to points and axes, and back to links.
 module linkdyn_csp_step
-    use linkdyn_csp, only: csp_group, locate_csp, move_csp, accelerate_csp, map_csp_column
+    use linkdyn_csp, only: locate_csp, move_csp, accelerate_csp, map_csp_column
     use linkdyn_joint_motion, only: turn_frame, turn_frame_back
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -29,7 +29,6 @@ contains
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state
         type(csp_geometry) :: geometry
-        type(csp_group) :: group
         type(mat3) :: axis_frame, slide_frame, coupler_frame, r
         type(vec3) :: axis_arm, slide_arm, to_s, carried, arm, s_point, s_velocity, s_acceleration, a, drag
         real(wp), dimension(lanes) :: slide_rate2, turn_rate2
@@ -37,7 +36,7 @@ contains
 
         call sort_sides(model, step, geometry)
         associate (c => model%joint(step%joint(1)), s => model%joint(step%joint(2)), p => model%joint(step%joint(3)), &
-                   g => geometry)
+                   g => geometry, group => state%csp(step%first))
             o_axis = orientation_of(model, g%axis_link)
             o_slide = orientation_of(model, g%slide_link)
             o_coupler = model%link(g%coupler)%orientation
@@ -52,7 +51,7 @@ contains
             to_s = state%rotation(o_output).rotate.(s%point(:, 3 - g%coupler_side) - p%point(:, 3 - g%slide_side))
             call locate_csp(state%position(g%slide_link) + slide_arm + to_s - state%position(g%axis_link) - axis_arm, &
                             axis_frame%z, slide_frame%z, g%radius, &
-                            step%branch, group)
+                            state%branch(:, step%first), group)
             state%unreachable = state%unreachable .or. .not. abs(group%slide) <= huge(1.0_wp)
             s_point = state%position(g%axis_link) + axis_arm + group%w
             coupler_frame%x = group%per_radius2*(g%offset(1)*group%n - g%offset(2)*group%m)
@@ -67,7 +66,7 @@ contains
             carried = slide_arm + to_s + group%slide*group%y      ! to S, from the origin of the link with the slide
             s_velocity = point_velocity(state%velocity(g%slide_link), state%omega(o_slide), carried)
             call move_csp(s_velocity - point_velocity(state%velocity(g%axis_link), state%omega(o_axis), axis_arm), &
-                          state%omega(o_axis), group)
+                          state%omega(o_axis), state%omega(o_slide), group)
             s_velocity = s_velocity + group%slide_rate*group%y
             state%omega(o_coupler) = state%omega(o_axis) + group%turn_rate*group%u
             state%omega(o_output) = state%omega(o_slide)

@@ -1,14 +1,19 @@
-!> Where a mechanism cannot be computed, in words: the links and joints concerned.
+!> Where a mechanism cannot be computed, in words: the links and joints concerned, and how far a coordinate can go.
 module linkdyn_failure
     use linkdyn_applied_wrenches, only: spring_without_direction
+    use linkdyn_assembly_trail, only: lost_way
+    use linkdyn_constants, only: pi
+    use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_step, clear_flags
-    use linkdyn_kinematic_state, only: kinematic_state
-    use linkdyn_model, only: model_type, step_type, step_group
-    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_undefined
-    use linkdyn_text, only: join, quoted
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, step_type, step_group, step_csp, is_dyad, is_length
+    use linkdyn_reach, only: find_reach
+    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
+    use linkdyn_text, only: to_text, join, quoted
     implicit none (type, external)
     private
-    public :: failure_at
+    public :: failure_at, lost_in_words, map_in_words, meeting_in_words
 
 contains
 
@@ -71,4 +76,153 @@ contains
             text = "links "//join(model%link(pack(step%link, step%link > 0))%name)
         end if
     end function links_of
+
+    !> The links of a map that tells assemblies apart (`linkdyn_led_mechanism`); blank for none.
+    function map_in_words(model, map) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: map
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ""
+        i = step_of_map(model, map)
+        if (i > 0) text = links_of(model, model%step(i))
+    end function map_in_words
+
+    pure integer function step_of_map(model, map) result(i)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: map
+
+        do i = size(model%step), 1, -1
+            associate (step => model%step(i))
+                if ((is_dyad(step%kind) .or. step%kind == step_csp) .and. step%first == map) return
+                if (step%kind == step_group .and. model%n_branch + step%first == map) return
+            end associate
+        end do
+    end function step_of_map
+
+    ! ---------------------------------------------------------------- ways
+
+    !> Why the assembly was not followed to a sample.
+    function lost_in_words(model, lost) result(text)
+        type(model_type), intent(in) :: model
+        type(lost_way), intent(in) :: lost
+        character(len=:), allocatable :: text
+        integer :: i
+
+        i = failing_step_of(model, lost)
+        text = "the loops"
+        if (i > 0) text = links_of(model, model%step(i))
+        select case (lost%status)
+        case (sample_branch_lost)
+            text = text//" are at a change point at "//place_in_words(model, lost)//meeting_in_words(model)
+        case (sample_singular)
+            text = text//" are at a dead point or change point: their rates are not determined"
+        case (sample_not_converged)
+            text = text//" cannot be followed beyond "//place_in_words(model, lost)//" in as many steps as a way may take"
+        case default
+            text = text//" cannot be closed beyond "//place_in_words(model, lost)//range_in_words(model, lost, i)
+        end select
+    end function lost_in_words
+
+    !> What a change point is, and why it is not passed.
+    function meeting_in_words(model) result(text)
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+
+        text = ": two assemblies meet"
+        if (model%scene%passes_change_points) then
+            text = text//" that cannot be told apart"
+        else
+            text = text//" (change_points = ""stop"")"
+        end if
+    end function meeting_in_words
+
+    !> The closed form that cannot be closed at the end of the way, else what was at fault on the way; 0: none in particular.
+    integer function failing_step_of(model, lost) result(i)
+        type(model_type), intent(in) :: model
+        type(lost_way), intent(in) :: lost
+        type(kinematic_state) :: state
+
+        call prepare_kinematics(model, 0, state)
+        state%q = spread(lost%to, 1, lanes)
+        if (model%n_branch > 0) state%branch = spread(lost%branch, 1, lanes)
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (step%kind == step_group) exit
+                call run_step(model, step, state)
+                if (state%unreachable(1)) return
+            end associate
+        end do
+        i = step_of_map(model, lost%map)
+    end function failing_step_of
+
+    !> Where a way ended: the coordinate that changes on it, and how far before the sample, or how much of the way.
+    function place_in_words(model, lost) result(text)
+        type(model_type), intent(in) :: model
+        type(lost_way), intent(in) :: lost
+        character(len=:), allocatable :: text
+        integer :: k
+
+        k = findloc(lost%from /= lost%to, .true., dim=1)
+        if (k > 0 .and. count(lost%from /= lost%to) == 1) then
+            text = trim(model%scene%coordinate(k)%name)//" = " &
+                   //with_unit(model, k, lost%from(k) + lost%reached*(lost%to(k) - lost%from(k)))//", " &
+                   //with_unit(model, k, abs((1 - lost%reached)*(lost%to(k) - lost%from(k))))//" before the sample"
+        else if (k > 0) then
+            text = to_text(nint(100*lost%reached))//" % of the way from the sample before"
+        else
+            text = "the start"
+        end if
+    end function place_in_words
+
+    !> "131.2 deg", "0.25 m"
+    function with_unit(model, k, value) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k                         !! coordinate
+        real(wp), intent(in) :: value
+        character(len=:), allocatable :: text
+
+        if (is_length(model, k)) then
+            text = to_text(value)//" m"
+        else
+            text = to_text(value*180/pi)//" deg"
+        end if
+    end function with_unit
+
+    !> "; they close from A = -131.2 deg to 131.2 deg", if one coordinate alone moves the links.
+    function range_in_words(model, lost, i) result(text)
+        type(model_type), intent(in) :: model
+        type(lost_way), intent(in) :: lost
+        integer, intent(in) :: i                         !! step that fails; 0: not known
+        character(len=:), allocatable :: text
+        integer :: k, link
+
+        text = ""
+        if (i == 0) return
+        if (model%step(i)%kind == step_group) then
+            link = model%group(model%step(i)%first)%link(1)
+        else
+            link = model%step(i)%link(1)
+        end if
+        if (count(model%moves(:, link)) /= 1) return
+        k = findloc(model%moves(:, link), .true., dim=1)
+        if (lost%reached > 0) text = reach_in_words(model, k, lost%from, lost%branch, lost%place)
+        if (len(text) > 0) text = "; they close "//text
+    end function range_in_words
+
+    !> "from A = -131.2 deg to 131.2 deg"; blank if the coordinate goes all the way round, or is not bounded.
+    function reach_in_words(model, k, q, branch, place) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k                         !! coordinate; the others stay
+        real(wp), intent(in) :: q(:), branch(:), place(:, :)    !! an assembly: see `find_reach`
+        character(len=:), allocatable :: text
+        real(wp) :: lowest, highest
+        logical :: is_limited
+
+        text = ""
+        call find_reach(model, k, q, branch, place, lowest, highest, is_limited)
+        if (is_limited) text = "from "//trim(model%scene%coordinate(k)%name)//" = "//with_unit(model, k, lowest)//" to " &
+                               //with_unit(model, k, highest)
+    end function reach_in_words
 end module linkdyn_failure

@@ -19,7 +19,7 @@ module linkdyn_joint_rates
     implicit none (type, external)
     private
     public :: joint_view, view_joint, measure_variable, coordinate_of, joint_rate
-    public :: measure_joints, actuator_rates, actuator_columns, power_imbalance, work_columns
+    public :: measure_joints, measure_one_joint, actuator_rates, actuator_columns, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.
     type :: joint_view
@@ -37,7 +37,6 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: variable(lanes, *), rate(lanes, *)    !! (lane, n_variable) [m, rad]
-        type(joint_view) :: view
         real(wp) :: q(lanes, 3), qd(lanes, 3)
         integer :: j, n
 
@@ -46,9 +45,7 @@ contains
             return
         end if
         do j = 1, model%n_joint
-            call view_joint(model, state, j, state%velocity, state%omega, view)
-            call variables_of_relative(model%joint(j)%kind, view%frame(1), view%frame(2), view%slide, view%slide_rate, &
-                                       view%omega, q, qd)
+            call measure_one_joint(model, state, j, q, qd)
             associate (first => model%joint(j)%first_variable)
                 n = joint_n_variable(model%joint(j)%kind)
                 variable(:, first + 1:first + n) = q(:, :n)
@@ -56,6 +53,25 @@ contains
             end associate
         end do
     end subroutine measure_joints
+
+    !> The variables of one joint and their rates, angles in (-pi, pi]. Needs angular rates in world axes.
+    subroutine measure_one_joint(model, state, j, variable, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+        real(wp), intent(out) :: variable(lanes, 3), rate(lanes, 3)    !! [m, rad]
+        type(joint_view) :: view
+
+        if (model%is_planar) then
+            variable(:, 2:) = 0
+            rate(:, 2:) = 0
+            call measure_planar_variable(model, state, j, variable(:, 1), rate(:, 1))
+        else
+            call view_joint(model, state, j, state%velocity, state%omega, view)
+            call variables_of_relative(model%joint(j)%kind, view%frame(1), view%frame(2), view%slide, view%slide_rate, &
+                                       view%omega, variable, rate)
+        end if
+    end subroutine measure_one_joint
 
     !> One joint variable and its rate. A coordinate is taken as it is: it counts turns. A measured angle does not; of
     !> the values that it may have, the one nearest to `near` is taken. Where one coordinate stands in for another, the
@@ -95,12 +111,9 @@ contains
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: j, variable
         real(wp), intent(out) :: value(lanes), rate(lanes)
-        type(joint_view) :: view
         real(wp) :: q(lanes, 3), qd(lanes, 3)
 
-        call view_joint(model, state, j, state%velocity, state%omega, view)
-        call variables_of_relative(model%joint(j)%kind, view%frame(1), view%frame(2), view%slide, view%slide_rate, &
-                                   view%omega, q, qd)
+        call measure_one_joint(model, state, j, q, qd)
         value = q(:, variable)
         rate = qd(:, variable)
     end subroutine measure_in_space

@@ -4,7 +4,6 @@
 !> are computed only if the state was prepared for them.
 module linkdyn_kinematic_pass
     use linkdyn_csp_step, only: close_csp
-    use linkdyn_group_motion, only: begin_iteration
     use linkdyn_kinds, only: wp
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, is_slide
     use linkdyn_kinematic_state, only: kinematic_state
@@ -15,59 +14,19 @@ module linkdyn_kinematic_pass
     use linkdyn_point, only: point_velocity, point_acceleration, point_column
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion
+    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
     use linkdyn_ups_leg, only: locate_ups_leg, move_ups_leg, accelerate_ups_leg, map_ups_column
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), vec3_of
     implicit none (type, external)
     private
-    public :: evaluate_kinematics, run_step, clear_flags
+    public :: run_program, run_step, clear_flags
 
 contains
 
-    !> Run the program on the block whose coordinates are in the state.
-    subroutine evaluate_kinematics(model, state)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(inout) :: state
-
-        if (size(model%group) > 0) then
-            call follow_groups(model, state)
-        else
-            call run_steps(model, state)
-        end if
-    end subroutine evaluate_kinematics
-
-    !> Groups closed by iteration are led to the coordinates wanted in small steps, from their assembly at the scene's
-    !> start or from one that the caller knows to be nearer.
-    subroutine follow_groups(model, state)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(inout) :: state
-        real(wp) :: target(lanes, model%n_q), part(lanes), distance(lanes)    !! distance: in strides
-        logical :: has_failed(lanes)
-        integer :: n_step(lanes), n, k
-
-        target = state%q
-        distance = 0
-        do k = 1, model%n_q
-            distance = max(distance, abs(target(:, k) - state%group%start_q(:, k))/model%stride(k))
-        end do
-        where (.not. distance <= huge(1.0_wp)) distance = 0
-        call begin_iteration(state%group)
-        n_step = max(1, ceiling(distance))
-        do n = 1, maxval(n_step)
-            ! Every lane takes steps of its own length and then stays where it wants to be.
-            part = min(1.0_wp, real(n, wp)/n_step)
-            state%group%moves = n <= n_step
-            has_failed = state%not_converged .and. .not. state%group%moves
-            do k = 1, model%n_q
-                state%q(:, k) = merge(target(:, k), state%group%start_q(:, k) &
-                                      + part*(target(:, k) - state%group%start_q(:, k)), part >= 1)
-            end do
-            call run_steps(model, state)
-            state%not_converged = state%not_converged .or. has_failed
-        end do
-    end subroutine follow_groups
-
-    subroutine run_steps(model, state)
+    !> Run the program on the block whose coordinates are in the state. Closed forms are on the branches of the state;
+    !> groups are closed by iteration from where their links are.
+    subroutine run_program(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
         integer :: i
@@ -76,11 +35,12 @@ contains
         do i = 1, size(model%step)
             call run_step(model, model%step(i), state)
         end do
+        call flag_lost(state)
         if (model%is_planar) return
         do i = 1, model%n_orientation
             state%gravity_body(i) = state%rotation(i).unrotate.vec3_of(model%gravity)
         end do
-    end subroutine run_steps
+    end subroutine run_program
 
     !> Whatever went wrong in an earlier block is forgotten.
     pure subroutine clear_flags(state)
@@ -89,7 +49,19 @@ contains
         state%unreachable = .false.
         state%singular = .false.
         state%not_converged = .false.
+        state%branch_lost = .false.
+        if (allocated(state%group%contraction)) state%group%contraction = 0
     end subroutine clear_flags
+
+    !> Lanes to which their assembly could not be followed.
+    pure subroutine flag_lost(state)
+        type(kinematic_state), intent(inout) :: state
+
+        state%unreachable = state%unreachable .or. state%way_status == sample_unreachable
+        state%singular = state%singular .or. state%way_status == sample_singular
+        state%not_converged = state%not_converged .or. state%way_status == sample_not_converged
+        state%branch_lost = state%way_status == sample_branch_lost
+    end subroutine flag_lost
 
     !> One step of the program; the steps before it have been run.
     subroutine run_step(model, step, state)
@@ -99,7 +71,7 @@ contains
         integer :: i
 
         if (step%kind == step_group) then
-            call close_group(model, model%group(step%first), state)
+            call close_group(model, step%first, state)
             if (model%is_planar) return
             do i = 1, size(model%group(step%first)%link)
                 call turn_into_link(model, model%group(step%first)%link(i), state)

@@ -1,116 +1,262 @@
 !> An Assur group closed by Newton's method, in a plane or in space: the iteration, which is the same for both.
 !>
 !> The constraints, their matrix and the rates that follow from it are in `linkdyn_planar_group` and
-!> `linkdyn_spatial_group`.
+!> `linkdyn_spatial_group`. With every matrix A go some further right-hand sides, which tell how near A is to being
+!> singular: the length of A^-1 v, v any vector, grows as the inverse of the smallest singular value. Its inverse with
+!> the sign of the determinant is the group's *margin* (see `linkdyn_following`). Lengths count as parts of the
+!> mechanism's size, so that it has no unit.
 module linkdyn_newton_group
+    use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_following, only: largest_contraction, untrusted
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, link_freedom
-    use linkdyn_planar_group, only: put_planar_links, assemble_gaps, move_planar_group
-    use linkdyn_quaternion, only: quaternion_rate
-    use linkdyn_spatial_group, only: put_spatial_links, assemble_errors, refuse_turned_joints, move_spatial_group
-    use linkdyn_vec3, only: vec3
+    use linkdyn_mix, only: counter_uniform
+    use linkdyn_model, only: model_type, group_type, link_freedom, n_probe, scene_size
+    use linkdyn_planar_group, only: put_planar_links, assemble_gaps, assemble_gaps_ahead, move_planar_group, &
+        is_planar_length, planar_speed
+    use linkdyn_quaternion, only: turned_by
+    use linkdyn_spatial_group, only: put_spatial_links, assemble_errors, assemble_errors_ahead, refuse_turned_joints, &
+        move_spatial_group, is_spatial_length, spatial_speed
     implicit none (type, external)
     private
-    public :: close_group
+    public :: prepare_margins, close_group, shifted, least_group_margin
 
     integer, parameter :: most_steps = 30
     ! Newton's method squares the error: after a correction below this, the next error is below rounding.
     real(wp), parameter :: small_step = 1.0e-2_wp*sqrt(epsilon(1.0_wp))
     real(wp), parameter :: largest_turn = 0.5_wp     !! [rad] of a link in one step
+    real(wp), parameter :: rounding = 16*epsilon(1.0_wp)    !! of a constraint
+    !> Below this a margin is not told from zero: rounding e leaves places uncertain by e/margin, and their tangents by
+    !> e/margin^2, which must stay small where two assemblies cross.
+    real(wp), parameter :: least_group_margin = 10*untrusted
 
 contains
 
-    !> Positions from where the iteration stands, then all rates.
-    subroutine close_group(model, group, state)
+    !> The vectors v of every group, and the units of its corrections: the mechanism's size for a length, 1 for an angle.
+    !> Where the matrix is nearly singular, what counts of v is its part along one direction. Of random numbers that part
+    !> is about one, whatever symmetries the mechanism has, and that it should be small for both vectors is unlikely.
+    subroutine prepare_margins(model)
+        type(model_type), intent(inout) :: model
+        logical, allocatable :: is_length(:)
+        integer :: g, i, k, n, freedom
+
+        freedom = link_freedom(model)
+        do g = 1, size(model%group)
+            associate (group => model%group(g))
+                n = freedom*size(group%link)
+                if (model%is_planar) then
+                    is_length = is_planar_length(model, group)
+                else
+                    is_length = is_spatial_length(model, group)
+                end if
+                allocate (group%probe(n, n_probe))
+                do k = 1, n_probe
+                    group%probe(:, k) = [(2*counter_uniform(0_int64, int(k, int64), int(i, int64)) - 1, i=1, n)]
+                    group%probe(:, k) = group%probe(:, k)*sqrt(1/sum(group%probe(:, k)**2)) &
+                                        *merge(scene_size(model), 1.0_wp, is_length)
+                end do
+                group%unit = [(merge(scene_size(model), 1.0_wp, modulo(i - 1, freedom) < n_shift(model)), i=1, n)]
+            end associate
+        end do
+    end subroutine prepare_margins
+
+    !> Of a link's freedoms the first are shifts, the others turns.
+    pure integer function n_shift(model)
         type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
+
+        n_shift = merge(2, 3, model%is_planar)
+    end function n_shift
+
+    !> Positions from where the iteration stands, then all rates; on a way velocities and the margin's drift alone.
+    subroutine close_group(model, g, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g                         !! the group's number
         type(kinematic_state), intent(inout) :: state
-        real(wp) :: largest(lanes), growth(lanes)
-        logical :: is_singular(lanes)
+        real(wp), dimension(lanes) :: largest, before, noise, margin
+        logical, dimension(lanes) :: is_done, is_singular, has_no_pivot, is_refused
         integer :: n, step
 
-        n = link_freedom(model)*size(group%link)
-        ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
-        largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
-        associate (matrix => state%group%matrix, right => state%group%right)
+        associate (group => model%group(g))
+            n = size(group%unit)
+            ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
+            largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
+            is_done = .not. state%group%moves
+            is_refused = .false.
             do step = 1, most_steps
+                before = largest
                 if (model%is_planar) then
                     call put_planar_links(model, group, state)
-                    call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
+                    call assemble_gaps(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
                 else
                     call put_spatial_links(model, group, state)
-                    call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
+                    call assemble_errors(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
                 end if
-                call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)
-                call correct(group, merge(2, 3, model%is_planar), right(:, :n, 1), state%group%place, largest)
-                if (all(largest <= small_step)) exit
+                call solve_with_probe(group, state, margin, has_no_pivot)
+                where (.not. is_done .or. step == 1)
+                    state%group%margin(:, g) = margin
+                    is_singular = has_no_pivot
+                    noise = rounding_of(model, group, state%group%place)/max(abs(margin), least_group_margin)
+                end where
+                call correct(model, group, state%group%right(:, :n, 1), .not. is_done, state%group%place, largest)
+                if (step > 1) call watch_contraction(before, largest, noise, state%group%contraction)
+                if (state%group%is_led) is_refused = .not. state%group%contraction <= largest_contraction
+                is_done = is_small(largest, noise) .or. is_refused
+                if (all(is_done)) exit
             end do
+            state%not_converged = state%not_converged .or. is_refused .or. .not. is_small(largest, noise)
+            state%singular = state%singular .or. is_singular
+            if (model%is_planar) then
+                call put_planar_links(model, group, state)
+                call move_planar_group(model, group, state)
+            else
+                call put_spatial_links(model, group, state)
+                call refuse_turned_joints(model, group, state)
+                call move_spatial_group(model, group, state)
+            end if
+            if (state%group%is_led) &
+                call measure_drift(model, group, state, state%group%margin(:, g), state%group%drift(:, g))
         end associate
-        state%not_converged = state%not_converged .or. .not. largest <= small_step
-        state%singular = state%singular .or. is_singular
-        if (model%is_planar) then
-            call put_planar_links(model, group, state)
-            call move_planar_group(model, group, state)
-        else
-            call put_spatial_links(model, group, state)
-            call refuse_turned_joints(model, group, state)
-            call move_spatial_group(model, group, state)
-        end if
     end subroutine close_group
 
-    !> Take the correction, unless the last one was small; how large it was, relative to the links' distances.
-    subroutine correct(group, n_shift, correction, place, largest)
+    !> Is a correction so small that none need follow?
+    elemental logical function is_small(largest, noise)
+        real(wp), intent(in) :: largest
+        real(wp), intent(in) :: noise        !! what rounding alone makes of it
+
+        is_small = largest <= max(small_step, noise)
+    end function is_small
+
+    !> The correction that rounding of the constraints makes at a margin of one.
+    pure function rounding_of(model, group, place) result(noise)
+        type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
-        integer, intent(in) :: n_shift                   !! of a link's corrections are shifts, the others turns
+        real(wp), intent(in) :: place(:, :, :)           !! (lane, place_size, n_link)
+        real(wp) :: noise(lanes)
+        integer :: i
+
+        noise = scene_size(model)
+        do i = 1, size(group%link)
+            noise = max(noise, maxval(abs(place(:, :n_shift(model), group%link(i))), dim=2))
+        end do
+        noise = rounding*noise/scene_size(model)
+    end function rounding_of
+
+    !> Two corrections, one after the other, tell whether the place predicted was near enough.
+    elemental subroutine watch_contraction(before, largest, noise, contraction)
+        real(wp), intent(in) :: before, largest, noise
+        real(wp), intent(inout) :: contraction
+
+        if (is_small(before, noise) .or. is_small(largest, noise)) return
+        contraction = max(contraction, largest/before)
+    end subroutine watch_contraction
+
+    ! ---------------------------------------------------------------- margin
+
+    !> Solve for the errors in the first right-hand side, and for the probes, which tell the margin.
+    subroutine solve_with_probe(group, state, margin, is_singular)
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        real(wp), intent(out) :: margin(lanes)
+        logical, intent(out) :: is_singular(lanes)
+        real(wp), dimension(lanes) :: growth, determinant, square
+        integer :: i, k, n
+
+        n = size(group%unit)
+        associate (matrix => state%group%matrix, right => state%group%right)
+            right(:, :n, 2:1 + n_probe) = spread(group%probe, 1, lanes)
+            call solve_gauss_jordan(n, 1 + n_probe, matrix(:, :n, :n), right(:, :n, :1 + n_probe), growth, is_singular, &
+                                    determinant)
+            square = 0
+            do k = 2, 1 + n_probe
+                do i = 1, n
+                    square = square + (right(:, i, k)/group%unit(i))**2
+                end do
+            end do
+        end associate
+        ! A direction of n has the n-th part of a unit vector's square, on average.
+        margin = merge(0.0_wp, sign(sqrt(n_probe/(n*square)), determinant), is_singular)
+    end subroutine solve_with_probe
+
+    !> The margin's rate along the way, from the margin a little further on, where the links' velocities lead. The step is
+    !> a small part of the distance to where the margin may vanish at the nearest.
+    subroutine measure_drift(model, group, state, margin, drift)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state    !! scratch of the group is lost
+        real(wp), intent(in) :: margin(lanes)
+        real(wp), intent(out) :: drift(lanes)
+        real(wp), parameter :: part = 1.0e-3_wp, longest = 1.0e-4_wp
+        real(wp) :: speed(lanes), step(lanes), ahead(lanes)
+        logical :: is_singular(lanes)
+        integer :: n
+
+        n = size(group%unit)
+        associate (matrix => state%group%matrix(:, :n, :n), right => state%group%right(:, :n, 1))
+            if (model%is_planar) then
+                speed = planar_speed(model, group, state)
+            else
+                speed = spatial_speed(model, group, state)
+            end if
+            step = min(part*abs(margin), longest)/max(speed, tiny(1.0_wp))
+            if (model%is_planar) then
+                call assemble_gaps_ahead(model, group, step, state, matrix, right)
+            else
+                call assemble_errors_ahead(model, group, step, state, matrix, right)
+            end if
+        end associate
+        call solve_with_probe(group, state, ahead, is_singular)
+        drift = merge((ahead - margin)/step, 0.0_wp, speed > 0 .and. step > 0)
+    end subroutine measure_drift
+
+    ! ---------------------------------------------------------------- places
+
+    !> Take the correction; how large it was: the largest turn, or shift as part of the mechanism's size.
+    subroutine correct(model, group, correction, takes, place, largest)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
         real(wp), intent(in) :: correction(:, :)         !! (lane, row)
+        logical, intent(in) :: takes(lanes)
         real(wp), intent(inout) :: place(:, :, :)        !! (lane, place_size, n_link)
         real(wp), intent(inout) :: largest(lanes)
-        real(wp), dimension(lanes) :: part, turn, shift, extent
+        real(wp), dimension(lanes) :: part, turn, size_here
         real(wp) :: moved(lanes, size(place, 2))
         integer :: n, i, k
 
-        n = size(correction, 2)/size(group%link)
+        n = link_freedom(model)
         turn = 0
-        shift = 0
-        extent = 0
-        do i = 1, size(group%link)
-            associate (l => group%link(i), d => correction(:, n*(i - 1) + 1:n*i))
-                shift = max(shift, maxval(abs(d(:, :n_shift)), dim=2))
-                turn = max(turn, maxval(abs(d(:, n_shift + 1:)), dim=2))
-                extent = max(extent, maxval(abs(place(:, :n_shift, l)), dim=2))
-            end associate
+        size_here = 0
+        do i = 1, size(correction, 2)
+            size_here = max(size_here, abs(correction(:, i))/group%unit(i))
+            if (modulo(i - 1, n) >= n_shift(model)) turn = max(turn, abs(correction(:, i)))
         end do
         ! Far off, a step is cut so that no link turns further than its equations hold.
         part = min(1.0_wp, largest_turn/max(turn, tiny(1.0_wp)))
         do i = 1, size(group%link)
             associate (l => group%link(i), d => correction(:, n*(i - 1) + 1:n*i))
-                do k = 1, n_shift
-                    moved(:, k) = place(:, k, l) - part*d(:, k)
-                end do
-                if (n_shift == 2) then
-                    moved(:, 3) = place(:, 3, l) - part*d(:, 3)
-                else
-                    moved(:, 4:) = turned(place(:, 4:, l), vec3(-part*d(:, 4), -part*d(:, 5), -part*d(:, 6)))
-                end if
+                moved = shifted(model, place(:, :, l), -spread(part, 2, n)*d)
                 do k = 1, size(moved, 2)
-                    where (.not. largest <= small_step) place(:, k, l) = moved(:, k)
+                    where (takes) place(:, k, l) = moved(:, k)
                 end do
             end associate
         end do
-        where (.not. largest <= small_step) largest = turn + shift/max(extent, tiny(1.0_wp))
+        where (takes) largest = size_here
         where (.not. largest <= huge(1.0_wp)) largest = huge(1.0_wp)
     end subroutine correct
 
-    !> A unit quaternion after a small turn.
-    pure function turned(quaternion, turn) result(new)
-        real(wp), intent(in) :: quaternion(lanes, 4)
-        type(vec3), intent(in) :: turn        !! world axes [rad]
-        real(wp) :: new(lanes, 4)
+    !> A link's place after a shift and a turn, about x, y, z of the world in space.
+    pure function shifted(model, place, by)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: place(:, :)              !! (lane, place_size)
+        real(wp), intent(in) :: by(:, :)                 !! (lane, link_freedom)
+        real(wp) :: shifted(lanes, size(place, 2))
 
-        new = quaternion + quaternion_rate(quaternion, turn)
-        new = new/spread(norm2(new, dim=2), 2, 4)
-    end function turned
+        if (model%is_planar) then
+            shifted = place + by
+        else
+            shifted(:, :3) = place(:, :3) + by(:, :3)
+            shifted(:, 4:) = turned_by(place(:, 4:), by(:, 4:))
+        end if
+    end function shifted
 end module linkdyn_newton_group

@@ -7,15 +7,15 @@ module linkdyn_planar_group
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, orientation_of
+    use linkdyn_model, only: model_type, group_type, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
     use linkdyn_scene, only: joint_prismatic
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
-        operator(.rotate.), perp, rot2_by_angle, zero_vec2, vec2_of
+        operator(.rotate.), perp, rot2, rot2_by_angle, zero_vec2, vec2_of
     implicit none (type, external)
     private
-    public :: put_planar_links, assemble_gaps, move_planar_group
+    public :: put_planar_links, assemble_gaps, assemble_gaps_ahead, move_planar_group, is_planar_length, planar_speed
 
     !> A joint of the group, world axes.
     type :: joint_view
@@ -114,6 +114,74 @@ contains
         end do
     end subroutine assemble_gaps
 
+    !> Which of the rows of `assemble_gaps` are distances.
+    pure function is_planar_length(model, group) result(is_length)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        logical :: is_length(3*size(group%link))
+        logical :: slides
+        integer :: i, row
+
+        row = 0
+        do i = 1, size(group%joint)
+            slides = model%joint(group%joint(i))%kind == joint_prismatic
+            is_length(row + 1:row + 2) = [.not. slides, .true.]
+            row = row + 2
+            if (group%coordinate(1, i) == 0) cycle
+            row = row + 1
+            is_length(row) = slides
+        end do
+    end function is_planar_length
+
+    !> The matrix a little further on, where the links' velocities lead.
+    subroutine assemble_gaps_ahead(model, group, step, state, matrix, right)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: step(lanes)
+        type(kinematic_state), intent(inout) :: state    !! unchanged
+        real(wp), intent(out) :: matrix(:, :, :), right(:, :)
+        type(rot2) :: rotation(0:model%n_orientation)
+        type(vec2) :: position(0:model%n_link)
+        real(wp) :: slide(lanes, model%n_joint), turn(lanes)
+        integer :: o, l
+
+        associate (plane => state%plane)
+            rotation = plane%rotation
+            position = plane%position
+            slide = state%slide
+            do o = 0, model%n_orientation
+                turn = step*plane%angular(:, level_velocity, o)
+                plane%rotation(o) = rot2(rotation(o)%c - turn*rotation(o)%s, rotation(o)%s + turn*rotation(o)%c)
+            end do
+            do l = 0, model%n_link
+                plane%position(l) = position(l) + step*plane%linear(level_velocity, l)
+            end do
+            call assemble_gaps(model, group, state, matrix, right)
+            plane%rotation = rotation
+            plane%position = position
+            state%slide = slide
+        end associate
+    end subroutine assemble_gaps_ahead
+
+    !> The largest of the links' angular velocities, and of their velocities by the mechanism's size.
+    pure function planar_speed(model, group, state) result(speed)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: speed(lanes)
+        integer :: i
+
+        speed = 0
+        associate (plane => state%plane)
+            do i = 1, size(group%link)
+                associate (v => plane%linear(level_velocity, group%link(i)))
+                    speed = max(speed, abs(v%x)/scene_size(model), abs(v%y)/scene_size(model), &
+                                abs(plane%angular(:, level_velocity, orientation_of(model, group%link(i)))))
+                end associate
+            end do
+        end associate
+    end function planar_speed
+
     !> The angle brought to (-pi, pi].
     pure function least_turn(angle) result(least)
         real(wp), intent(in) :: angle(lanes)
@@ -152,7 +220,8 @@ contains
 
     ! ---------------------------------------------------------------- velocities and accelerations
 
-    !> All levels but the given acceleration at once, then that one, which needs the velocities.
+    !> All levels but the given acceleration at once, then that one, which needs the velocities. On a way there are
+    !> velocities only.
     subroutine move_planar_group(model, group, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
@@ -162,7 +231,7 @@ contains
         integer :: n, n_column, level
 
         n = 3*size(group%link)
-        n_column = state%n_column
+        n_column = merge(0, state%n_column, state%group%is_led)
         associate (matrix => state%group%matrix, right => state%group%right)
             call rest_links(model, group, state%plane)
             call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
@@ -175,6 +244,7 @@ contains
             do level = 1, n_column
                 call take_level(model, group, right(:, :n, level + 1), level, state%plane)
             end do
+            if (state%group%is_led) return
             call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_level(model, group, state, level_given, right(:, :n, 1))
             call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)

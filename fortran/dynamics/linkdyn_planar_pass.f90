@@ -20,7 +20,7 @@ module linkdyn_planar_pass
     use linkdyn_planar_point, only: carried, carry
     implicit none (type, external)
     private
-    public :: run_planar_step, map_placed
+    public :: run_planar_step, map_placed, hang_planar_link
 
     !> A link hanging on a known link by a joint.
     type :: hanger
@@ -117,6 +117,24 @@ contains
             call move_link(h, level, rate, state%plane)
         end do
     end subroutine walk_joint
+
+    !> Place a link by one of its joints and that joint's variable; no rates.
+    subroutine hang_planar_link(model, j, link, variable, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, link
+        real(wp), intent(in) :: variable(lanes)
+        type(kinematic_state), intent(inout) :: state
+        type(hanger) :: h
+
+        h = hanger_of(model, j, link)
+        if (h%slides) then
+            call turn_with_known(model, h, state%plane)
+            call place_on_slide(model, h, h%sense*variable, state)
+        else
+            call turn_by_angle(model, h, h%sense*variable, state%plane)
+            call place_on_hinge(model, h, state%plane)
+        end if
+    end subroutine hang_planar_link
 
     ! ---------------------------------------------------------------- hangers
 
@@ -261,7 +279,7 @@ contains
         associate (plane => state%plane, map => state%plane%dyad(step%first))
             gap = (plane%position(h2%known) + hold_of(model, h2, plane)) &
                   - (plane%position(h1%known) + hold_of(model, h1, plane))
-            call locate_rrr(gap, norm2(fixed1), norm2(fixed2), plane%branch(:, step%first), arm1, arm2, is_reachable)
+            call locate_rrr(gap, norm2(fixed1), norm2(fixed2), state%branch(:, step%first), arm1, arm2, is_reachable)
             state%unreachable = state%unreachable .or. .not. is_reachable
             plane%rotation(h1%o) = rot2_of_directions(fixed1, arm1)
             plane%rotation(h2%o) = rot2_of_directions(fixed2, arm2)
@@ -300,7 +318,7 @@ contains
             ! The inner joint at slide 0, from the origin of the known link.
             reach = hold_of(model, h2, plane) + (plane%rotation(h2%o).rotate.(inner_point(model, step, 2) - own_point(model, h2)))
             gap = plane%position(h2%known) + reach - (plane%position(h1%known) + hold_of(model, h1, plane))
-            call locate_rrp(gap, u, norm2(fixed), plane%branch(:, step%first), arm, forward, is_reachable)
+            call locate_rrp(gap, u, norm2(fixed), state%branch(:, step%first), arm, forward, is_reachable)
             state%unreachable = state%unreachable .or. .not. is_reachable
             plane%rotation(h1%o) = rot2_of_directions(fixed, arm)
             call place_on_hinge(model, h1, plane)
@@ -338,7 +356,7 @@ contains
             offset = in_slide_axes(inner%point(:2, 1) - own_point(model, h1), axis) &
                      + in_slide_axes(own_point(model, h2) - inner%point(:2, 2), inner%frame(:2, 3, 2))
             d = (plane%position(h2%known) + hold_of(model, h2, plane)) - (plane%position(h1%known) + hold_of(model, h1, plane))
-            call locate_rpr(d, offset(2), plane%branch(:, step%first), u, forward, is_reachable)
+            call locate_rpr(d, offset(2), state%branch(:, step%first), u, forward, is_reachable)
             state%unreachable = state%unreachable .or. .not. is_reachable
             state%slide(:, step%joint(2)) = forward - offset(1)
             plane%rotation(h1%o) = rot2_of_directions(axis, u)

@@ -4,21 +4,22 @@
 !> gives for the dyad's links and joints is taken. If the scene gives none but the links, left where their markers are
 !> written, fit together at the start, that is their assembly. If nothing speaks, it is branch +1.
 module linkdyn_planar_start
-    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use linkdyn_group_start, only: find_group_start
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_step
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_laws, only: evaluate_law
     use linkdyn_model, only: model_type, step_type, group_type, step_rrr, step_rrp, step_rpr, step_group, is_dyad, &
-        orientation_of, scene_size
+        by_branch, by_start, by_markers, by_nothing, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_scene, only: law_none, joint_prismatic
+    use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer, has_start
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     use linkdyn_vec2, only: operator(+), operator(-), operator(.rotate.), lane_of
     implicit none (type, external)
     private
-    public :: assemble_start, start_of_coordinate, keep_group
+    public :: assemble_start, start_of_coordinate, start_group
 
     real(wp), parameter :: fit = 1.0e-6_wp    !! markers this near, relative to the scene's size, were meant to coincide
 
@@ -32,13 +33,14 @@ contains
         integer :: i, k
 
         if (.not. status%is_ok() .or. .not. model%is_planar) return
-        allocate (model%start_q(model%n_q), model%branch(model%n_dyad))
+        allocate (model%start_q(model%n_q), model%branch(model%n_dyad), model%chosen_by(model%n_dyad))
         model%branch = 1
+        model%chosen_by = by_nothing
         do k = 1, model%n_q
             model%start_q(k) = start_of_coordinate(model, k)
         end do
         do i = 1, size(model%group)
-            call guess_group(model, model%group(i))
+            model%group(i)%start = 0
         end do
         call prepare_kinematics(model, 0, state)
         do k = 1, model%n_q
@@ -49,8 +51,11 @@ contains
         do i = 1, size(model%step)
             associate (step => model%step(i))
                 if (is_dyad(step%kind)) call choose_branch(model, step, state, status)
-                call run_step(model, step, state)
-                if (step%kind == step_group) call keep_group(model, model%group(step%first), state, status)
+                if (step%kind == step_group) then
+                    call start_group(model, step, state, status)
+                else
+                    call run_step(model, step, state)
+                end if
             end associate
             if (.not. status%is_ok()) return
         end do
@@ -76,24 +81,28 @@ contains
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state
         type(status_type), intent(inout) :: status
-        real(wp) :: distance(2)
+        type(start_distance) :: distance(2)
         integer :: forced, i
-        logical :: has_hints
+        logical :: has_hints, fits
 
         forced = forced_branch(model, step, status)
         if (.not. any(step%kind == [step_rrr, step_rrp, step_rpr])) return
-        has_hints = any(model%scene%link(step%link)%has_start) .or. any(model%scene%joint(step%joint)%has_start)
+        has_hints = has_start(model, step%link, step%joint)
+        fits = .false.
+        if (.not. has_hints) fits = fits_as_written(model, step%link, step%joint, state%plane)
         if (forced /= 0) then
             model%branch(step%first) = forced
-        else if (has_hints .or. fits_as_written(model, step%link, step%joint, state%plane)) then
+            model%chosen_by(step%first) = by_branch
+        else if (has_hints .or. fits) then
+            model%chosen_by(step%first) = merge(by_start, by_markers, has_hints)
             do i = 1, 2
-                state%plane%branch(:, step%first) = 3 - 2*i
+                state%branch(:, step%first) = 3 - 2*i
                 call run_step(model, step, state)
-                distance(i) = distance_to_hints(model, step, has_hints, state)
+                distance(i) = measure_distance(model, step%link, step%joint, state, .not. has_hints)
             end do
-            if (distance(2) < distance(1)) model%branch(step%first) = -1
+            if (is_nearer(distance(2), 1, distance(1)%given(1), distance(1)%others(1))) model%branch(step%first) = -1
         end if
-        state%plane%branch(:, step%first) = model%branch(step%first)
+        state%branch(:, step%first) = model%branch(step%first)
     end subroutine choose_branch
 
     !> The branch written at a joint of the dyad; 0: none.
@@ -118,57 +127,6 @@ contains
             end associate
         end do
     end function forced_branch
-
-    !> How far lane 1 is from the starting positions given; each part relative, so that lengths and angles compare.
-    real(wp) function distance_to_hints(model, step, has_hints, state) result(distance)
-        type(model_type), intent(in) :: model
-        type(step_type), intent(in) :: step
-        logical, intent(in) :: has_hints       !! false: compare with the links where their markers are written
-        type(kinematic_state), intent(in) :: state
-        real(wp) :: size2
-        integer :: i
-
-        size2 = scene_size(model)**2
-        distance = 0
-        do i = 1, 2
-            associate (spec => model%scene%link(step%link(i)))
-                if (has_hints .and. .not. spec%has_start) cycle
-                associate (r => state%plane%rotation(orientation_of(model, step%link(i))), p => state%plane%position(step%link(i)))
-                    distance = distance + ((p%x(1) - spec%start(1))**2 + (p%y(1) - spec%start(2))**2)/size2 &
-                               + (r%c(1) - cos(spec%start(6)))**2 + (r%s(1) - sin(spec%start(6)))**2
-                end associate
-            end associate
-        end do
-        do i = 1, 3
-            associate (spec => model%scene%joint(step%joint(i)))
-                if (.not. spec%has_start) cycle
-                if (spec%kind == joint_prismatic) then
-                    distance = distance + (state%slide(1, step%joint(i)) - spec%start(1))**2/size2
-                else
-                    distance = distance + angle_distance(model, step%joint(i), spec%start(1), state%plane)
-                end if
-            end associate
-        end do
-        if (.not. ieee_is_finite(distance)) distance = huge(1.0_wp)
-    end function distance_to_hints
-
-    !> Squared chord between a joint's angle and the one given.
-    real(wp) function angle_distance(model, j, angle, plane)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: j
-        real(wp), intent(in) :: angle
-        type(planar_motion), intent(in) :: plane
-        real(wp) :: x(2, 2)
-        integer :: side
-
-        associate (joint => model%joint(j))
-            do side = 1, 2
-                x(:, side) = lane_of(plane%rotation(orientation_of(model, joint%link(side))).rotate.joint%frame(:2, 1, side), 1)
-            end do
-        end associate
-        angle_distance = (dot_product(x(:, 1), x(:, 2)) - cos(angle))**2 &
-                         + (x(1, 1)*x(2, 2) - x(2, 1)*x(1, 2) - sin(angle))**2
-    end function angle_distance
 
     !> Do the joints close if the links are left where their markers are written?
     logical function fits_as_written(model, link, joint, plane)
@@ -208,23 +166,25 @@ contains
 
     ! ---------------------------------------------------------------- groups
 
-    !> Where Newton's method starts: the starting positions of the scene.
-    subroutine guess_group(model, group)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(inout) :: group
-        integer :: i
-
-        group%start = 0
-        do i = 1, size(group%link)
-            associate (spec => model%scene%link(group%link(i)))
-                if (spec%has_start) group%start(:, i) = spec%start([1, 2, 6])
-            end associate
-        end do
-    end subroutine guess_group
-
-    !> Where the groups' links have been placed at the start.
+    !> Find the assembly of a group at the start, in a plane or in space.
     !>
-    !> **Errors**: `status_bad_input` for a group that is not closed there.
+    !> **Errors**: `status_bad_input` for a group that cannot be closed there.
+    subroutine start_group(model, step, state, status)
+        type(model_type), intent(inout) :: model
+        type(step_type), intent(in) :: step
+        type(kinematic_state), intent(inout) :: state
+        type(status_type), intent(inout) :: status
+        integer :: n_found
+
+        call find_group_start(model, step, state, n_found)
+        associate (group => model%group(step%first))
+            group%n_found = n_found
+            group%chosen_by = merge(by_start, by_nothing, has_start(model, group%link, group%joint))
+            call keep_group(model, group, state, status)
+        end associate
+    end subroutine start_group
+
+    !> Where the group's links have been placed at the start.
     subroutine keep_group(model, group, state, status)
         type(model_type), intent(in) :: model
         type(group_type), intent(inout) :: group

@@ -10,8 +10,9 @@ module linkdyn_spatial_group
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, orientation_of
+    use linkdyn_model, only: model_type, group_type, orientation_of, scene_size
     use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_planner, only: joint_constraints
     use linkdyn_point, only: point_column
     use linkdyn_quaternion, only: rotation_of_quaternion
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal
@@ -19,7 +20,8 @@ module linkdyn_spatial_group
         operator(.rotate.), vec3_of, zero_vec3
     implicit none (type, external)
     private
-    public :: put_spatial_links, assemble_errors, refuse_turned_joints, move_spatial_group
+    public :: put_spatial_links, assemble_errors, assemble_errors_ahead, refuse_turned_joints, move_spatial_group
+    public :: is_spatial_length, spatial_speed
 
     !> A joint of the group, world axes.
     type :: joint_view
@@ -242,6 +244,74 @@ contains
         end do
     end subroutine assemble_errors
 
+    !> Which of the rows of `assemble_errors` are distances.
+    pure function is_spatial_length(model, group) result(is_length)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        logical :: is_length(6*size(group%link))
+        integer :: i, k, n, row
+
+        row = 0
+        do i = 1, size(group%joint)
+            associate (kind => model%joint(group%joint(i))%kind)
+                n = joint_constraints(model, kind)
+                is_length(row + 1:row + n) = [(k <= merge(2, 3, any(kind == [joint_prismatic, joint_cylindrical])), k=1, n)]
+                row = row + n
+                do k = 1, 3
+                    if (group%coordinate(k, i) == 0) cycle
+                    row = row + 1
+                    is_length(row) = is_slide(kind, k)
+                end do
+            end associate
+        end do
+    end function is_spatial_length
+
+    !> The matrix a little further on, where the links' velocities lead.
+    subroutine assemble_errors_ahead(model, group, step, state, matrix, right)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: step(lanes)
+        type(kinematic_state), intent(inout) :: state    !! unchanged
+        real(wp), intent(out) :: matrix(:, :, :), right(:, :)
+        type(mat3) :: rotation(0:model%n_orientation)
+        type(vec3) :: position(0:model%n_link), turn
+        real(wp) :: slide(lanes, model%n_joint)
+        integer :: o, l
+
+        rotation = state%rotation
+        position = state%position
+        slide = state%slide
+        do o = 0, model%n_orientation
+            turn = step*state%omega(o)
+            associate (r => rotation(o))
+                state%rotation(o) = mat3(r%x + (turn.cross.r%x), r%y + (turn.cross.r%y), r%z + (turn.cross.r%z))
+            end associate
+        end do
+        do l = 0, model%n_link
+            state%position(l) = position(l) + step*state%velocity(l)
+        end do
+        call assemble_errors(model, group, state, matrix, right)
+        state%rotation = rotation
+        state%position = position
+        state%slide = slide
+    end subroutine assemble_errors_ahead
+
+    !> The largest of the links' angular velocities, and of their velocities by the mechanism's size.
+    pure function spatial_speed(model, group, state) result(speed)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: speed(lanes)
+        integer :: i
+
+        speed = 0
+        do i = 1, size(group%link)
+            associate (v => state%velocity(group%link(i)), omega => state%omega(orientation_of(model, group%link(i))))
+                speed = max(speed, sqrt(omega.dot.omega), sqrt(v.dot.v)/scene_size(model))
+            end associate
+        end do
+    end function spatial_speed
+
     subroutine put_row(view, row, entry)
         type(joint_view), intent(in) :: view
         type(closure_row), intent(in) :: row
@@ -268,7 +338,8 @@ contains
 
     ! ---------------------------------------------------------------- velocities and accelerations
 
-    !> Velocities and columns at once, then the acceleration, whose bias needs the velocities.
+    !> Velocities and columns at once, then the acceleration, whose bias needs the velocities. On a way there are
+    !> velocities only.
     subroutine move_spatial_group(model, group, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
@@ -278,7 +349,7 @@ contains
         integer :: n, n_column, k
 
         n = 6*size(group%link)
-        n_column = state%n_column
+        n_column = merge(0, state%n_column, state%group%is_led)
         associate (matrix => state%group%matrix, right => state%group%right)
             call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_rates(model, group, state, state%velocity, state%omega, level_velocity, right(:, :n, 1))
@@ -290,6 +361,7 @@ contains
             do k = 1, n_column
                 call take_rates(model, group, right(:, :n, k + 1), state%acceleration(k, :), state%alpha(k, :))
             end do
+            if (state%group%is_led) return
             call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_rates(model, group, state, state%acceleration(0, :), state%alpha(0, :), level_given, right(:, :n, 1))
             call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)

@@ -139,27 +139,30 @@ contains
         call read_time(root, scene, status)
     end subroutine read_tables
 
-    !> Title, space and gravity.
+    !> Title, space, gravity, what to do at change points.
     subroutine read_head(root, scene, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         character(len=:), allocatable :: title
         logical :: found
-        integer :: space
+        integer :: space, at_change_point
 
         if (root%node%count() == 0) then
             call refuse(root, "the scene is empty (expected 'space', links, joints, coordinates)", status)
             return
         end if
-        call allow_keys(root, [character(len=10) :: "title", "space", "gravity", "frame", "link", "joint", &
-            "coordinate", "actuator", "load", "chain", "spring", "time", "sweep"], status)
+        call allow_keys(root, [character(len=13) :: "title", "space", "gravity", "change_points", "frame", "link", &
+            "joint", "coordinate", "actuator", "load", "chain", "spring", "time", "sweep"], status)
         call get_text(root, "title", title, status, found)
         scene%title = title
         call get_word(root, "space", [character(len=7) :: "planar", "spatial"], space, status)
         if (.not. status%is_ok()) return
         scene%planar = space == 1
         call get_vector(root, "gravity", acceleration, scene%gravity(:merge(2, 3, scene%planar)), status, scene%has_gravity)
+        at_change_point = 1
+        call get_word(root, "change_points", [character(len=4) :: "pass", "stop"], at_change_point, status, found)
+        scene%passes_change_points = at_change_point == 1
     end subroutine read_head
 
     subroutine count_tables(root, key, n, status)

@@ -3,7 +3,7 @@
 !> The coupler turns about and slides along the axis (point L, direction u); the output slides along y; S is common to
 !> both. With w = S - L, sigma = w.u and n = w - sigma u, the length of n is fixed: S lies on a cylinder about the axis,
 !> which the slide's line meets twice. Everything else follows from n.n = const by differentiation. The group is singular
-!> where n.y = 0: the slide touches the cylinder.
+!> where n.y = 0: the slide touches the cylinder. The sign of n.y is the branch.
 !>
 !> **Source**: the lecture's CSP_LINKS and FD_CSP_LINKS, whose formulas its text leaves out; derived here for an axis and
 !> a slide that move in any way.
@@ -14,7 +14,7 @@ module linkdyn_csp
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
-    public :: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp, map_csp_column
+    public :: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp, map_csp_column, margin_csp
 
     !> A group in its position, world axes.
     type :: csp_group
@@ -27,7 +27,7 @@ module linkdyn_csp
         real(wp) :: per_slope(lanes)         !! 1/(n.y)
         real(wp) :: per_radius2(lanes)       !! 1/n.n
         real(wp) :: sigma_rate(lanes), slide_rate(lanes), turn_rate(lanes)    !! turn: of the coupler about the axis
-        type(vec3) :: w_rate, u_rate
+        type(vec3) :: w_rate, u_rate, y_rate
     end type csp_group
 
 contains
@@ -37,7 +37,7 @@ contains
         type(vec3), intent(in) :: span       !! from the point of the axis to S at slide = 0 [m]
         type(vec3), intent(in) :: axis, direction
         real(wp), intent(in) :: radius       !! distance of S from the axis [m]
-        integer, intent(in) :: branch        !! +1: the farther meeting along the slide; -1: the nearer
+        real(wp), intent(in) :: branch(lanes)    !! +1: the farther meeting along the slide; -1: the nearer
         type(csp_group), intent(inout) :: group
         type(vec3) :: a, b
         real(wp), dimension(lanes) :: aa, ab, bb, root
@@ -82,17 +82,32 @@ contains
     end subroutine drop_uncertain_rates
 
     !> Velocity: rates of the slide, along and about the axis.
-    pure subroutine move_csp(span_rate, omega, group)
+    pure subroutine move_csp(span_rate, omega, slide_omega, group)
         type(vec3), intent(in) :: span_rate  !! velocity of S with the slide held, less that of the point of the axis [m/s]
         type(vec3), intent(in) :: omega      !! angular velocity of the link that carries the axis [rad/s]
+        type(vec3), intent(in) :: slide_omega    !! of the link that carries the slide [rad/s]
         type(csp_group), intent(inout) :: group
 
         group%u_rate = omega.cross.group%u
+        group%y_rate = slide_omega.cross.group%y
         group%slide_rate = (group%n.dot.(group%sigma*group%u_rate - span_rate))*group%per_slope
         group%w_rate = span_rate + group%slide_rate*group%y
         group%sigma_rate = (group%w_rate.dot.group%u) + (group%w.dot.group%u_rate)
         group%turn_rate = ((group%w_rate - (omega.cross.group%w)).dot.group%m)*group%per_radius2
     end subroutine move_csp
+
+    !> Sine of the angle at which the slide meets the cylinder, with the sign of the branch, and its rate.
+    pure subroutine margin_csp(group, margin, rate)
+        type(csp_group), intent(in) :: group
+        real(wp), intent(out) :: margin(lanes), rate(lanes)
+        type(vec3) :: n_rate
+        real(wp) :: per_radius(lanes)
+
+        n_rate = group%w_rate - group%sigma_rate*group%u - group%sigma*group%u_rate
+        per_radius = sqrt(group%per_radius2)
+        margin = per_radius*(group%n.dot.group%y)
+        rate = per_radius*((n_rate.dot.group%y) + (group%n.dot.group%y_rate))
+    end subroutine margin_csp
 
     !> Acceleration of the slide and of the turn about the axis.
     pure subroutine accelerate_csp(group, span_acceleration, omega, alpha, slide_rate2, turn_rate2)

@@ -11,7 +11,7 @@ module linkdyn_dyad_map
     use linkdyn_vec2, only: vec2, operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
-    public :: dyad_map, make_dyad_map, solve_dyad, transmission_sine, transmission_angle
+    public :: dyad_map, make_dyad_map, solve_dyad, lengths_of, transmission_angle
     public :: drop_uncertain, half_chord
 
     type :: dyad_map
@@ -57,13 +57,14 @@ contains
         where (.not. share <= least_certain) map%inverse = ieee_value(1.0_wp, ieee_quiet_nan)
     end subroutine drop_uncertain
 
-    !> Sine of the transmission angle: 1 is best, 0 a dead point.
-    pure function transmission_sine(map) result(sine)
+    !> Product of the lengths of both columns: the determinant divided by it is the sine of the transmission angle, 0 at a
+    !> dead point.
+    pure function lengths_of(map) result(product)
         type(dyad_map), intent(in) :: map
-        real(wp) :: sine(lanes)
+        real(wp) :: product(lanes)
 
-        sine = abs(map%determinant)/sqrt((map%first.dot.map%first)*(map%second.dot.map%second))
-    end function transmission_sine
+        product = sqrt((map%first.dot.map%first)*(map%second.dot.map%second))
+    end function lengths_of
 
     !> Transmission angle [rad], 0 (a dead point) to pi/2 (best): between the two ways in which the gap can be closed. Of
     !> hinged links it is the angle between the links, folded into the first quadrant.

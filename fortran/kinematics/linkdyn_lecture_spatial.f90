@@ -120,13 +120,14 @@ contains
         omega_p = slide_frame%r.rotate.slide_frame%omega
         alpha_p = slide_frame%r.rotate.slide_frame%domega
         to_s = slide_frame%r.rotate.s_p
-        call locate_csp(slide_point%p + to_s - axis_point%p, axis_frame%r%z, slide_frame%r%y, norm2(s_c(:2)), mode, group)
+        call locate_csp(slide_point%p + to_s - axis_point%p, axis_frame%r%z, slide_frame%r%y, norm2(s_c(:2)), &
+                        spread(real(mode, wp), 1, lanes), group)
         is_reachable = abs(group%slide) <= huge(1.0_wp)
         call drop_uncertain_rates(rounding*(length_of(slide_point%p) + length_of(axis_point%p) + norm2(s_c) + norm2(s_p)), group)
 
         ! S as a point of the link that carries the slide, then with the slide's own motion and its Coriolis part.
         held = carried_point(slide_point, to_s + group%slide*group%y, omega_p, alpha_p)
-        call move_csp(held%dp - axis_point%dp, omega_c, group)
+        call move_csp(held%dp - axis_point%dp, omega_c, omega_p, group)
         held%ddp = held%ddp + (2*group%slide_rate)*(omega_p.cross.group%y)
         call accelerate_csp(group, held%ddp - axis_point%ddp, omega_c, alpha_c, slide_rate2, turn_rate2)
         s_point%p = held%p

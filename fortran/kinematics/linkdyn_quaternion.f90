@@ -10,6 +10,7 @@ module linkdyn_quaternion
     implicit none (type, external)
     private
     public :: rotation_of_quaternion, quaternion_of_rotation, quaternion_rate, quaternion_of_rpy
+    public :: turned_by, turn_between
 
 contains
 
@@ -88,6 +89,35 @@ contains
         rate(:, 3) = (omega%y*q(:, 1) + omega%z*q(:, 2) - omega%x*q(:, 4))/2
         rate(:, 4) = (omega%z*q(:, 1) + omega%x*q(:, 3) - omega%y*q(:, 2))/2
     end function quaternion_rate
+
+    !> A quaternion turned about a fixed axis of the world.
+    pure function turned_by(q, turn) result(turned)
+        real(wp), intent(in) :: q(lanes, 4)
+        real(wp), intent(in) :: turn(lanes, 3)    !! along the axis, as long as the angle [rad]
+        real(wp) :: turned(lanes, 4)
+        real(wp) :: angle(lanes), s(lanes), c(lanes), per_angle(lanes)
+
+        angle = sqrt(sum(turn**2, dim=2))
+        call sine_cosine(angle/2, s, c)
+        per_angle = merge(s/max(angle, tiny(1.0_wp)), 0.5_wp, angle > 0)
+        turned = spread(c, 2, 4)*q + spread(2*per_angle, 2, 4)*quaternion_rate(q, vec3(turn(:, 1), turn(:, 2), turn(:, 3)))
+    end function turned_by
+
+    !> The turn, at most half a one, that takes one orientation to another: along its axis, world axes [rad].
+    pure function turn_between(from, to) result(turn)
+        real(wp), intent(in) :: from(lanes, 4), to(lanes, 4)
+        real(wp) :: turn(lanes, 3)
+        real(wp) :: w(lanes), length(lanes)
+
+        ! to times the conjugate of from
+        w = sum(to*from, dim=2)
+        turn(:, 1) = from(:, 1)*to(:, 2) - to(:, 1)*from(:, 2) + from(:, 3)*to(:, 4) - from(:, 4)*to(:, 3)
+        turn(:, 2) = from(:, 1)*to(:, 3) - to(:, 1)*from(:, 3) - from(:, 2)*to(:, 4) + from(:, 4)*to(:, 2)
+        turn(:, 3) = from(:, 1)*to(:, 4) - to(:, 1)*from(:, 4) + from(:, 2)*to(:, 3) - from(:, 3)*to(:, 2)
+        length = sqrt(sum(turn**2, dim=2))
+        turn = turn*spread(merge(2*atan2(length, abs(w))/max(length, tiny(1.0_wp)), 0.0_wp, length > 0) &
+                           *sign(1.0_wp, w), 2, 3)
+    end function turn_between
 
     !> The unit quaternion of Rx(roll) Ry(pitch) Rz(yaw).
     pure function quaternion_of_rpy(roll, pitch, yaw) result(q)

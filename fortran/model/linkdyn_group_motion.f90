@@ -4,16 +4,21 @@
 module linkdyn_group_motion
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, place_size, link_freedom
+    use linkdyn_model, only: model_type, place_size, link_freedom, n_probe
     implicit none (type, external)
     private
-    public :: group_motion, prepare_groups, begin_iteration
+    public :: group_motion, prepare_groups
 
     type :: group_motion
         real(wp), allocatable :: place(:, :, :)          !! where the iteration stands           (lane, place_size, n_link)
         real(wp), allocatable :: start_place(:, :, :)    !! the assembly from which it sets out
         real(wp), allocatable :: start_q(:, :)           !! coordinates there                    (lane, n_q)
         logical :: moves(lanes) = .true.                 !! false: the iteration has arrived
+        logical :: is_led = .false.                      !! on a way: a step must be predicted, no accelerations are wanted
+        real(wp), allocatable :: contraction(:)          !! of the corrections, the worst of all groups (lane)
+        real(wp), allocatable :: margin(:, :)            !! smallest singular value, about, of the constraints with lengths by
+                                                         !! the mechanism's size; the sign tells assemblies apart (lane, n_group)
+        real(wp), allocatable :: drift(:, :)             !! its rate, on a way                   (lane, n_group)
         real(wp), allocatable :: matrix(:, :, :), right(:, :, :)    !! (lane, row, column)
     end type group_motion
 
@@ -30,8 +35,12 @@ contains
         do g = 1, size(model%group)
             n = max(n, link_freedom(model)*size(model%group(g)%link))
         end do
-        allocate (motion%matrix(lanes, n, n), motion%right(lanes, n, n_column + 2))
+        allocate (motion%matrix(lanes, n, n), motion%right(lanes, n, max(n_column, n_probe) + 1))
         allocate (motion%start_place(lanes, place_size(model), model%n_link))
+        allocate (motion%contraction(lanes), motion%margin(lanes, size(model%group)), motion%drift(lanes, size(model%group)))
+        motion%contraction = 0
+        motion%margin = 1
+        motion%drift = 0
         motion%start_q = spread(model%start_q, 1, lanes)
         motion%start_place = 0
         do g = 1, size(model%group)
@@ -45,11 +54,4 @@ contains
         end do
         motion%place = motion%start_place
     end subroutine prepare_groups
-
-    !> Put the iteration where it sets out.
-    pure subroutine begin_iteration(motion)
-        type(group_motion), intent(inout) :: motion
-
-        motion%place = motion%start_place
-    end subroutine begin_iteration
 end module linkdyn_group_motion

@@ -5,11 +5,13 @@
 !> column k what a unit acceleration of coordinate k adds (for a pose: of the velocity and the angular velocity).
 !> A planar scene keeps its motion in `plane`; the arrays for space are then not allocated.
 module linkdyn_kinematic_state
+    use linkdyn_csp, only: csp_group
     use linkdyn_group_motion, only: group_motion, prepare_groups
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_planar_motion, only: planar_motion, prepare_planar_motion
+    use linkdyn_status, only: sample_ok
     use linkdyn_ups_leg, only: ups_leg
     use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of, lane_of, mat3_lane
     implicit none (type, external)
@@ -27,14 +29,18 @@ module linkdyn_kinematic_state
         logical, allocatable :: by_quaternion(:)              !! a pose comes as quaternion: its last three q are not read, (n_pose)
                                                               !! of qd and qdd they are angular rates in world axes
         real(wp), allocatable :: quaternion(:, :, :)          !! w x y z of such a pose               (lane, 4, n_pose)
+        real(wp), allocatable :: branch(:, :)                 !! of the closed forms, +1 or -1        (lane, n_branch)
         ! ---- POSITION
         type(mat3), allocatable :: rotation(:)                !! link axes to world                   (0:n_orientation)
         type(vec3), allocatable :: position(:)                !! origin, world [m]                    (0:n_link)
         type(ups_leg), allocatable :: leg(:)                  !!                                      (n_leg)
+        type(csp_group), allocatable :: csp(:)                !!                                      (n_branch)
         real(wp), allocatable :: slide(:, :)                  !! first to second marker along axis [m] (lane, n_joint)
         logical :: unreachable(lanes) = .false.               !! a loop could not be closed
         logical :: singular(lanes) = .false.                  !! at a dead point: rates are not determined
         logical :: not_converged(lanes) = .false.             !! an iteration ran out of steps
+        logical :: branch_lost(lanes) = .false.               !! two assemblies meet on the way
+        integer :: way_status(lanes) = sample_ok              !! how following the assembly to here came out: one of `sample_*`
         logical :: undefined(lanes) = .false.                 !! a spring has no direction
         type(planar_motion) :: plane
         type(group_motion) :: group                           !! closed by Newton's method
@@ -63,13 +69,16 @@ contains
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
             allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), state%slide(lanes, model%n_joint), &
                       state%counted(lanes, n_q))
-            allocate (state%by_quaternion(model%n_pose), state%quaternion(lanes, 4, model%n_pose))
+            allocate (state%by_quaternion(model%n_pose), state%quaternion(lanes, 4, model%n_pose), &
+                      state%branch(lanes, model%n_branch))
             state%by_quaternion = .false.
             state%q = 0
             state%qd = 0
             state%qdd = 0
             state%counted = 0
             state%slide = 0
+            state%branch = 1
+            if (allocated(model%branch)) state%branch = spread(model%branch, 1, lanes)
             if (size(model%group) > 0) call prepare_groups(model, n_column, state%group)
             if (model%is_planar) then
                 call prepare_planar_motion(model, n_column, state%plane)
@@ -81,7 +90,7 @@ contains
             allocate (state%position(0:n_link), state%velocity(0:n_link))
             allocate (state%applied_force(n_link), state%applied_moment(n_link))
             allocate (state%acceleration(0:n_column, 0:n_link), state%acceleration_body(0:n_column, 0:n_link))
-            allocate (state%leg(model%n_leg))
+            allocate (state%leg(model%n_leg), state%csp(model%n_branch))
             do i = 0, n_orientation
                 state%rotation(i) = identity_mat3()
                 state%omega(i) = zero_vec3()

@@ -7,6 +7,7 @@ module linkdyn_model
     private
     public :: model_type, link_type, joint_type, step_type, leg_type, group_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
+    public :: n_probe, by_branch, by_start, by_markers, by_nothing
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies, is_length, scene_size
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
@@ -22,6 +23,13 @@ module linkdyn_model
     integer, parameter :: step_csp = 10      !! Assur group: CSP between two known links
     character(len=24), parameter :: step_name(10) = [character(len=24) :: "pose", "open chain", "UPS leg", &
         "RRR dyad", "RRP dyad", "RPR dyad", "PRP dyad", "PPR dyad", "Assur group", "CSP group"]
+
+    ! ---- what decides on an assembly at the start
+    integer, parameter :: by_branch = 1      !! the key `branch`
+    integer, parameter :: by_start = 2       !! it is the nearest to the starts given
+    integer, parameter :: by_markers = 3     !! the links close where their markers are written
+    integer, parameter :: by_nothing = 4     !! the first of both; or the nearest to joint variables of zero
+    integer, parameter :: n_probe = 2        !! vectors with which the margin of a group is measured
 
     !> Constants of a moving link.
     type :: link_type
@@ -55,10 +63,9 @@ module linkdyn_model
         integer :: link(2) = 0                !! links that the step determines
         integer :: joint(3) = 0               !! joints that it uses
         integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components
-        integer :: first = 0                  !! index of its own state in the workspace (poses, legs, dyads, groups)
+        integer :: first = 0                  !! index of its own state in the workspace (poses, legs, dyads, CSP groups, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
-        integer :: branch = 1                 !! of a CSP group: +1 the farther meeting along the slide, -1 the nearer
     end type step_type
 
     !> A UPS leg as the link at its spherical joint sees it.
@@ -80,6 +87,10 @@ module linkdyn_model
         integer, allocatable :: coordinate(:, :)  !! that gives a joint's variable; 0: free (3, n joints)
         logical, allocatable :: turns(:)      !! the link's orientation is its own; else it is that of another link
         real(wp), allocatable :: start(:, :)  !! places of the links at the coordinates' start (place_size, n)
+        integer :: n_found = 1                !! assemblies among which that of the start was chosen; 0: others were not looked for
+        integer :: chosen_by = 0              !! what decided it: one of `by_*`
+        real(wp), allocatable :: probe(:, :)  !! what the margin is measured with (row, n_probe); see linkdyn_newton_group
+        real(wp), allocatable :: unit(:)      !! of the corrections (column) [m, rad]
     end type group_type
 
     !> A mechanism ready to be computed.
@@ -96,6 +107,7 @@ module linkdyn_model
         integer :: n_pose = 0                 !! links whose pose is given by coordinates
         integer :: n_leg = 0
         integer :: n_dyad = 0
+        integer :: n_branch = 0               !! closed forms that have a branch: the dyads, in space the CSP groups
         integer :: n_row = 0                  !! equations: 3 a planar, 6 a spatial link
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial
         real(wp) :: gravity(3) = 0
@@ -109,7 +121,8 @@ module linkdyn_model
         integer, allocatable :: joint_at(:)
         real(wp), allocatable :: start_q(:)   !! coordinates at the start (n_q)
         real(wp), allocatable :: stride(:)    !! change of a coordinate through which a group can be followed (n_q) [m, rad]
-        real(wp), allocatable :: branch(:)    !! of the dyads at the start: +1 or -1 (n_dyad)
+        real(wp), allocatable :: branch(:)    !! of the closed forms at the start: +1 or -1 (n_branch)
+        integer, allocatable :: chosen_by(:)  !! what decided it: one of `by_*` (n_branch)
     end type model_type
 
 contains
@@ -175,7 +188,7 @@ contains
     pure logical function has_assemblies(model)
         type(model_type), intent(in) :: model
 
-        has_assemblies = model%n_dyad > 0 .or. size(model%group) > 0
+        has_assemblies = model%n_branch > 0 .or. size(model%group) > 0
     end function has_assemblies
 
     !> The orientation of a link; 0 for the frame.

@@ -286,6 +286,7 @@ contains
             return
         end select
         model%n_dyad = model%n_dyad + 1
+        model%n_branch = model%n_dyad
         step%first = model%n_dyad
         call add_step(plan, step)
     end subroutine close_dyad
@@ -368,7 +369,7 @@ contains
 
     !> A CSP group between known links.
     subroutine close_csp_group(model, member, plan)
-        type(model_type), intent(in) :: model
+        type(model_type), intent(inout) :: model
         integer, intent(in) :: member(2)
         type(planning), intent(inout) :: plan
         type(step_type) :: step
@@ -377,6 +378,8 @@ contains
         call find_csp(model, plan%known, step, found)
         if (.not. found) return
         if (all(step%link(1) /= member) .or. all(step%link(2) /= member)) return
+        model%n_branch = model%n_branch + 1
+        step%first = model%n_branch
         call add_step(plan, step)
     end subroutine close_csp_group
 

@@ -194,6 +194,7 @@ module linkdyn_scene
         logical :: planar = .false.
         real(wp) :: gravity(3) = 0                !! [m/s2]
         logical :: has_gravity = .false.
+        logical :: passes_change_points = .true.  !! on the smooth continuation; false: the assembly is lost there
         type(link_spec) :: frame
         type(link_spec), allocatable :: link(:)
         type(joint_spec), allocatable :: joint(:)

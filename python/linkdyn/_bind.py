@@ -35,10 +35,12 @@ _GROUPS = (
     ("reaction_error",),
     ("transmission_angle",),
     ("growth",),
+    ("assembly",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
 _NOTHING = np.zeros(1)
+_NO_FLAGS = np.zeros(1, dtype=np.intc)
 _TEXT_ROOM = 65536
 LOAD_WIDTH = 6
 """Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
@@ -187,7 +189,7 @@ def inverse(
     in_order: bool,
     inputs: tuple[Floats, Floats, Floats, Floats],
     outputs: dict[str, NDArray[Any]],
-) -> NDArray[np.intc]:
+) -> tuple[NDArray[np.intc], int, str]:
     """Inverse dynamics of some samples, into the arrays given.
 
     Parameters
@@ -205,12 +207,14 @@ def inverse(
     -------
     roads
         Samples whose links were placed in closed form, by iteration; that the dense solver took over.
+    lost, why
+        The first sample to which the assembly could not be followed, from 1, and why; 0 and "" if there is none.
     """
     wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
-    arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for name in _OUTPUTS]
+    arrays = [_flat(outputs[name]) if name in outputs else _NO_FLAGS if name == "assembly" else _NOTHING for name in _OUTPUTS]
     settings = (handle, solver, threads, first, int(in_order), wanted)
-    (roads,) = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
-    return roads
+    roads, lost, why = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
+    return roads, int(lost), why.decode("utf-8", errors="replace").strip()
 
 
 class _Row:
@@ -334,7 +338,7 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
 
 def ensemble(
     handle: int, q: Floats, qd: Floats, t: Floats, step: float, threads: int
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, NDArray[np.intc]]:
     """Forward runs by rk4 from the starts q, qd (n, n_q) at t[0].
 
     Returns
@@ -343,13 +347,16 @@ def ensemble(
         (n, len(t), n_q) [m, rad] and rates; NaN once a member has stopped.
     good_until
         (n,) last good instant of each [s].
+    crossed
+        (n,) change points passed.
     """
     n, n_q = q.shape
     found, rate = np.empty((n, len(t), n_q)), np.empty((n, len(t), n_q))
-    good_until = np.empty(n)
+    good_until, crossed = np.empty(n), np.empty(n, dtype=np.intc)
     if n > 0:
-        _listen(_api.api_ensemble, handle, threads, step, t, good_until, _flat(q), _flat(qd), _flat(found), _flat(rate))
-    return found, rate, good_until
+        members = (good_until, crossed, _flat(q), _flat(qd), _flat(found), _flat(rate))
+        _listen(_api.api_ensemble, handle, threads, step, t, *members)
+    return found, rate, good_until, crossed
 
 
 def _flat(array: NDArray[Any]) -> NDArray[Any]:

@@ -21,6 +21,8 @@ __all__ = ["ensemble_dataset", "result_shapes", "run_attributes", "to_dataset"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
+CHANGE_POINT, ANEW = 1, 2
+"""What "assembly" says of a sample where it does not follow from the sample before by continuity alone."""
 ROADS = ("samples_closed_form", "samples_iterated", "samples_dense")
 """Attributes: how many samples took which road."""
 COMPONENTS = {
@@ -97,7 +99,12 @@ def to_dataset(
         coordinates["component"] = ("component", list(components))
         coordinates["component_unit"] = ("component", list(components.values()))
     attributes = run_attributes(scene, scene_text, solver) | dict(zip(ROADS, map(int, roads)))
-    return xr.Dataset(variables, coordinates, attributes)
+    data = xr.Dataset(variables, coordinates, attributes)
+    if "assembly" in data:
+        found = data["assembly"].values[data["status"].values == 0]
+        data.attrs["change_points_passed"] = int(np.count_nonzero(found == CHANGE_POINT))
+        data.attrs["assemblies_found_anew"] = int(np.count_nonzero(found == ANEW))
+    return data
 
 
 def ensemble_dataset(
@@ -107,6 +114,7 @@ def ensemble_dataset(
     q: NDArray[np.float64],
     qd: NDArray[np.float64],
     good_until: NDArray[np.float64],
+    crossed: NDArray[np.intc],
 ) -> xr.Dataset:
     """The Dataset of an ensemble of forward runs.
 
@@ -120,12 +128,15 @@ def ensemble_dataset(
         (N, M, n).
     good_until
         (N,) [s].
+    crossed
+        (N,) change points passed.
     """
     dims, coordinates = ("member", "time", "coordinate"), scene["coordinates"]
     variables = {
         "q": (dims, q, {"long_name": "generalized coordinate", "units": "m or rad"}),
         "qd": (dims, qd, {"long_name": "its rate", "units": "m/s or rad/s"}),
         "good_until": ("member", good_until, {"long_name": "last good instant", "units": "s"}),
+        "change_points_passed": ("member", crossed, {"long_name": "change points passed"}),
     }
     axes = {
         "time": ("time", time, {"units": "s"}),

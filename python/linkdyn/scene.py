@@ -286,7 +286,9 @@ class Scene:
         -------
         xarray.Dataset
             As the executable writes it: driving_force (sample, actuator), reaction (sample, joint, component), ...
-            A sample that failed is NaN, its ``status`` is not 0.
+            A sample that failed is NaN, its ``status`` is not 0. Along a motion "assembly" says of a sample whether a change
+            point was passed before it, or its assembly found anew from the start, and ``attrs["failure"]`` why the assembly was lost first, if it
+            was.
 
         Raises
         ------
@@ -305,8 +307,12 @@ class Scene:
             given = self._given(q, qd, qdd)
             load = self._loads_at(job, t, len(given["q"]))
         extra = self._wrenches(wrench, len(given["q"]))
-        outputs, roads = self._run(job, threads, given, load, extra)
-        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver, roads, self._told(extra, len(given["q"])))
+        outputs, roads, failure = self._run(job, threads, given, load, extra)
+        told = self._told(extra, len(given["q"]))
+        data = to_dataset(job.schema, given | outputs, self.description, self.text, job.solver, roads, told)
+        if "assembly" in data:
+            data.attrs["failure"] = failure
+        return data
 
     def forward(
         self,
@@ -448,8 +454,8 @@ class Scene:
         Returns
         -------
         xarray.Dataset
-            "q" and "qd" (member, time, coordinate), NaN from where a member cannot go on, and "good_until" (member) [s], its
-            last good instant. Forces at any of these states: `inverse`.
+            "q" and "qd" (member, time, coordinate), NaN from where a member cannot go on, "good_until" (member) [s], its
+            last good instant, and "change_points_passed" (member). Forces at any of these states: `inverse`.
 
         Raises
         ------
@@ -469,8 +475,7 @@ class Scene:
                 sign.show(min(1.0, n_done / max(1, len(start))))
         finally:
             sign.end()
-        found, found_rate, good_until = (np.concatenate(arrays) for arrays in zip(*parts))
-        return ensemble_dataset(self.description, self.text, instants, found, found_rate, good_until)
+        return ensemble_dataset(self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts)))
 
     def study(self, t_end: float | None = None) -> xr.Dataset:
         """Time against error of every solver and integrator on this scene.
@@ -654,17 +659,21 @@ class Scene:
         given: dict[str, NDArray[np.float64]],
         load: NDArray[np.float64],
         wrench: dict[str, NDArray[np.float64]],
-    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc]]:
-        """Blocks of samples through the engine; loads are spread over the samples block by block. Also the roads they took."""
+    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], str]:
+        """Blocks of samples through the engine; loads are spread over the samples block by block.
+
+        Results by name, the roads that samples took, and why the assembly was lost along a motion, if it was.
+        """
         n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
         outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         inputs = (given["q"], given["qd"], given["qdd"])
         in_order = "time" in given
         # A motion that may change its assembly on the way is one piece.
         length = max(1, n) if in_order else BLOCK
+        failure = ""
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
-            roads += _bind.inverse(
+            taken, lost, why = _bind.inverse(
                 job.handle,
                 job.solver,
                 threads,
@@ -673,7 +682,10 @@ class Scene:
                 (*(values[block] for values in inputs), _spread(load, list(wrench.values()), block, n)),
                 {name: values[block] for name, values in outputs.items()},
             )
-        return outputs, roads
+            roads += taken
+            if lost:
+                failure = f"t = {given['time'][lost - 1]:.6g} s: {why}"
+        return outputs, roads, failure
 
     def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:
         """The scene's loads (N or 1, n_load, 6) at the instants of a batch."""

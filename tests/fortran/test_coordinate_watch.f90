@@ -4,8 +4,8 @@ module test_coordinate_watch
     use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch, compare_rates, is_near_dead_point, dead_coordinate, &
         may_be_near
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
     use linkdyn_planar_scenes, only: planar_scene, add_body, connect, drive, four_bar_chain
     use linkdyn_scene, only: scene_type

@@ -5,9 +5,9 @@ module test_inverse
     use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, solver_gauss_jordan, solver_lapack, &
         solver_elimination, solver_reduced, solver_name
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: scene_type, joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
         axes_link

@@ -2,9 +2,9 @@
 module test_planar_dyads
     use linkdyn_builder, only: build_model
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, orientation_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group
     use linkdyn_planar_scenes, only: dyad_scene, triad_scene
     use linkdyn_scene, only: scene_type, joint_prismatic

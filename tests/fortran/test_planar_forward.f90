@@ -5,9 +5,9 @@ module test_planar_forward
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, run_ensemble, &
         method_rk4, method_rk8pd
     use linkdyn_kinds, only: wp, wp_name
-    use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_scenes, only: planar_scene, connect, drive, dyad_scene, triad_scene, four_bar_chain
@@ -342,6 +342,7 @@ contains
         type(forward_options) :: options
         real(wp) :: q_start(1, n_member), qd_start(1, n_member), q(1, 1, n_member), qd(1, 1, n_member), alone(1, 1)
         real(wp) :: good_until(n_member)
+        integer :: n_crossed(n_member)
         integer :: i
 
         call four_bar_chain(1, scene)
@@ -352,7 +353,7 @@ contains
         q_start(1, :) = [(0.2_wp + 0.1_wp*i, i=1, n_member)]
         qd_start(1, :) = [(0.5_wp*i - 1, i=1, n_member)]
         options%integrator = integrator_options(method=method_rk4, step=2.0e-3_wp)
-        call run_ensemble(model, options, q_start, qd_start, [0.8_wp], q, qd, good_until, status)
+        call run_ensemble(model, options, q_start, qd_start, [0.8_wp], q, qd, good_until, n_crossed, status)
         call check(error, status%is_ok() .and. all(good_until == 0.8_wp), "all arrive")
         call check(error, minval(q) < pi/2 .and. maxval(q) > pi/2 + 1, "some pass the change point")
         do i = 1, n_member

@@ -1,0 +1,77 @@
+!> Which assembly a mechanism has at its start, and what decided it, in words.
+module linkdyn_choice
+    use linkdyn_model, only: model_type, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_group, by_branch, by_start, &
+        by_markers
+    use linkdyn_text, only: to_text, join
+    implicit none (type, external)
+    private
+    public :: has_choice, choice_in_words, choices_in_words
+
+contains
+
+    !> Are there several assemblies to choose from?
+    pure logical function has_choice(model, step)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+
+        has_choice = any(step%kind == [step_rrr, step_rrp, step_rpr, step_csp])
+        if (step%kind == step_group) has_choice = model%group(step%first)%n_found /= 1
+    end function has_choice
+
+    !> "branch +1, nearest to 'start'", "one of 4, nearest to joint variables of zero".
+    function choice_in_words(model, step) result(text)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        character(len=:), allocatable :: text
+        integer :: chosen_by
+
+        if (step%kind == step_group) then
+            chosen_by = model%group(step%first)%chosen_by
+            text = ""
+            if (model%group(step%first)%n_found > 1) text = "one of "//to_text(model%group(step%first)%n_found)//" found, "
+        else
+            chosen_by = model%chosen_by(step%first)
+            text = "branch "//trim(merge("+1", "-1", model%branch(step%first) > 0))//", "
+        end if
+        select case (chosen_by)
+        case (by_branch)
+            text = text//"as 'branch' says"
+        case (by_start)
+            text = text//trim(merge("nearest to 'start'", "as 'start' says   ", len(text) > 0))
+        case (by_markers)
+            text = text//"as the markers are written"
+        case default
+            if (step%kind == step_group .or. step%kind == step_csp) then
+                text = text//"nearest to joint variables of zero"
+            else
+                text = text//"since nothing says otherwise"
+            end if
+        end select
+    end function choice_in_words
+
+    !> The same for all loops of a mechanism, in one line; blank if there was no choice.
+    function choices_in_words(model) result(text)
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+        integer, parameter :: most = 3           !! loops told one by one
+        integer :: i, n
+
+        text = ""
+        n = 0
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (.not. has_choice(model, step)) cycle
+                n = n + 1
+                if (n > most) cycle
+                if (n > 1) text = text//"; "
+                if (step%kind == step_group) then
+                    text = text//join(model%link(model%group(step%first)%link)%name)
+                else
+                    text = text//join(model%link(step%link)%name)
+                end if
+                text = text//": "//choice_in_words(model, step)
+            end associate
+        end do
+        if (n > most) text = text//"; and "//to_text(n - most)//" more"
+    end function choices_in_words
+end module linkdyn_choice

@@ -1,0 +1,369 @@
+!> A mechanism led along a straight way in the space of its coordinates, from an assembly that is known.
+!>
+!> Its maps are those of the closed forms with a branch, whose margin is the sine of the transmission angle, and those of
+!> the groups closed by iteration (`linkdyn_newton_group`). By which rule it is led says `linkdyn_following`.
+!>
+!> A free link's orientation goes its way about a fixed axis where it is given by a quaternion.
+module linkdyn_led_mechanism
+    use linkdyn_constants, only: two_pi
+    use linkdyn_csp, only: margin_csp
+    use linkdyn_dyad_map, only: lengths_of
+    use linkdyn_following, only: follower, footing, way_report, follow_way, untrusted, way_at_singularity, way_ends, &
+        way_forks, way_too_long
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_pass, only: run_program
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, orientation_of, &
+        link_freedom, place_size, is_length
+    use linkdyn_newton_group, only: shifted, least_group_margin
+    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
+    use linkdyn_vec3, only: vec3
+    implicit none (type, external)
+    private
+    public :: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, least_margins, n_map, place_rates, span_of
+    public :: follows_assembly
+
+    real(wp), parameter :: most_strides = 1000       !! of a way
+    integer, parameter :: patience = 300, haste = 4  !! tries of a way beside those for its strides
+
+    type, extends(follower) :: led_mechanism
+        type(model_type), pointer :: model => null()
+        type(kinematic_state), pointer :: state => null()
+        logical :: follows_branches = .false.        !! else those of the closed forms stay as they are
+        logical :: goes(lanes) = .false.
+        real(wp) :: at(lanes) = 0, tried(lanes) = 0  !! parts of the way
+        real(wp), allocatable :: from(:, :), to(:, :)        !! coordinates                      (lane, n_q)
+        real(wp), allocatable :: turn(:, :, :)       !! of the poses given by quaternion         (lane, 3, n_pose)
+        real(wp), allocatable :: quaternion(:, :, :) !! at the way's beginning                   (lane, 4, n_pose)
+        real(wp), allocatable :: branch(:, :)        !!                                          (lane, n_branch)
+        real(wp), allocatable :: place(:, :, :), rate(:, :, :)    !! of the groups' links, per whole way
+                                                     !! (lane, place_size, n_link), (lane, link_freedom, n_link)
+    contains
+        procedure :: try => try_on_way
+        procedure :: take => take_on_way
+    end type led_mechanism
+
+contains
+
+    !> Positions and all rates of the block whose coordinates are in the state. Groups closed by iteration are led there
+    !> from the assembly that the state sets out from, by the shortest of the straight ways that differ by full turns of
+    !> angles.
+    subroutine evaluate_kinematics(model, state)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        type(way_report) :: report
+        real(wp) :: from(lanes, model%n_q)
+        logical :: goes(lanes)
+        integer :: k, told(lanes)
+
+        if (size(model%group) == 0) then
+            call run_program(model, state)
+            return
+        end if
+        told = state%way_status
+        state%group%place = state%group%start_place
+        from = state%group%start_q
+        do k = 1, model%n_q
+            if (is_length(model, k)) cycle
+            from(:, k) = from(:, k) + two_pi*anint((state%q(:, k) - from(:, k))/two_pi)
+            ! To an angle of so many turns rounding leaves no way.
+            where (spacing(state%q(:, k)) > sqrt(epsilon(1.0_wp))) state%way_status = sample_not_converged
+        end do
+        goes = any(from /= state%q, dim=2) .and. state%way_status == sample_ok
+        if (any(goes)) then
+            call lead_mechanism(model, goes, from, .false., state, report)
+            where (goes) state%way_status = status_of_way(report%outcome)
+        end if
+        state%group%moves = state%way_status == sample_ok
+        call run_program(model, state)
+        state%way_status = told
+    end subroutine evaluate_kinematics
+
+    !> The outcome of a way as the status of the sample at its end.
+    elemental integer function status_of_way(outcome) result(status)
+        integer, intent(in) :: outcome               !! one of `way_*`
+
+        select case (outcome)
+        case (way_at_singularity)
+            status = sample_singular
+        case (way_ends)
+            status = sample_unreachable
+        case (way_forks)
+            status = sample_branch_lost
+        case (way_too_long)
+            status = sample_not_converged
+        case default
+            status = sample_ok
+        end select
+    end function status_of_way
+
+    !> Can the mechanism change its assembly along a motion?
+    pure logical function follows_assembly(model)
+        type(model_type), intent(in) :: model
+
+        follows_assembly = size(model%group) > 0 .or. any(model%step%kind == step_rrr .or. model%step%kind == step_rrp &
+                                                          .or. model%step%kind == step_rpr .or. model%step%kind == step_csp)
+    end function follows_assembly
+
+    !> Lead the mechanism from `from` to the coordinates of the state on the lanes that go.
+    !>
+    !> At the beginning the state has the branches, and the groups' links where they are there; in the end those of
+    !> the place reached.
+    subroutine lead_mechanism(model, goes, from, follows_branches, state, report, quaternion, is_hasty)
+        type(model_type), intent(in), target :: model
+        logical, intent(in) :: goes(lanes)
+        real(wp), intent(in) :: from(:, :)                  !! (lane, n_q)
+        logical, intent(in) :: follows_branches              !! else those of the closed forms stay as they are
+        type(kinematic_state), intent(inout), target :: state
+        type(way_report), intent(out) :: report
+        real(wp), intent(in), optional :: quaternion(:, :, :)    !! at the beginning (lane, 4, n_pose)
+        logical, intent(in), optional :: is_hasty            !! a way that is not smooth is given up at once; absent: false
+        type(led_mechanism) :: led
+        real(wp), dimension(lanes, model%n_q) :: qd, qdd, span
+        real(wp) :: target_quaternion(lanes, 4, model%n_pose)
+        real(wp), dimension(lanes) :: length
+        logical :: is_short(lanes)
+        integer :: n_column, k, spare_tries
+
+        spare_tries = patience
+        if (present(is_hasty)) spare_tries = merge(haste, patience, is_hasty)
+        led%model => model
+        led%state => state
+        led%goes = goes
+        led%follows_branches = follows_branches
+        led%from = from
+        led%to = state%q
+        led%branch = state%branch
+        led%least_margin = least_margins(model)
+        allocate (led%turn(lanes, 3, model%n_pose))
+        led%turn = 0
+        target_quaternion = state%quaternion
+        led%quaternion = state%quaternion
+        if (present(quaternion)) then
+            led%quaternion = quaternion
+            do k = 1, model%n_pose
+                if (state%by_quaternion(k)) led%turn(:, :, k) = turn_between(quaternion(:, :, k), state%quaternion(:, :, k))
+            end do
+        end if
+        if (size(model%group) > 0) then
+            led%place = state%group%place
+            allocate (led%rate(lanes, link_freedom(model), model%n_link))
+            led%rate = 0
+            state%group%is_led = .true.
+        end if
+        span = span_of(model, state, led%from, led%quaternion)
+        length = 0
+        do k = 1, model%n_q
+            length = max(length, abs(span(:, k))/model%stride(k))
+        end do
+        qd = state%qd
+        qdd = state%qdd
+        n_column = state%n_column
+        state%n_column = 0
+        state%qdd = 0
+
+        is_short = length <= most_strides
+        call follow_way(led, goes .and. is_short, 1/max(1.0_wp, aint(min(length, most_strides) + 1)), &
+                        model%scene%passes_change_points, spare_tries, report)
+        where (goes .and. .not. is_short) report%outcome = merge(way_too_long, way_ends, length <= huge(1.0_wp))
+
+        state%n_column = n_column
+        state%q = led%to
+        state%qd = qd
+        state%qdd = qdd
+        state%quaternion = target_quaternion
+        state%branch = led%branch
+        if (size(model%group) == 0) return
+        state%group%is_led = .false.
+        state%group%place = led%place
+    end subroutine lead_mechanism
+
+    !> Closed at a part of the way, from where the tangent leads.
+    subroutine try_on_way(self, part, is_crossing, found)
+        class(led_mechanism), intent(inout) :: self
+        real(wp), intent(in) :: part(lanes)
+        logical, intent(in) :: is_crossing(:, :)
+        type(footing), intent(inout) :: found
+        real(wp) :: step(lanes)
+        integer :: k, l, g
+
+        step = part - self%at
+        self%tried = part
+        associate (model => self%model, state => self%state)
+            do k = 1, model%n_q
+                state%qd(:, k) = self%to(:, k) - self%from(:, k)
+                state%q(:, k) = merge(self%to(:, k), self%from(:, k) + part*state%qd(:, k), part >= 1)
+            end do
+            call turn_poses(self, part)
+            if (self%follows_branches) then
+                state%branch = merge(-self%branch, self%branch, is_crossing(:, :model%n_branch))
+            end if
+            if (size(model%group) > 0) then
+                do g = 1, size(model%group)
+                    do k = 1, size(model%group(g)%link)
+                        l = model%group(g)%link(k)
+                        state%group%place(:, :, l) = shifted(model, self%place(:, :, l), &
+                                                             spread(step, 2, link_freedom(model))*self%rate(:, :, l))
+                    end do
+                end do
+                state%group%moves = self%goes
+            end if
+            call run_program(model, state)
+            call measure_margins(model, state, found%margin, found%drift)
+            if (.not. self%follows_branches) then
+                found%margin(:, :model%n_branch) = 1
+                found%drift(:, :model%n_branch) = 0
+            end if
+            found%is_closed = .not. (state%unreachable .or. state%not_converged)
+        end associate
+    end subroutine try_on_way
+
+    !> Orientations given by quaternions, on the way.
+    subroutine turn_poses(self, part)
+        class(led_mechanism), intent(inout) :: self
+        real(wp), intent(in) :: part(lanes)
+        integer :: i
+
+        associate (model => self%model, state => self%state)
+            do i = 1, size(model%step)
+                if (model%step(i)%kind /= step_pose .or. model%is_planar) cycle
+                associate (p => model%step(i)%first, c => model%step(i)%coordinate)
+                    if (.not. state%by_quaternion(p)) cycle
+                    state%quaternion(:, :, p) = turned_by(self%quaternion(:, :, p), spread(part, 2, 3)*self%turn(:, :, p))
+                    state%qd(:, c(4:6)) = self%turn(:, :, p)
+                end associate
+            end do
+        end associate
+    end subroutine turn_poses
+
+    !> Where the mechanism was tried it stands from now on, with its rates there.
+    subroutine take_on_way(self, is_taken)
+        class(led_mechanism), intent(inout) :: self
+        logical, intent(in) :: is_taken(lanes)
+        real(wp) :: rate(lanes, link_freedom(self%model))
+        integer :: g, i, k, l
+
+        associate (model => self%model, state => self%state)
+            where (is_taken) self%at = self%tried
+            do k = 1, model%n_branch
+                where (is_taken) self%branch(:, k) = state%branch(:, k)
+            end do
+            do g = 1, size(model%group)
+                do i = 1, size(model%group(g)%link)
+                    l = model%group(g)%link(i)
+                    rate = place_rates(model, state, l, level_velocity)
+                    do k = 1, size(rate, 2)
+                        where (is_taken) self%rate(:, k, l) = rate(:, k)
+                    end do
+                    do k = 1, place_size(model)
+                        where (is_taken) self%place(:, k, l) = state%group%place(:, k, l)
+                    end do
+                end do
+            end do
+        end associate
+    end subroutine take_on_way
+
+    !> Rates of a link's place: of its origin, then its angular velocity; at level k for a unit rate of coordinate k.
+    pure function place_rates(model, state, link, level) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: link, level           !! the velocity, or a column
+        real(wp) :: rate(lanes, link_freedom(model))
+        integer :: o
+
+        o = orientation_of(model, link)
+        if (model%is_planar) then
+            associate (plane => state%plane)
+                rate(:, 1) = plane%linear(level, link)%x
+                rate(:, 2) = plane%linear(level, link)%y
+                rate(:, 3) = plane%angular(:, level, o)
+            end associate
+        else if (level == level_velocity) then
+            rate = reshape([components(state%velocity(link)), components(state%omega(o))], shape(rate))
+        else
+            rate = reshape([components(state%acceleration(level, link)), components(state%alpha(level, o))], shape(rate))
+        end if
+    end function place_rates
+
+    pure function components(v)
+        type(vec3), intent(in) :: v
+        real(wp) :: components(lanes, 3)
+
+        components(:, 1) = v%x
+        components(:, 2) = v%y
+        components(:, 3) = v%z
+    end function components
+
+    !> How far the coordinates of the state are from others, as the columns of rates count them: a free link's orientation
+    !> by the turn between both, in world axes.
+    function span_of(model, state, from, quaternion) result(span)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: from(:, :)               !! (lane, n_q)
+        real(wp), intent(in) :: quaternion(:, :, :)      !! of poses that are given by one (lane, 4, n_pose)
+        real(wp) :: span(lanes, model%n_q)
+        integer :: i
+
+        span = state%q - from
+        if (model%is_planar) return
+        do i = 1, size(model%step)
+            if (model%step(i)%kind /= step_pose) cycle
+            associate (p => model%step(i)%first, c => model%step(i)%coordinate(4:6))
+                if (state%by_quaternion(p)) then
+                    span(:, c) = turn_between(quaternion(:, :, p), state%quaternion(:, :, p))
+                else
+                    span(:, c) = turn_between(quaternion_of_rpy(from(:, c(1)), from(:, c(2)), from(:, c(3))), &
+                                              quaternion_of_rpy(state%q(:, c(1)), state%q(:, c(2)), state%q(:, c(3))))
+                end if
+            end associate
+        end do
+    end function span_of
+
+    ! ---------------------------------------------------------------- margins
+
+    !> Maps that tell assemblies apart: those of the closed forms with a branch, then those of the groups.
+    pure integer function n_map(model)
+        type(model_type), intent(in) :: model
+
+        n_map = model%n_branch + size(model%group)
+    end function n_map
+
+    !> Margins that cannot be told from zero.
+    pure function least_margins(model) result(least)
+        type(model_type), intent(in) :: model
+        real(wp) :: least(n_map(model))
+
+        least(:model%n_branch) = untrusted
+        least(model%n_branch + 1:) = least_group_margin
+    end function least_margins
+
+    !> Margins of a state, and how fast they change with its velocities. The drift of groups is there on a way only.
+    subroutine measure_margins(model, state, margin, drift)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: margin(:, :), drift(:, :)    !! (lane, n_map)
+        real(wp) :: lengths(lanes)
+        integer :: i
+
+        margin = 1
+        drift = 0
+        do i = 1, size(model%step)
+            associate (d => model%step(i)%first)
+                select case (model%step(i)%kind)
+                case (step_rrr, step_rrp, step_rpr)
+                    lengths = lengths_of(state%plane%dyad(d))
+                    margin(:, d) = state%plane%dyad(d)%determinant/lengths
+                    drift(:, d) = state%plane%drift(:, d)/lengths
+                case (step_csp)
+                    call margin_csp(state%csp(d), margin(:, d), drift(:, d))
+                end select
+            end associate
+        end do
+        if (size(model%group) == 0) return
+        margin(:, model%n_branch + 1:) = state%group%margin
+        drift(:, model%n_branch + 1:) = state%group%drift
+    end subroutine measure_margins
+end module linkdyn_led_mechanism

@@ -1,0 +1,119 @@
+!> How far an assembly is from what the scene says of its start: which of several is the nearest.
+!>
+!> A joint counts the squares of its variables' differences from its `start`, an angle within half a turn, a slide as a
+!> part of the mechanism's size; a link that of its origin from its `start`, likewise, and of the angle between both
+!> attitudes. First counts what has a `start`. Only where that does not tell assemblies apart the other joints do, from zero.
+module linkdyn_start_distance
+    use linkdyn_constants, only: two_pi
+    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_joint_rates, only: measure_one_joint
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type, orientation_of, scene_size
+    use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, turn_between
+    use linkdyn_scene, only: joint_n_variable
+    implicit none (type, external)
+    private
+    public :: start_distance, measure_distance, is_nearer, has_start
+
+    !> Of one assembly on each lane.
+    type :: start_distance
+        real(wp) :: given(lanes) = 0       !! from what has a start
+        real(wp) :: others(lanes) = 0      !! of the other joints, from zero
+    end type start_distance
+
+contains
+
+    !> Does the scene say anything of the start of some links and joints?
+    pure logical function has_start(model, link, joint)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:), joint(:)
+
+        has_start = any(model%scene%link(link)%has_start) .or. any(model%scene%joint(joint)%has_start)
+    end function has_start
+
+    !> Distance of some links and the joints between them.
+    function measure_distance(model, link, joint, state, as_written) result(distance)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:), joint(:)
+        type(kinematic_state), intent(in) :: state
+        logical, intent(in) :: as_written      !! links without a start count, too, from where their markers are written
+        type(start_distance) :: distance
+        real(wp) :: square(lanes)
+        integer :: i
+
+        do i = 1, size(link)
+            if (.not. (as_written .or. model%scene%link(link(i))%has_start)) cycle
+            distance%given = distance%given + square_of_link(model, link(i), state)
+        end do
+        do i = 1, size(joint)
+            square = square_of_joint(model, joint(i), state)
+            if (model%scene%joint(joint(i))%has_start) then
+                distance%given = distance%given + square
+            else
+                distance%others = distance%others + square
+            end if
+        end do
+    end function measure_distance
+
+    function square_of_link(model, l, state) result(square)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: l
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: square(lanes), turn(lanes, 3)
+        integer :: o
+
+        o = orientation_of(model, l)
+        associate (start => model%scene%link(l)%start)
+            if (model%is_planar) then
+                associate (p => state%plane%position(l), r => state%plane%rotation(o))
+                    square = ((p%x - start(1))**2 + (p%y - start(2))**2)/scene_size(model)**2 &
+                             + atan2(r%s*cos(start(6)) - r%c*sin(start(6)), r%c*cos(start(6)) + r%s*sin(start(6)))**2
+                end associate
+            else
+                associate (p => state%position(l))
+                    turn = turn_between(quaternion_of_rpy(spread(start(4), 1, lanes), spread(start(5), 1, lanes), &
+                                                          spread(start(6), 1, lanes)), quaternion_of_rotation(state%rotation(o)))
+                    square = ((p%x - start(1))**2 + (p%y - start(2))**2 + (p%z - start(3))**2)/scene_size(model)**2 &
+                             + sum(turn**2, dim=2)
+                end associate
+            end if
+        end associate
+    end function square_of_link
+
+    function square_of_joint(model, j, state) result(square)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: square(lanes)
+        real(wp) :: variable(lanes, 3), rate(lanes, 3), off(lanes)
+        integer :: v
+
+        call measure_one_joint(model, state, j, variable, rate)
+        square = 0
+        associate (spec => model%scene%joint(j))
+            do v = 1, joint_n_variable(spec%kind)
+                off = variable(:, v) - spec%start(v)
+                if (is_slide(spec%kind, v)) then
+                    off = off/scene_size(model)
+                else
+                    off = off - two_pi*anint(off/two_pi)
+                end if
+                square = square + off**2
+            end do
+        end associate
+    end function square_of_joint
+
+    !> Is the assembly on a lane nearer than the nearest so far? Differences that rounding makes do not count: of equals the first
+    !> stays.
+    pure logical function is_nearer(distance, lane, given, others)
+        type(start_distance), intent(in) :: distance
+        integer, intent(in) :: lane
+        real(wp), intent(in) :: given, others      !! of the nearest so far; huge: none
+        real(wp), parameter :: tie = 1.0e-6_wp
+
+        is_nearer = distance%given(lane) < given - tie
+        if (abs(distance%given(lane) - given) <= tie) is_nearer = distance%others(lane) < others - tie
+    end function is_nearer
+end module linkdyn_start_distance
