@@ -68,6 +68,7 @@ module linkdyn_equations
     type :: equation_workspace
         type(kinematic_state) :: state
         type(slot_store) :: slot
+        integer :: n_used = lanes                       !! lanes that anyone looks at: others are not handed to the dense solver
         logical :: checks_input = .true.                !! false: motion and loads are known to be finite
         real(wp), allocatable :: load(:, :, :)          !! (lane, 6, n_load)
         real(wp), allocatable :: matrix(:, :, :)        !! dense solvers: (lane, row, column)
@@ -423,7 +424,7 @@ contains
             case (solver_gauss_jordan_plain)
                 call solve_by_gauss_jordan(model, formulation, equations%place, .false., workspace)
             case (solver_lapack)
-                do k = 1, lanes
+                do k = 1, workspace%n_used
                     if (workspace%status(k) == sample_ok) call solve_lane(model, formulation, workspace, k)
                 end do
             case default
@@ -482,7 +483,7 @@ contains
         alarm = huge(1.0_wp)
         if (equations%plan%is_complete) call run_plan(equations%plan, workspace%slot%value, alarm)
         if (all(alarm <= 1)) return
-        do lane = 1, lanes
+        do lane = 1, workspace%n_used
             ! Written so that a NaN counts as an alarm.
             if (alarm(lane) <= 1 .or. workspace%status(lane) /= sample_ok) cycle
             call solve_lane(model, equations%formulation, workspace, lane)

@@ -12,7 +12,7 @@ module linkdyn_forward
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_builder, only: build_model
-    use linkdyn_carried_assembly, only: keep_accepted
+    use linkdyn_carried_assembly, only: keep_evaluated
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at
@@ -20,7 +20,8 @@ module linkdyn_forward
     use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
-        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
+        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, stop_growth, stop_roughness, stop_pace, &
+        stop_law
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
@@ -60,8 +61,9 @@ module linkdyn_forward
         real(wp), allocatable :: entered_at(:)         !! [s]
         integer :: step_entered = -1                   !! steps done when the phase was entered
         integer :: dead_coordinate = 0                 !! that the run has stopped at; 0: none
-        real(wp), allocatable :: y(:, :)               !! (lane, n)
-        real(wp), allocatable :: kink(:)               !! instants at which a law changes its formula, increasing [s]
+        real(wp), allocatable :: y(:, :)               !! reached by the steps (lane, n)
+        real(wp), allocatable :: output(:, :)          !! at the instant of output (lane, n)
+        real(wp), allocatable :: kink(:)               !! instants ahead at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
         real(wp) :: good_until = 0                     !! [s]
         character(len=256) :: reason = ""              !! why it stopped
@@ -107,10 +109,21 @@ contains
                       //advice_at_start(model, run%system%workspace%status(1)))
             return
         end if
-        call collect_kinks(model, run%kink)
         run%good_until = options%t_start
-        call run%integrator%start(options%integrator, run%system, options%t_start, status)
+        call start_integrator(run, model, options, status)
     end subroutine start_forward
+
+    subroutine start_integrator(run, model, options, status)
+        type(forward_run), intent(inout) :: run
+        type(model_type), intent(in) :: model
+        type(forward_options), intent(in) :: options
+        type(status_type), intent(inout) :: status
+
+        call collect_kinks(model, run%kink)
+        run%kink = pack(run%kink, run%kink > options%t_start)
+        run%output = run%y
+        call run%integrator%start(options%integrator, run%system, options%t_start, run%y, status)
+    end subroutine start_integrator
 
     !> What to do where coordinates do not say how the mechanism moves.
     function advice_at_start(model, status) result(text)
@@ -141,6 +154,7 @@ contains
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         type(sample_assembly) :: assembly
         real(wp) :: work
+        logical :: is_lost(size(t))
         integer :: i, first, phase
 
         associate (m => run%own, n => size(t))
@@ -152,7 +166,7 @@ contains
         qdd = q
         force = ieee_value(1.0_wp, ieee_quiet_nan)
         call evaluate_loads(run%own, t, load)
-        run%integrator%pause_at = pause_after(seconds)
+        call run%integrator%pause%set(seconds)
         results%forces%n_fallback = 0
         n_done = 0
         first = 0
@@ -167,11 +181,12 @@ contains
                 if (phase > 1) allocate (assembly%counted, source=0*q(:, i:))
             end if
             work = ieee_value(1.0_wp, ieee_quiet_nan)
+            is_lost(i) = run%integrator%is_lost
             if (.not. run%has_stopped) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
-                call keep_accepted(run%model, run%system%assembly, i - first + 1, assembly)
+                call keep_evaluated(run%model, run%system%workspace%state, i - first + 1, assembly)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
-                work = run%y(1, run%system%layout%work)
+                work = run%output(1, run%system%layout%work)
             end if
             if (associated(results%work)) results%work(i) = work
             if (associated(results%step)) results%step(i) = run%integrator%last_step
@@ -194,6 +209,7 @@ contains
                                   own=run%own)
             end associate
             results%forces%n_fallback = results%forces%n_fallback + part%n_fallback
+            if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
         end subroutine find_forces
     end subroutine advance_forward
 
@@ -219,28 +235,17 @@ contains
         end associate
     end subroutine tell_coordinates
 
-    !> Count of the system clock after some seconds from now.
-    integer(int64) function pause_after(seconds) result(count)
-        real(wp), intent(in), optional :: seconds
-        integer(int64) :: rate
-
-        count = huge(count)
-        if (.not. present(seconds)) return
-        call system_clock(count, rate)
-        count = count + int(seconds*real(rate, wp), int64)
-    end function pause_after
-
     !> Integrate to t, stopping at every kink on the way.
     subroutine go_to(run, t)
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: t
-        integer :: i
 
-        do i = 1, size(run%kink)
-            if (run%kink(i) <= run%integrator%t .or. run%kink(i) >= t) cycle
-            call advance_to(run, run%kink(i))
+        do while (size(run%kink) > 0)
+            if (run%kink(1) > t .or. all(run%integrator%failed)) exit
+            call advance_to(run, run%kink(1))
             if (run%integrator%is_paused) return
             call run%integrator%reset()
+            run%kink = run%kink(2:)
         end do
         call advance_to(run, t)
         run%good_until = run%integrator%good_until(1)
@@ -255,9 +260,13 @@ contains
 
         do
             if (run%system%wants_rest .or. all(run%integrator%failed)) call change_phase(run)
-            if (all(run%integrator%failed) .or. run%integrator%t >= t) exit
-            call run%integrator%advance(run%system, t, run%y)
-            if (run%integrator%is_paused) return
+            if (all(run%integrator%failed)) exit
+            if (size(run%kink) > 0) then
+                call run%integrator%advance(run%system, t, run%y, run%output, run%kink(1))
+            else
+                call run%integrator%advance(run%system, t, run%y, run%output)
+            end if
+            if (run%integrator%is_paused .or. run%integrator%is_there) return
         end do
     end subroutine advance_to
 
@@ -351,7 +360,7 @@ contains
             run%step_entered = run%integrator%n_step
             run%later_phase = [run%later_phase, number]
             run%entered_at = [run%entered_at, t]
-            call run%integrator%exchange_system(run%system, status)
+            call run%integrator%exchange_system(run%system, run%y, status)
         end associate
     end subroutine try_phase
 
@@ -392,12 +401,23 @@ contains
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
-        else if (run%system%workspace%status(1) /= sample_ok) then
-            reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
-        else if (run%integrator%has_shrunk) then
-            reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
         else
-            reason = reason//"the motion grows without bound"
+            select case (run%integrator%reason)
+            case (stop_growth)
+                reason = reason//"the motion grows without bound"
+            case (stop_roughness)
+                reason = reason//"rounding leaves too few digits of the rates, as it does where two assemblies meet"
+            case (stop_law)
+                reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
+            case (stop_pace)
+                reason = reason//"the steps needed are too short to come to the end"
+            case default
+                if (run%system%workspace%status(1) /= sample_ok) then
+                    reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
+                else
+                    reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
+                end if
+            end select
         end if
     end function reason_of_stop
 
@@ -411,9 +431,15 @@ contains
         logical :: failed(lanes)
 
         instant = t
-        call run%system%evaluate(instant, run%y, rate, failed)
-        force = run%system%workspace%driving_force(1, :)
-        call read_coordinates(run%model, run%system%layout, instant, run%y, run%system%workspace%state, lane_q, lane_qd, lane_qdd)
+        force = ieee_value(1.0_wp, ieee_quiet_nan)
+        if (run%integrator%is_lost) then
+            run%output = ieee_value(1.0_wp, ieee_quiet_nan)
+        else
+            call run%system%evaluate(instant, run%output, rate, failed)
+            force = run%system%workspace%driving_force(1, :)
+        end if
+        call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%workspace%state, lane_q, lane_qd, &
+                              lane_qdd)
         q = lane_q(1, :)
         qd = lane_qd(1, :)
         qdd = lane_qdd(1, :)
@@ -506,8 +532,7 @@ contains
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
                 call run%system%begin(options%t_start, run%y)
-                call collect_kinks(model, run%kink)
-                call run%integrator%start(options%integrator, run%system, options%t_start, status)
+                call start_integrator(run, model, options, status)
                 do i = 1, size(t)
                     call go_to(run, t(i))
                     call store(run, member, t(i), i)
@@ -526,7 +551,7 @@ contains
             real(wp), dimension(lanes, model%n_q) :: lane_q, lane_qd, lane_qdd
             integer :: lane
 
-            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%y, run%system%workspace%state, &
+            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%output, run%system%workspace%state, &
                                   lane_q, lane_qd, lane_qdd)
             do lane = 1, lanes
                 if (run%integrator%failed(lane)) then

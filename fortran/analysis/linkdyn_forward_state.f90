@@ -1,7 +1,8 @@
 !> What forward dynamics integrates: for every free coordinate its value and rate, for every free pose position,
 !> quaternion, velocity and angular velocity; the angles of coordinates that others stand in for, which count their
-!> turns; last the work of the driving forces.
+!> turns; last the work of the driving forces, and the energy that all forces but gravity supply.
 module linkdyn_forward_state
+    use linkdyn_constants, only: two_pi
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_joint_motion, only: variables_of_relative, is_slide, kind_spherical
     use linkdyn_joint_rates, only: joint_rate
@@ -18,7 +19,8 @@ module linkdyn_forward_state
     use linkdyn_vec3, only: vec3, identity_mat3, zero_vec3
     implicit none (type, external)
     private
-    public :: state_layout, plan_layout, choose_free, fill_start, unpack_state, pack_rates, read_coordinates, scene_start
+    public :: state_layout, plan_layout, largest_sizes, choose_free, fill_start, unpack_state, pack_rates, read_coordinates
+    public :: scene_start
 
     !> Where everything stands in y.
     type :: state_layout
@@ -28,7 +30,8 @@ module linkdyn_forward_state
         integer, allocatable :: quaternion(:)    !! w of a free pose, x y z follow; 0: driven (n_pose)
         integer, allocatable :: pose_step(:)     !! step of the kinematics that places the pose (n_pose)
         integer, allocatable :: counted(:)       !! angle that a coordinate stands in for; 0: none (n_q)
-        integer :: work = 0                      !! 0: not wanted
+        integer :: work = 0                      !! of the driving forces
+        integer :: supplied = 0                  !! energy that all forces but gravity have supplied
     end type state_layout
 
 contains
@@ -104,9 +107,24 @@ contains
             layout%n = layout%n + 1
             layout%counted(k) = layout%n
         end do
-        layout%n = layout%n + 1
-        layout%work = layout%n
+        layout%work = layout%n + 1
+        layout%supplied = layout%n + 2
+        layout%n = layout%n + 2
     end subroutine plan_layout
+
+    !> What components of y count at most where errors are relative: angles one turn.
+    pure function largest_sizes(model, layout) result(largest)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp) :: largest(layout%n)
+        integer :: k
+
+        largest = huge(1.0_wp)
+        do k = 1, model%n_q
+            if (layout%position(k) > 0 .and. model%scene%coordinate(k)%unit /= "m") largest(layout%position(k)) = two_pi
+            if (layout%counted(k) > 0) largest(layout%counted(k)) = two_pi
+        end do
+    end function largest_sizes
 
     !> Coordinates and rates at the start: as the scene says, or else what the motion law has at t.
     subroutine scene_start(model, t, q, qd)
@@ -183,7 +201,7 @@ contains
         end do
     end subroutine unpack_state
 
-    !> dy/dt from y and the accelerations; the rate of the work is left alone.
+    !> dy/dt from y and the accelerations; the rates of work and energy are left alone.
     subroutine pack_rates(model, layout, y, acceleration, state, rate)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout

@@ -13,7 +13,7 @@ module linkdyn_carried_assembly
     use linkdyn_model, only: model_type, has_assemblies
     implicit none (type, external)
     private
-    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_accepted
+    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_evaluated
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the model has more than one assembly
@@ -167,15 +167,14 @@ contains
         end associate
     end subroutine accept_assembly
 
-    !> The accepted assembly of lane 1, for a sample.
-    subroutine keep_accepted(model, assembly, sample, samples)
+    !> The assembly of lane 1 of a state evaluated, for a sample.
+    subroutine keep_evaluated(model, state, sample, samples)
         type(model_type), intent(in) :: model
-        type(carried_assembly), intent(in) :: assembly
+        type(kinematic_state), intent(in) :: state
         integer, intent(in) :: sample
         type(sample_assembly), intent(inout) :: samples
 
-        if (.not. assembly%is_needed) return
-        samples%branch(:, sample) = assembly%branch(1, :)
-        if (size(model%group) > 0) call keep_lane(model, assembly%state, 1, sample, sample, samples)
-    end subroutine keep_accepted
+        if (model%n_dyad > 0 .and. allocated(samples%branch)) samples%branch(:, sample) = state%plane%branch(1, :)
+        if (size(model%group) > 0) call keep_lane(model, state, 1, sample, sample, samples)
+    end subroutine keep_evaluated
 end module linkdyn_carried_assembly
