@@ -353,6 +353,7 @@ contains
             call enter_phase(run%own, run%options, run%known(run%phase)%phase, run%y, t, model, phase, y, is_entered, status)
             phase%is_refused = .not. status%is_ok()
             if (.not. is_entered) return
+            run%output = y
             call move_alloc(y, run%y)
             run%model => phase%model
             run%system => phase%system

@@ -234,16 +234,18 @@ contains
         trial%has_failed = trial%breaks_law
     end subroutine look_at_end
 
-    !> The tolerances, but no less than what a sum that long rounds off.
+    !> The tolerances, but no less than what the many sums of an error estimate round off.
     pure function error_allowed(self, system, trial) result(allowed)
         type(step_control), intent(in) :: self
         class(lane_system), intent(in) :: system
         type(trial_type), intent(in) :: trial
+        real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
         real(wp) :: allowed(size(self%y))
 
         allowed = max(abs(self%y), abs(trial%y))
         if (allocated(system%largest_size)) allowed = min(allowed, system%largest_size)
-        allowed = max(self%atol + self%rtol*allowed, 4*epsilon(1.0_wp)*max(abs(trial%way), abs(trial%step*self%rate)))
+        allowed = max(self%atol + self%rtol*allowed, rounding*allowed, &
+                      rounding*max(abs(trial%way), abs(trial%step*self%rate)))
         if (allocated(system%is_book)) where (system%is_book) allowed = huge(1.0_wp)
     end function error_allowed
 
@@ -286,8 +288,9 @@ contains
             if (.not. trial%has_failed) call self%method%propose(trial%step, trial%allowed, .false., self%step)
             ! A peak that no stage has met: shorter steps will.
             if (trial%breaks_law) return
-            ! One refusal by an error a little too large is daily bread.
-            if (self%n_refused == 1 .and. trial%part < unexpected .and. trial%step > suspicious*self%longest) return
+            if (self%n_refused > 1) self%step = min(self%step, trial%step/2)
+            ! An error a little too large is daily bread.
+            if (trial%part < unexpected .and. trial%step > suspicious*self%longest) return
             if (.not. trial%has_failed) then
                 self%is_rough = is_rounding(trial, rounding_of(self, system, trial))
                 if (.not. self%is_rough) return
