@@ -13,6 +13,7 @@ module linkdyn_forward
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_builder, only: build_model
     use linkdyn_carried_assembly, only: keep_evaluated
+    use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at
@@ -31,6 +32,7 @@ module linkdyn_forward
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_scene, only: law_spec, scene_type, frame_link
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
+    use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
@@ -411,7 +413,7 @@ contains
             case (stop_law)
                 reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
             case (stop_pace)
-                reason = reason//"the steps needed are too short to come to the end"
+                reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
             case default
                 if (run%system%workspace%status(1) /= sample_ok) then
                     reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
@@ -419,8 +421,26 @@ contains
                     reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
                 end if
             end select
+            reason = reason//stiffness_in_words(run)
         end if
     end function reason_of_stop
+
+    !> What is too stiff for the steps of a run that cannot go on; blank if nothing is.
+    function stiffness_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text, name
+        real(wp), parameter :: part_of_turn = 1.0e-3_wp    !! [rad] of the fastest motion in the last step
+        real(wp), parameter :: endless = 1.0e8_wp          !! [rad] of it in the run
+        real(wp) :: rate, step
+
+        text = ""
+        if (any([stop_law, stop_roughness] == run%integrator%reason) .or. run%integrator%n_step == run%step_entered) return
+        call find_stiffest(run%model, run%good_until, run%y(1, :), name, rate)
+        step = run%integrator%last_step
+        if (run%options%integrator%method == method_rk4) step = run%options%integrator%step
+        if (rate*step < part_of_turn .and. rate*run%options%integrator%span < endless) return
+        text = ": "//name//" is too stiff (its motion takes "//to_text(two_pi/rate)//" s)"
+    end function stiffness_in_words
 
     !> Coordinates and given driving forces at the instant reached.
     subroutine take_output(run, t, q, qd, qdd, force)

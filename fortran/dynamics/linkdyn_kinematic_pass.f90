@@ -42,7 +42,8 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
         real(wp) :: target(lanes, model%n_q), part(lanes), distance(lanes)    !! distance: in strides
-        logical :: has_failed(lanes)
+        real(wp), parameter :: most_strides = 1.0e4_wp     !! about 160 turns
+        logical :: has_failed(lanes), too_far(lanes)
         integer :: n_step(lanes), n, k
 
         target = state%q
@@ -50,7 +51,8 @@ contains
         do k = 1, model%n_q
             distance = max(distance, abs(target(:, k) - state%group%start_q(:, k))/model%stride(k))
         end do
-        where (.not. distance <= huge(1.0_wp)) distance = 0
+        too_far = .not. distance <= most_strides
+        where (too_far) distance = 0
         call begin_iteration(state%group)
         n_step = max(1, ceiling(distance))
         do n = 1, maxval(n_step)
@@ -65,6 +67,7 @@ contains
             call run_steps(model, state)
             state%not_converged = state%not_converged .or. has_failed
         end do
+        state%not_converged = state%not_converged .or. too_far
     end subroutine follow_groups
 
     subroutine run_steps(model, state)

@@ -351,7 +351,7 @@ contains
         real(wp), intent(in) :: solution(:)
         real(wp), intent(in) :: h                               !! the step
         real(wp), intent(inout) :: y(:, :)
-        integer, parameter :: most_short = 1000                 !! in a row: more than a peak takes
+        integer, parameter :: most_short = 100                  !! in a row: more than a peak takes
         integer :: k
 
         do k = 1, size(solution)

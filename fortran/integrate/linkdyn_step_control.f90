@@ -166,14 +166,10 @@ contains
         type(step_control), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
-        logical :: has_failed
 
-        if (.not. self%knows_rate) then
-            call system%evaluate_alone(self%t, self%y, self%rate, has_failed)
-            self%n_evaluation = self%n_evaluation + 1
-            self%knows_rate = .not. has_failed
-        end if
+        call find_rates(self, system)
         self%is_under_way = .true.
+        if (self%longest == 0) self%next = min(self%next, time_of_change(self, system))
         self%wished = min(self%next, t_end - self%t)
         self%step = self%wished
         self%n_refused = 0
@@ -181,6 +177,29 @@ contains
         self%is_rough = .false.
         self%has_broken_law = .false.
     end subroutine begin_step
+
+    !> Rates where the solution has got to.
+    subroutine find_rates(self, system)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        logical :: has_failed
+
+        if (self%knows_rate) return
+        call system%evaluate_alone(self%t, self%y, self%rate, has_failed)
+        self%n_evaluation = self%n_evaluation + 1
+        self%knows_rate = .not. has_failed
+    end subroutine find_rates
+
+    !> How long until some component has changed by its own size: longer first steps would try places far beyond.
+    pure real(wp) function time_of_change(self, system) result(time)
+        type(step_control), intent(in) :: self
+        class(lane_system), intent(in) :: system
+        real(wp) :: size_of(size(self%y))
+
+        size_of = abs(self%y) + self%atol/self%rtol
+        if (allocated(system%is_book)) where (system%is_book) size_of = huge(1.0_wp)
+        time = minval(size_of/max(abs(self%rate), tiny(1.0_wp)))
+    end function time_of_change
 
     !> The step of a length, and its error.
     subroutine try_length(self, system, length, t_end, trial)
@@ -431,16 +450,11 @@ contains
         real(wp), intent(out) :: y(:)                  !! there
         logical, intent(out) :: is_good                !! its error is not larger than that of a step
         type(trial_type) :: trial
-        logical :: has_failed
 
         y = self%y
         is_good = .true.
         if (t == self%t) return
-        if (.not. self%knows_rate) then
-            call system%evaluate_alone(self%t, self%y, self%rate, has_failed)
-            self%n_evaluation = self%n_evaluation + 1
-            self%knows_rate = .not. has_failed
-        end if
+        call find_rates(self, system)
         is_good = self%knows_rate
         if (.not. is_good) return
         call try_length(self, system, t - self%t, t, trial)

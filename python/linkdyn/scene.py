@@ -366,7 +366,8 @@ class Scene:
         schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True, error=bool(error))
         settings = (float(step), float(rtol), float(atol))
         kind = (str(method), str(solver), _count("threads", threads))
-        run = _bind.Run(self._handle, *kind, settings, bool(switch), wanted, bool(error), float(instants[0]))
+        span = (float(instants[0]), float(instants[-1]))
+        run = _bind.Run(self._handle, *kind, settings, bool(switch), wanted, bool(error), *span)
         try:
             return self._follow(run, instants, schema, str(method), str(solver), progress)
         finally:
