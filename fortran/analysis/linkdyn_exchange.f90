@@ -6,7 +6,7 @@
 !>
 !> **Source**: coordinate partitioning: Wehage, Haug, J. Mech. Design 104 (1982) 247.
 module linkdyn_exchange
-    use linkdyn_coordinate_watch, only: coordinate_watch
+    use linkdyn_coordinate_watch, only: coordinate_watch, grows
     use linkdyn_joint_motion, only: is_slide, variables_of_relative, kind_spherical
     use linkdyn_joint_rates, only: measure_variable
     use linkdyn_kinds, only: wp
@@ -37,6 +37,10 @@ contains
         merit = abs(watch%ratio)
         bar = max(least_ratio, near_best*maxval(merit))
         where (.not. (merit >= bar .and. merit <= huge(bar))) merit = 0
+        ! A joint that does not grow faster with the others will soon be at a dead point of its own.
+        if (any(merit > 0 .and. grows(watch%ratio, watch%past(:, :, 1)))) then
+            where (.not. grows(watch%ratio, watch%past(:, :, 1))) merit = 0
+        end if
         bar = 2*maxval(merit)
         do v = 1, size(merit, 1)
             if (.not. any(own%joint(watch%joint(v))%link == frame_link)) cycle

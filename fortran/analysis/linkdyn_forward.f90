@@ -62,6 +62,7 @@ module linkdyn_forward
         integer, allocatable :: later_phase(:)         !! phases entered since the start
         real(wp), allocatable :: entered_at(:)         !! [s]
         integer :: step_entered = -1                   !! steps done when the phase was entered
+        integer :: n_exchanged = 0                     !! coordinates since the last step
         integer :: dead_coordinate = 0                 !! that the run has stopped at; 0: none
         real(wp), allocatable :: y(:, :)               !! reached by the steps (lane, n)
         real(wp), allocatable :: output(:, :)          !! at the instant of output (lane, n)
@@ -280,6 +281,9 @@ contains
 
         run%system%wants_rest = .false.
         if (.not. run%system%watch%is_on) return
+        ! Between two steps a coordinate is exchanged once.
+        if (run%integrator%n_step /= run%step_entered) run%n_exchanged = 0
+        if (run%n_exchanged >= run%own%n_q .and. .not. all(run%integrator%failed)) return
         call run%system%look_at(spread(run%integrator%good_until(1), 1, lanes), run%y)
         is_new = .false.
         ! A phase that has failed at its first step is no improvement.
@@ -361,6 +365,7 @@ contains
             run%system => phase%system
             run%phase = number
             run%step_entered = run%integrator%n_step
+            run%n_exchanged = run%n_exchanged + 1
             run%later_phase = [run%later_phase, number]
             run%entered_at = [run%entered_at, t]
             call run%integrator%exchange_system(run%system, run%y, status)

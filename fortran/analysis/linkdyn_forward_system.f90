@@ -1,8 +1,8 @@
 !> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
 module linkdyn_forward_system
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
-    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, is_near_dead_point, dead_coordinate, &
-        may_be_near
+    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, &
+        is_near_dead_point, dead_coordinate
     use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
     use linkdyn_energy_balance, only: energy_of_motion, applied_power
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
@@ -34,6 +34,7 @@ module linkdyn_forward_system
         real(wp) :: surplus_noise = 0                  !! what rounding makes of it [J]
         real(wp), private :: surplus_noise_tried = 0   !! the same of the state looked at last
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
+        real(wp), private :: watched_at(2) = 0         !! the last two instants at which it looked [s]
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
         type(model_type), pointer :: motion_model => null()    !! with the coordinates that the law speaks of
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
@@ -147,8 +148,10 @@ contains
         self%inverse_assembly = other%inverse_assembly
         self%inverse_time = -huge(1.0_wp)
         self%watch%may_exchange = .true.
+        self%watch%is_on = .false.
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
-        self%watch%before = 0
+        self%watch%is_on = .true.
+        call forget_rates(self%watch)
         call look_and_decide(self, spread(t, 1, lanes), y)
     end subroutine take_over
 
@@ -190,9 +193,11 @@ contains
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
 
-        self%watch%before = self%watch%ratio
+        call note_rates(self%watch)
+        self%watch%since = [t(1) - self%watched_at(1), t(1) - self%watched_at(2)]
+        self%watched_at = [t(1), self%watched_at(1)]
         call compare_rates(self%model, self%workspace%state, self%watch)
-        if (may_be_near(self%watch)) call look_and_decide(self, t, y)
+        if (is_near_dead_point(self%watch) .or. dead_coordinate(self%watch, .false.) > 0) call look_and_decide(self, t, y)
     end subroutine watch_coordinates
 
     !> Has the caller to do something about a coordinate?
