@@ -18,7 +18,7 @@ module linkdyn_forward
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at
     use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase
-    use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
+    use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, stop_growth, stop_roughness, stop_pace, &
@@ -155,18 +155,22 @@ contains
         integer, intent(out) :: n_done                 !! instants dealt with
         real(wp), intent(in), optional :: seconds      !! of computing time, about
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
+        real(wp), allocatable :: quaternion(:, :, :), rate(:, :)    !! attitudes, and qd with angular rates of these
         type(sample_assembly) :: assembly
         real(wp) :: work
         logical :: is_lost(size(t))
         integer :: i, first, phase
 
         associate (m => run%own, n => size(t))
-            allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n))
+            allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n), &
+                      quaternion(4, m%n_attitude, n), rate(m%n_q, n))
         end associate
         ! A sample that is not reached is computed from NaN, which flags it like any that fails.
         q = ieee_value(1.0_wp, ieee_quiet_nan)
         qd = q
         qdd = q
+        rate = q
+        quaternion = ieee_value(1.0_wp, ieee_quiet_nan)
         force = ieee_value(1.0_wp, ieee_quiet_nan)
         call evaluate_loads(run%own, t, load)
         call run%integrator%pause%set(seconds)
@@ -187,6 +191,8 @@ contains
             is_lost(i) = run%integrator%is_lost
             if (.not. run%has_stopped) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
+                rate(:, i) = qd(:, i)
+                call read_attitudes(run%model, run%system%layout, run%output, quaternion(:, :, i), rate(:, i))
                 call keep_evaluated(run%model, run%system%workspace%state, i - first + 1, assembly)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%output(1, run%system%layout%work)
@@ -207,9 +213,9 @@ contains
 
             part = part_of_results(results%forces, first, last)
             associate (here => run%known(phase)%phase)
-                call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), qd(:, first:last), &
+                call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
-                                  own=run%own)
+                                  own=run%own, quaternion=quaternion(:, :, first:last))
             end associate
             results%forces%n_fallback = results%forces%n_fallback + part%n_fallback
             if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
