@@ -103,6 +103,7 @@ contains
         do i = 1, n_copy
             call prepare_workspace(probe%copy(i)%model, probe%copy(i)%equations, space%workspace(i))
             space%workspace(i)%checks_input = .false.
+            space%workspace(i)%checks_accuracy = .false.
         end do
         associate (model => probe%copy(1)%model)
             allocate (space%reaction(lanes, model%n_component, model%n_joint, n_copy), &

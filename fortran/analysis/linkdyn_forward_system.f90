@@ -85,6 +85,7 @@ contains
         call build_equations(model, stage_solver, .false., system%equations, status, unknown)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, system%equations, system%workspace)
+        system%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
         call plan_layout(model, unknown%acceleration, system%layout)
         system%n = system%layout%n
         system%largest_size = largest_sizes(model, system%layout)
@@ -96,6 +97,7 @@ contains
             call build_equations(system%motion_model, solver_reduced, .false., system%inverse_equations, status)
             if (status%is_ok()) &
                 call prepare_workspace(system%motion_model, system%inverse_equations, system%inverse_workspace)
+                system%inverse_workspace%checks_accuracy = .false.
         end if
     end subroutine build_forward_system
 

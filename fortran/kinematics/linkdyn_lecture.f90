@@ -13,7 +13,8 @@
 !> **Source**: the lecture on systematic kinematics and dynamics of link mechanisms; where its text carries an error, the
 !> corrected formula is used and named here.
 module linkdyn_lecture
-    use linkdyn_dyad_map, only: dyad_map, solve_dyad
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_dyad_map, only: dyad_map, solve_dyad, uncertainty_of_motion, largest_uncertainty
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_rrp_dyad, only: locate_rrp, map_rrp, bias_rrp
@@ -114,8 +115,21 @@ contains
         map = map_rrr(arm1, arm2)
         call solve_dyad(map, j2%dp - j1%dp, link1%dthe, link2%dthe)
         call solve_dyad(map, j2%ddp - j1%ddp + bias_rrr(arm1, arm2, link1%dthe, link2%dthe), link1%ddthe, link2%ddthe)
+        call forget_uncertain(uncertainty_of_motion(map, spread(min(length1, length2), 1, lanes), link1%dthe, link2%dthe, &
+                                                    link1%ddthe, link2%ddthe), link1%dthe, link1%ddthe)
         joint = rigid_point(j1, arm1, link1)
     end subroutine rrr_links
+
+    !> Rates that have lost their digits to a dead point are none.
+    pure subroutine forget_uncertain(part, rate, rate2)
+        real(wp), intent(in) :: part(lanes)                        !! relative uncertainty
+        real(wp), intent(inout), dimension(lanes) :: rate, rate2
+
+        where (part > largest_uncertainty)
+            rate = ieee_value(1.0_wp, ieee_quiet_nan)
+            rate2 = rate
+        end where
+    end subroutine forget_uncertain
 
     pure function branch_of(mode) result(branch)
         integer, intent(in) :: mode
@@ -152,6 +166,10 @@ contains
         call solve_dyad(map, base%dp - pivot%dp, link%dthe, slide%dv)
         gap = base%ddp - pivot%ddp + bias_rrp(arm, u, link%dthe, psi%dthe, slide%dv)
         call solve_dyad(map, gap, link%ddthe, slide%ddv)
+        associate (part => uncertainty_of_motion(map, spread(length, 1, lanes), link%dthe, slide%dv, link%ddthe, slide%ddv))
+            call forget_uncertain(part, link%dthe, link%ddthe)
+            call forget_uncertain(part, slide%dv, slide%ddv)
+        end associate
         joint = rigid_point(pivot, arm, link)
         slider = rigid_point(joint, -offset, psi)
     end subroutine prr_links

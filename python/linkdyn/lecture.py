@@ -16,7 +16,7 @@ The coefficient forms ``FD_...`` serve forward dynamics. They give, beside posit
 accelerations, which are linear in the cranks' angular accelerations: ``X" = sum A_k theta_k" + B``. A crank's
 ``ddthe`` does not enter them: it is the unknown. The accelerations that they return are those of cranks at constant rates.
 
-What cannot be assembled is NaN, sample by sample; at a dead point the rates are not finite.
+What cannot be assembled is NaN, sample by sample; at a dead point, and where the rates would keep less than three digits, these are NaN.
 
 References
 ----------
