@@ -1,12 +1,14 @@
 !> The command line as a typed value, and the help texts.
 module linkdyn_cli
-    use linkdyn_forward, only: integrator_options, choose_method, method_name
+    use linkdyn_forward, only: integrator_options, choose_method, method_name, method_rk4
+    use linkdyn_input, only: parse_number
     use linkdyn_inverse, only: inverse_options, choose_solver, solver_name
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: wanted_type, choose_wanted, all_wanted, add_free
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: quoted
+    use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
     public :: command_line, argument_type, read_arguments, parse_arguments, print_help
@@ -14,23 +16,49 @@ module linkdyn_cli
 
     integer, parameter :: command_none = 0
     integer, parameter :: command_inverse = 1
-    integer, parameter :: command_explain = 2
-    integer, parameter :: command_version = 3
-    integer, parameter :: command_forward = 4
-    integer, parameter :: command_sweep = 5
-    integer, parameter :: command_study = 6
+    integer, parameter :: command_forward = 2
+    integer, parameter :: command_sweep = 3
+    integer, parameter :: command_study = 4
+    integer, parameter :: command_explain = 5
+    integer, parameter :: command_version = 6
     character(len=8), parameter :: command_name(5) = [character(len=8) :: "inverse", "forward", "sweep", "study", "explain"]
-    character(len=11), parameter :: common_option(10) = [character(len=11) :: &
-        "--output", "--no-output", "--csv", "--solver", "--want", "--threads", "--compress", "--quiet", "--help", "-o"]
-    character(len=11), parameter :: inverse_option(12) = [character(len=11) :: common_option, "--error", "--states"]
-    character(len=11), parameter :: forward_option(18) = [character(len=11) :: common_option, &
-        "--error", "--method", "--step", "--rtol", "--atol", "--until", "--samples", "--no-switch"]
-    character(len=12), parameter :: sweep_option(12) = [character(len=12) :: "--output", "--solver", "--threads", "--keep", &
-        "--sheet", "--resume", "--yes", "--checkpoint", "--quiet", "--help", "-o", "-q"]
-    character(len=11), parameter :: study_option(7) = [character(len=11) :: "--output", "--no-output", "--until", "--quiet", &
-        "--help", "-o", "-q"]
-    character(len=10), parameter :: other_option(2) = [character(len=10) :: "--help", "--matrix"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
+
+    !> What an option is, and of which commands.
+    type :: option_type
+        character(len=12) :: name
+        logical :: takes_value
+        logical :: is_of(size(command_name))         !! in the order of `command_name`
+    end type option_type
+
+    logical, parameter :: T = .true., F = .false.
+    type(option_type), parameter :: option(*) = [ &
+        option_type("--output", T, [T, T, T, T, F]), &
+        option_type("--no-output", F, [T, T, F, T, F]), &
+        option_type("--csv", F, [T, T, F, F, F]), &
+        option_type("--compress", F, [T, T, F, F, F]), &
+        option_type("--want", T, [T, T, F, F, F]), &
+        option_type("--solver", T, [T, T, T, F, F]), &
+        option_type("--threads", T, [T, T, T, F, F]), &
+        option_type("--error", F, [T, T, F, F, F]), &
+        option_type("--states", T, [T, F, F, F, F]), &
+        option_type("--method", T, [F, T, F, F, F]), &
+        option_type("--step", T, [F, T, F, F, F]), &
+        option_type("--rtol", T, [F, T, F, F, F]), &
+        option_type("--atol", T, [F, T, F, F, F]), &
+        option_type("--until", T, [F, T, F, T, F]), &
+        option_type("--samples", T, [F, T, F, F, F]), &
+        option_type("--no-switch", F, [F, T, F, F, F]), &
+        option_type("--keep", T, [F, F, T, F, F]), &
+        option_type("--sheet", T, [F, F, T, F, F]), &
+        option_type("--resume", F, [F, F, T, F, F]), &
+        option_type("--yes", F, [F, F, T, F, F]), &
+        option_type("--checkpoint", T, [F, F, T, F, F]), &
+        option_type("--matrix", F, [F, F, F, F, T]), &
+        option_type("--quiet", F, [T, T, T, T, F]), &
+        option_type("--help", F, [T, T, T, T, T])]
+    character(len=2), parameter :: short_name(3) = ["-o", "-q", "-h"]
+    character(len=8), parameter :: long_name(3) = [character(len=8) :: "--output", "--quiet", "--help"]
 
     !> One word of the command line.
     type :: argument_type
@@ -63,6 +91,7 @@ module linkdyn_cli
         logical :: resume = .false.
         logical :: yes = .false.                      !! a sweep may be as large as it is
         real(wp) :: checkpoint = 5                    !! seconds between two
+        logical, private :: was_given(size(option)) = .false.
     end type command_line
 
 contains
@@ -95,41 +124,37 @@ contains
             config%help = .true.
             return
         end if
-        select case (arguments(1)%text)
-        case ("inverse")
-            config%command = command_inverse
-        case ("forward")
-            config%command = command_forward
-        case ("sweep")
-            config%command = command_sweep
-        case ("study")
-            config%command = command_study
-        case ("explain")
-            config%command = command_explain
-        case ("--version")
-            config%command = command_version
-            return
-        case ("--help", "-h", "help")
-            config%help = .true.
-            return
-        case default
-            if (index(arguments(1)%text, "-") == 1) then
-                call refuse(quoted(arguments(1)%text)//": unknown option"//suggestion(arguments(1)%text, global_option), &
-                    status)
-            else
-                call refuse(quoted(arguments(1)%text)//": unknown command (expected inverse, forward, sweep, study or explain)"// &
-                    suggestion(arguments(1)%text, command_name), status)
+        associate (word => arguments(1)%text)
+            select case (word)
+            case ("--version")
+                config%command = command_version
+                if (size(arguments) > 1) call refuse(quoted(arguments(2)%text)//": one word too many (expected --version alone)")
+                return
+            case ("--help", "-h", "help")
+                config%help = .true.
+                return
+            end select
+            config%command = findloc(command_name, word, dim=1)
+            if (config%command == command_none .and. index(word, "-") == 1) then
+                call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
+            else if (config%command == command_none) then
+                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study or explain)" &
+                            //suggestion(word, command_name))
             end if
-            return
-        end select
+        end associate
+        if (.not. status%is_ok()) return
         i = 2
         do while (i <= size(arguments) .and. status%is_ok())
             call take_word(arguments, i, config, status)
         end do
         if (.not. status%is_ok() .or. config%help) return
-        if (.not. allocated(config%scene)) call refuse("no scene given (expected a file, e.g. scene.toml)", status)
-        if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) call refuse( &
-            "--no-output: nothing is written (expected no --output, --csv or --compress beside it)", status)
+        if (.not. allocated(config%scene)) call refuse("no scene given (expected a file, e.g. scene.toml)")
+        if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) &
+            call refuse("--no-output: nothing is written (expected no --output, --csv or --compress beside it)")
+        if (config%csv .and. config%deflate > 0) &
+            call refuse("--compress: only netCDF files are compressed (expected no --csv beside it)")
+        if (config%integrator%method == method_rk4 .and. (is_given(config, "--rtol") .or. is_given(config, "--atol"))) &
+            call refuse("--rtol, --atol: method rk4 has a fixed step and no tolerance (expected --step)")
         if (.not. allocated(config%want)) config%wanted = default_wanted(config)
         call add_free(config%options%solver, config%wanted)
         config%wanted%errors = config%error
@@ -137,9 +162,8 @@ contains
         config%options%wants_rcond = config%wanted%rcond
         config%options%wants_distance = config%wanted%distance
     contains
-        subroutine refuse(message, status)
+        subroutine refuse(message)
             character(len=*), intent(in) :: message
-            type(status_type), intent(inout) :: status
 
             call fail(status, status_bad_input, "linkdyn: "//message)
         end subroutine refuse
@@ -160,107 +184,108 @@ contains
         integer, intent(inout) :: i                   !! current word; moved past what is taken
         type(command_line), intent(inout) :: config
         type(status_type), intent(inout) :: status
-        character(len=:), allocatable :: option, value
-        integer :: equals
+        character(len=:), allocatable :: word, value
+        integer :: equals, k
 
-        option = arguments(i)%text
+        word = arguments(i)%text
         i = i + 1
-        if (index(option, "-") /= 1) then
+        if (index(word, "-") /= 1) then
             if (allocated(config%scene)) then
-                call refuse(quoted(option)//": a second scene (expected one)")
+                call refuse(quoted(word)//": a second scene (expected one)")
             else
-                config%scene = option
+                config%scene = word
             end if
             return
         end if
-        equals = index(option, "=")
-        if (index(option, "--") == 1 .and. equals > 0) then
-            value = option(equals + 1:)
-            option = option(:equals - 1)
+        equals = index(word, "=")
+        if (index(word, "--") == 1 .and. equals > 0) then
+            value = word(equals + 1:)
+            word = word(:equals - 1)
         end if
-        if (option == "--help" .or. option == "-h") then
-            config%help = .true.
-            return
-        end if
-        if (config%command == command_explain .and. option == "--matrix") then
-            config%matrix = .true.
-            return
-        end if
-        if (config%command == command_explain) then
-            call refuse(quoted(option)//": unknown option"//suggestion(option, other_option))
-            return
-        end if
-        if (config%command == command_sweep .and. .not. any(sweep_option == option)) then
-            call refuse(quoted(option)//": unknown option"//suggestion(option, sweep_option))
-            return
-        end if
-        if (config%command == command_study .and. .not. any(study_option == option)) then
-            call refuse(quoted(option)//": unknown option"//suggestion(option, study_option))
-            return
-        end if
-        if (config%command /= command_sweep .and. any(["--resume", "--yes   ", "--keep  "] == option)) then
-            call refuse(quoted(option)//": unknown option (expected with linkdyn sweep)")
-            return
-        end if
-        if (config%command == command_sweep .and. option == "--sheet") then
-            call refuse("--sheet: the sizing sheet is drawn by the Python package (expected the command linkdyn that it installs)")
-            return
-        end if
-        if (config%command /= command_inverse .and. option == "--states") then
-            call refuse(quoted(option)//": unknown option (expected with linkdyn inverse)")
-            return
-        end if
-        if (config%command /= command_forward .and. option == "--no-switch") then
-            call refuse(quoted(option)//": unknown option (expected with linkdyn forward)")
-            return
-        end if
-        select case (option)
-        case ("--csv", "--no-output", "--quiet", "-q", "--compress", "--resume", "--yes", "--error", "--no-switch")
+        k = option_number(word)
+        call check_option(word, k)
+        if (.not. status%is_ok()) return
+        config%was_given(k) = .true.
+        if (.not. option(k)%takes_value) then
             if (allocated(value)) then
-                call refuse(option//": takes no value")
-                return
-            end if
-            if (option == "--csv") config%csv = .true.
-            if (option == "--error") config%error = .true.
-            if (option == "--no-output") config%no_output = .true.
-            if (option == "--compress") config%deflate = 1
-            if (option == "--resume") config%resume = .true.
-            if (option == "--yes") config%yes = .true.
-            if (option == "--no-switch") config%switches = .false.
-            if (option == "--quiet" .or. option == "-q") config%quiet = .true.
-        case ("-o", "--output", "--solver", "--want", "--threads", "--method", "--step", "--rtol", "--atol", "--until", &
-            "--samples", "--keep", "--checkpoint", "--states")
-            if (config%command == command_inverse .and. .not. any(inverse_option == option)) then
-                call refuse(quoted(option)//": unknown option"//suggestion(option, inverse_option))
-                return
-            end if
-            if (.not. allocated(value)) then
-                if (i > size(arguments)) then
-                    call refuse(option//": value missing")
-                    return
-                end if
-                value = arguments(i)%text
-                i = i + 1
-            end if
-            call take_value(option, value)
-        case default
-            if (config%command == command_forward) then
-                call refuse(quoted(option)//": unknown option"//suggestion(option, forward_option))
+                call refuse(word//": takes no value")
             else
-                call refuse(quoted(option)//": unknown option"//suggestion(option, inverse_option))
+                call take_flag(trim(option(k)%name))
             end if
-        end select
+            return
+        end if
+        if (.not. allocated(value)) then
+            value = "--"
+            if (i <= size(arguments)) value = arguments(i)%text
+            if (index(value, "--") == 1) then
+                call refuse(word//": value missing (a value that starts with '--' is given as "//trim(option(k)%name)//"=VALUE)")
+                return
+            end if
+            i = i + 1
+        end if
+        call take_value(trim(option(k)%name), value)
+
     contains
-        subroutine take_value(option, value)
-            character(len=*), intent(in) :: option, value
+
+        !> Refuse what this command does not know, by name where another one does, and what was said before.
+        subroutine check_option(word, k)
+            character(len=*), intent(in) :: word
+            integer, intent(in) :: k
+            integer :: c
+
+            associate (command => config%command)
+                if (k == 0) then
+                    call refuse(quoted(word)//": unknown option"//suggestion(word, pack(option%name, option%is_of(command))))
+                else if (.not. option(k)%is_of(command)) then
+                    c = findloc(option(k)%is_of, .true., dim=1)
+                    call refuse(quoted(word)//": unknown option of linkdyn "//trim(command_name(command)) &
+                                //" (expected with linkdyn "//trim(command_name(c))//")")
+                else if (config%was_given(k)) then
+                    call refuse(word//": given twice (expected once)")
+                end if
+            end associate
+        end subroutine check_option
+
+        subroutine take_flag(name)
+            character(len=*), intent(in) :: name
+
+            select case (name)
+            case ("--help")
+                config%help = .true.
+            case ("--csv")
+                config%csv = .true.
+            case ("--error")
+                config%error = .true.
+            case ("--no-output")
+                config%no_output = .true.
+            case ("--compress")
+                config%deflate = 1
+            case ("--resume")
+                config%resume = .true.
+            case ("--yes")
+                config%yes = .true.
+            case ("--no-switch")
+                config%switches = .false.
+            case ("--matrix")
+                config%matrix = .true.
+            case ("--quiet")
+                config%quiet = .true.
+            end select
+        end subroutine take_flag
+
+        subroutine take_value(name, value)
+            character(len=*), intent(in) :: name, value
             type(status_type) :: outcome
 
-            select case (option)
-            case ("-o", "--output")
-                if (len_trim(value) == 0) call refuse(option//": empty file name")
+            select case (name)
+            case ("--output")
+                if (len_trim(value) == 0) call refuse(name//": empty file name")
                 config%output = value
+            case ("--sheet")
+                call refuse("--sheet: the sizing sheet is drawn by the Python package (expected the command linkdyn that it " &
+                            //"installs)")
             case ("--states")
-                if (len_trim(value) == 0) call refuse(option//": empty file name")
+                if (len_trim(value) == 0) call refuse(name//": empty file name")
                 config%states = value
             case ("--solver")
                 config%solver = value
@@ -276,38 +301,38 @@ contains
                 config%options%threads = whole_number(value)
                 if (config%options%threads < 1) &
                     call refuse("--threads: "//quoted(value)//" (expected a whole number from 1 on)")
+                config%options%threads = team_size(config%options%threads, config%options%threads)
             case ("--method")
                 call choose_method(value, config%integrator%method, outcome)
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, method_name))
             case ("--step")
-                call take_number(option, value, config%integrator%step)
+                call take_number(name, value, config%integrator%step)
             case ("--rtol")
-                call take_number(option, value, config%integrator%rtol)
+                call take_number(name, value, config%integrator%rtol)
             case ("--atol")
-                call take_number(option, value, config%integrator%atol)
+                call take_number(name, value, config%integrator%atol)
             case ("--until")
-                call take_number(option, value, config%until)
+                call take_number(name, value, config%until)
                 config%has_until = .true.
             case ("--keep")
                 config%keep = value
             case ("--checkpoint")
-                call take_number(option, value, config%checkpoint)
-                if (config%checkpoint < 0) call refuse(option//": "//quoted(value)//" (expected seconds)")
+                call take_number(name, value, config%checkpoint)
+                if (config%checkpoint < 0) call refuse(name//": "//quoted(value)//" (expected seconds)")
             case ("--samples")
                 config%n_sample = whole_number(value)
                 if (config%n_sample < 1) call refuse("--samples: "//quoted(value)//" (expected a whole number from 1 on)")
             end select
         end subroutine take_value
 
-        subroutine take_number(option, text, number)
-            character(len=*), intent(in) :: option, text
+        subroutine take_number(name, text, number)
+            character(len=*), intent(in) :: name, text
             real(wp), intent(out) :: number
-            integer :: code
+            integer :: n_used
 
-            number = 0
-            read (text, *, iostat=code) number
-            if (code /= 0 .or. verify(text, "0123456789+-.eE") > 0 .or. .not. abs(number) <= huge(1.0_wp)) &
-                call refuse(option//": "//quoted(text)//" (expected a number)")
+            call parse_number(text, number, n_used)
+            if (n_used == 0 .or. n_used < len(text) .or. .not. abs(number) <= huge(1.0_wp)) &
+                call refuse(name//": "//quoted(text)//" (expected a number)")
         end subroutine take_number
 
         subroutine refuse(message)
@@ -316,6 +341,26 @@ contains
             call fail(status, status_bad_input, "linkdyn: "//message)
         end subroutine refuse
     end subroutine take_word
+
+    !> The place of an option in the list, by its long or short name; 0: it is not there.
+    pure integer function option_number(word)
+        character(len=*), intent(in) :: word
+        integer :: k
+
+        k = findloc(short_name, word, dim=1)
+        if (k > 0 .and. len(word) == len(short_name)) then
+            option_number = findloc(option%name, long_name(k), dim=1)
+        else
+            option_number = findloc(option%name, word, dim=1)
+        end if
+    end function option_number
+
+    pure logical function is_given(config, name)
+        type(command_line), intent(in) :: config
+        character(len=*), intent(in) :: name
+
+        is_given = config%was_given(option_number(name))
+    end function is_given
 
     !> The number, or -1 if the text is none.
     pure integer function whole_number(text)
@@ -349,7 +394,8 @@ contains
                 "Says what is modelled: links, joints, equations and unknowns, the order of computation,", &
                 "and what was left out.", &
                 "", &
-                "  --matrix   write out the equations [A]{F} = b at the first instant, in symbols and in numbers"
+                "  --matrix     write out the equations [A]{F} = b at the first instant, in symbols and in numbers", &
+                "  -h, --help   this text"
         case default
             write (unit, "(a)") &
                 "linkdyn: forces and motion of link mechanisms", &
@@ -420,11 +466,12 @@ contains
             "", &
             "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
             "  --csv               a CSV table instead of netCDF-4", &
+            "  --no-output         keep nothing but the summary", &
             "  --until T           end of the run in s; default: the end of the scene's [time]", &
             "  --samples N         instants of output, both ends included; default: the scene's", &
             "  --method NAME       rk8pd (default), rkf45, gbs (many digits), msbdf (stiff scenes), rk4 (fixed step)", &
             "  --step H            fixed step, or the first one tried, in s; default 0.001", &
-            "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9", &
+            "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9; rk4 has none", &
             "  --error             also estimate the error that the run gathers, of the motion and of every force: takes up", &
             "                      to five times as long", &
             "  --no-switch         stop where a coordinate comes to its dead point; default: another joint variable", &

@@ -1,18 +1,19 @@
 !> `linkdyn forward`: integrate from the scene's start, writing chunk by chunk.
 module linkdyn_drive_forward
-    use, intrinsic :: iso_fortran_env, only: error_unit, int64
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
+    use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
     use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, method_name, method_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_output_file, only: watch_interrupts, interrupt_noted
     use linkdyn_results, only: block_type, prepare_block
-    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, close_results, exit_done, exit_bad_input, &
-        exit_samples_failed
+    use linkdyn_roads, only: road_counts
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, close_results, &
+        exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
-    use linkdyn_terminal, only: progress_type, start_progress, show_share, end_progress, seconds_since
+    use linkdyn_terminal, only: show_stage, show_share, say, seconds_since
     use linkdyn_text, only: to_text
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &
         time_reached
@@ -23,6 +24,12 @@ module linkdyn_drive_forward
     integer, parameter :: block_length = 256         !! samples integrated and written at a time, at most
     real(wp), parameter :: breath = 0.25_wp          !! seconds between two looks at interrupts and progress
     integer, parameter :: exit_of_signal = 128       !! plus its number, as shells have it
+
+    !> Evenly spaced instants of output.
+    type :: instants_type
+        real(wp) :: first = 0, last = 0              !! [s]
+        integer :: n = 0
+    end type instants_type
 
 contains
 
@@ -36,22 +43,23 @@ contains
         type(output_type) :: output
         type(summary_type) :: summary
         type(status_type) :: status
-        real(wp), allocatable :: t(:)
+        type(instants_type) :: instants
         real(wp) :: seconds
 
         exit_status = exit_bad_input
         call load_model(config%scene, .false., model, status)
-        if (status%is_ok()) call choose_times(config, model, t, status)
-        if (status%is_ok()) call start_watched(model, options_of(config, t(1), t(size(t))), config%wanted, watched, status)
+        if (status%is_ok()) call choose_times(config, model, instants, status)
+        if (status%is_ok()) call start_watched(model, options_of(config, instants%first, instants%last), config%wanted, watched, &
+                                               status)
         if (status%is_ok()) then
-            call open_results(config, model, watched%layout, size(t), output, status, may_end_early=.true.)
+            call open_results(config, model, watched%layout, instants%n, output, status, may_end_early=.true.)
         else if (index(status%message, config%scene//":") /= 1) then
             status%message = config%scene//": "//trim(status%message)
         end if
-        if (status%is_ok()) call run_blocks(config, watched, t, output, summary, seconds, status)
+        if (status%is_ok()) call run_blocks(config, watched, instants, output, summary, seconds, status)
         if (.not. status%is_ok()) then
             call finish_watched(watched)
-            write (error_unit, "(a)") trim(status%message)
+            call say(status%message)
             return
         end if
         if (.not. config%quiet) then
@@ -61,9 +69,9 @@ contains
         end if
         exit_status = exit_done
         if (watched%run%has_stopped) then
-            write (error_unit, "(a)") trim(config%scene)//": "//trim(watched%run%reason)
+            call say(trim(config%scene)//": "//trim(watched%run%reason))
         else if (summary%n_failed > 0) then
-            write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
+            call say(trim(config%scene)//": failed samples: "//failure_text(summary))
         end if
         if (summary%n_failed > 0 .or. watched%run%has_stopped) exit_status = exit_samples_failed
         if (interrupt_noted() > 0) exit_status = exit_of_signal + interrupt_noted()
@@ -86,14 +94,14 @@ contains
     end function options_of
 
     !> Instants of output: the scene's, unless the command says otherwise.
-    subroutine choose_times(config, model, t, status)
+    subroutine choose_times(config, model, instants, status)
         type(command_line), intent(in) :: config
         type(model_type), intent(in) :: model
-        real(wp), allocatable, intent(out) :: t(:)    !! [s]
+        type(instants_type), intent(out) :: instants
         type(status_type), intent(inout) :: status
         integer, parameter :: usual_n_sample = 201
         real(wp) :: first, last
-        integer :: i, n
+        integer :: n
 
         first = model%scene%time%first
         last = merge(config%until, model%scene%time%last, config%has_until)
@@ -104,45 +112,56 @@ contains
                       //to_text(last)//" s goes nowhere (expected [time] end, or --until)")
             return
         end if
-        t = [(first + (last - first)*(real(i - 1, wp)/max(1, n - 1)), i=1, n)]
-        t(n) = last
+        instants = instants_type(first, last, n)
     end subroutine choose_times
 
-    subroutine run_blocks(config, watched, t, output, summary, seconds, status)
+    !> Some of the instants.
+    pure function times_of(instants, from, n) result(t)
+        type(instants_type), intent(in) :: instants
+        integer, intent(in) :: from, n               !! number of the first one, from 1, and how many
+        real(wp) :: t(n)                             !! [s]
+        integer :: i
+
+        t = [(instants%first + (instants%last - instants%first)*(real(i - 1, wp)/max(1, instants%n - 1)), i=from, from + n - 1)]
+        if (from + n - 1 == instants%n) t(n) = instants%last
+    end function times_of
+
+    subroutine run_blocks(config, watched, instants, output, summary, seconds, status)
         type(command_line), intent(in) :: config
         type(watched_run), intent(inout) :: watched
-        real(wp), intent(in) :: t(:)                  !! instants [s]
+        type(instants_type), intent(in) :: instants
         type(output_type), intent(inout) :: output
         type(summary_type), intent(out) :: summary
         real(wp), intent(out) :: seconds              !! spent computing
         type(status_type), intent(inout) :: status
         type(block_type) :: block
-        type(progress_type) :: progress
-        integer(int64) :: start
-        integer :: first, n, n_done, n_fallback
+        integer(int64) :: start, run_start
+        type(road_counts) :: roads
+        integer :: first, n, n_done
 
-        call prepare_block(watched%layout, min(block_length, size(t)), block)
+        call prepare_block(watched%layout, min(block_length, instants%n), block)
         call start_summary(watched%layout, summary)
-        call start_progress(config%quiet, progress)
+        call system_clock(run_start)
         seconds = 0
         first = 1
         call watch_interrupts()
-        do while (first <= size(t))
-            n = min(block_length, size(t) - first + 1)
+        do while (first <= instants%n)
+            n = min(block_length, instants%n - first + 1)
             call system_clock(start)
-            call advance_watched(watched, t(first:first + n - 1), block, n_fallback, n_done, breath)
+            call advance_watched(watched, times_of(instants, first, n), block, roads, n_done, breath)
             seconds = seconds + seconds_since(start)
             if (n_done > 0) call put_results(watched%layout, block, first, n_done, output, status)
             if (.not. status%is_ok()) exit
-            call add_to_summary(watched%layout, block, n_done, n_fallback, summary)
+            call add_to_summary(watched%layout, block, n_done, roads, summary)
             first = first + n_done
-            call show_share((time_reached(watched) - t(1))/(t(size(t)) - t(1)), progress)
-            if (interrupt_noted() == 0 .or. first > size(t)) cycle
+            call show_share((time_reached(watched) - instants%first)/(instants%last - instants%first), run_start)
+            if (interrupt_noted() == 0 .or. first > instants%n) cycle
             call interrupt_watched(watched)
             exit
         end do
-        call end_progress(progress)
+        call show_stage("writing")
         call note_run(watched%run, output, status)
+        call note_roads(summary%roads, output, status)
         call close_results(output, status)
     end subroutine run_blocks
 
@@ -154,9 +173,9 @@ contains
 
         associate (i => run%integrator)
             call note_result("method", trim(method_name(i%options%method)), output, status)
-            call note_result("steps", to_text(i%n_step), output, status)
-            call note_result("rejected_steps", to_text(i%n_rejected), output, status)
-            call note_result("right_hand_sides", to_text(i%n_evaluation), output, status)
+            call note_result("steps", i%n_step, output, status)
+            call note_result("rejected_steps", i%n_rejected, output, status)
+            call note_result("right_hand_sides", i%n_evaluation, output, status)
             call note_result("stopped", trim(run%reason), output, status)
             call note_result("coordinates_integrated", coordinates_in_words(run), output, status)
         end associate

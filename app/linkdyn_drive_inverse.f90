@@ -2,34 +2,38 @@
 !> with the length of the run. Results that are written are computed block by block, each by all threads; where
 !> only the summary is kept, threads take groups of blocks and meet at the end only.
 module linkdyn_drive_inverse
-    use, intrinsic :: iso_fortran_env, only: error_unit, int64
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_builder, only: build_model
     use linkdyn_cli, only: command_line
     use linkdyn_force_map, only: typical_length
     use linkdyn_inverse, only: inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
-    use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, &
-        find_driving_power, result_time, result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
-        result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
-        result_singularity_distance, result_error, result_growth, result_transmission_angle, result_power_imbalance, &
-        result_driving_force_error, result_reaction_error
-    use linkdyn_run_output, only: output_type, open_results, put_results, close_results, exit_done, exit_bad_input, &
+    use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, samples_width, &
+        find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
+        result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
+        result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
+        result_power_imbalance, result_driving_force_error, result_reaction_error
+    use linkdyn_roads, only: road_counts
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_roads, close_results, exit_done, exit_bad_input, &
         exit_samples_failed
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text
-    use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since
+    use linkdyn_terminal, only: show_stage, show_progress, say, seconds_since
+    use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
     public :: drive_inverse, load_model
 
     integer, parameter :: written_block = 16384      !! samples computed and written at a time
     integer, parameter :: passing_block = 2048       !! samples whose results stay in the cache until they are summed up
+    integer, parameter :: most_values = 2**24        !! computed at a time: a large mechanism has fewer samples in a block
     integer, parameter :: most_groups = 1024         !! of blocks: every group has a summary of its own
 
     !> Values that are computed but not stored.
@@ -71,7 +75,7 @@ contains
         if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
         call solver%free()
         if (.not. status%is_ok()) then
-            write (error_unit, "(a)") trim(status%message)
+            call say(status%message)
             return
         end if
         if (.not. config%quiet) call print_summary(model%scene, layout, summary, config%solver, &
@@ -79,7 +83,7 @@ contains
         exit_status = exit_done
         if (summary%n_failed == 0) return
         exit_status = exit_samples_failed
-        write (error_unit, "(a)") trim(config%scene)//": failed samples: "//failure_text(summary)
+        call say(trim(config%scene)//": failed samples: "//failure_text(summary))
     end subroutine drive_inverse
 
     !> Read and plan a scene; messages start with the file's name.
@@ -90,6 +94,7 @@ contains
         type(status_type), intent(inout) :: status
         type(scene_type) :: scene
 
+        call show_stage("reading and planning")
         call read_scene(file, scene, status)
         if (status%is_ok() .and. is_inverse) call check_actuators(scene, status)
         if (status%is_ok()) call build_model(scene, model, status)
@@ -109,31 +114,34 @@ contains
         type(summary_type), intent(out) :: summary
         real(wp), intent(out) :: seconds              !! spent computing, mean of the threads
         type(status_type), intent(inout) :: status
-        type(progress_type) :: progress
         type(assembly_trail) :: trail
         type(summary_type), allocatable :: part(:)    !! of each group: joined in order, whichever thread made it
+        integer(int64) :: run_start
         integer :: length, n_block, n_group, n_taker, n_helper, n_done, k
 
         length = merge(passing_block, written_block, output%is_none)
+        length = max(lanes, min(length, most_values/width_of(layout)/lanes*lanes))
         n_block = (n_sample - 1)/length + 1
         n_group = min(n_block, most_groups)
         ! Where assemblies are followed along the motion, blocks are taken in their order.
-        n_taker = merge(min(config%options%threads, n_group), 1, output%is_none .and. model%n_dyad == 0)
+        n_taker = 1
+        if (output%is_none .and. model%n_dyad == 0) n_taker = team_size(config%options%threads, n_group)
         n_helper = merge(1, config%options%threads, output%is_none .and. model%n_dyad == 0)
         allocate (part(n_group))
         n_done = 0
         seconds = 0
-        call start_progress(config%quiet, progress)
+        call system_clock(run_start)
         !$omp parallel num_threads(n_taker) default(shared)
         call take_groups()
         !$omp end parallel
-        call end_progress(progress)
-        call close_results(output, status)
         seconds = seconds/n_taker
         call start_summary(layout, summary)
         do k = 1, n_group
             if (status%is_ok()) call join_summaries(part(k), summary)
         end do
+        call show_stage("writing")
+        call note_roads(summary%roads, output, status)
+        call close_results(output, status)
 
     contains
 
@@ -165,21 +173,32 @@ contains
             type(summary_type), intent(inout) :: part
             integer(int64) :: start
             real(wp) :: elapsed
-            integer :: n_fallback
+            type(road_counts) :: roads
 
             if (.not. status%is_ok()) return
             call system_clock(start)
-            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, n_fallback)
+            call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, roads)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
-            call add_to_summary(layout, block, n, n_fallback, part)
+            call add_to_summary(layout, block, n, roads, part)
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n
-            call show_progress(int(n_done, int64), int(n_sample, int64), progress)
+            call show_progress(int(n_done, int64), int(n_sample, int64), run_start)
             !$omp end critical (linkdyn_progress)
         end subroutine take_block
     end subroutine run_blocks
+
+    !> Values of a sample.
+    pure integer function width_of(layout) result(width)
+        type(layout_type), intent(in) :: layout
+        integer :: k
+
+        width = 0
+        do k = 1, size(layout%variable)
+            width = width + samples_width(layout, layout%variable(k))
+        end do
+    end function width_of
 
     !> Room for what the run needs beside what it stores.
     subroutine prepare_scratch(config, model, n, scratch)
@@ -195,7 +214,7 @@ contains
     end subroutine prepare_scratch
 
     !> Motion, loads and inverse dynamics of some instants.
-    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, n_fallback)
+    subroutine compute_block(model, solver, threads, layout, states, first, n, block, scratch, trail, roads)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads
@@ -205,7 +224,7 @@ contains
         type(block_type), intent(inout), target :: block
         type(scratch_type), intent(inout), target :: scratch
         type(assembly_trail), intent(inout) :: trail  !! instants follow each other
-        integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
+        type(road_counts), intent(out) :: roads       !! of the samples
         type(inverse_results) :: results
         real(wp), pointer :: time(:), q(:, :), qd(:, :), qdd(:, :), speed(:, :), power(:, :)
 
@@ -245,8 +264,9 @@ contains
         else
             call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail)
         end if
-        n_fallback = results%n_fallback
+        roads = results%roads
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)
+        call flag_unsound(layout, n, block)
     end subroutine compute_block
 end module linkdyn_drive_inverse

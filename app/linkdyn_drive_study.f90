@@ -1,15 +1,17 @@
 !> `linkdyn study`: every solver and every integrator on one scene, time against error, and what to use.
 module linkdyn_drive_study
-    use, intrinsic :: iso_fortran_env, only: error_unit
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, sample_count
-    use linkdyn_output_file, only: output_file, open_output, open_text, write_text, finish_text
+    use linkdyn_output_file, only: output_file, open_output, write_text, finish_text, discard_output
+    use linkdyn_path, only: refuse_inputs
     use linkdyn_run_output, only: default_name, exit_done, exit_bad_input
+    use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_study, only: study_row, study_states, study_inverse, study_forward, recommend, warn_of_growth
+    use linkdyn_terminal, only: show_stage, say
     use linkdyn_text, only: to_text
     use linkdyn_twin, only: find_twin, ask_inverse, ask_forward
     implicit none (type, external)
@@ -28,25 +30,30 @@ contains
         integer, intent(out) :: exit_status
         type(model_type), target :: model
         type(study_row), allocatable :: inverse(:), forward(:)
+        type(output_file) :: file
         type(status_type) :: status, inverse_status, forward_status
         character(len=:), allocatable :: twin, against
         real(wp) :: tenfold
 
         exit_status = exit_bad_input
         call load_model(config%scene, .false., model, status)
+        if (status%is_ok() .and. .not. config%no_output) call open_table(config, model%scene, file, status)
         if (status%is_ok()) then
             twin = find_twin()
             against = "the quadruple twin"
             if (twin == "") against = "the most careful result of its own (the quadruple twin is not built: make real128)"
+            call show_stage("measuring inverse dynamics")
             call measure_inverse(config, model, twin, inverse, inverse_status)
+            call show_stage("measuring forward dynamics")
             call measure_forward(config, model, twin, forward, tenfold, forward_status)
             if (size(inverse) + size(forward) == 0) call fail(status, status_bad_input, config%scene &
                 //": neither inverse nor forward dynamics can be computed: "//trim(inverse_status%message)//"; " &
                 //trim(forward_status%message))
         end if
-        if (status%is_ok() .and. .not. config%no_output) call write_rows(config, [inverse, forward], status)
+        if (status%is_ok() .and. .not. config%no_output) call write_rows([inverse, forward], file, status)
         if (.not. status%is_ok()) then
-            write (error_unit, "(a)") trim(status%message)
+            call discard_output(file)
+            call say(status%message)
             return
         end if
         exit_status = exit_done
@@ -167,23 +174,31 @@ contains
         end do
     end subroutine print_advice
 
-    !> All rows as a table.
-    subroutine write_rows(config, row, status)
+    !> Find out at once whether the table can be written.
+    subroutine open_table(config, scene, file, status)
         type(command_line), intent(in) :: config
-        type(study_row), intent(in) :: row(:)
+        type(scene_type), intent(in) :: scene
+        type(output_file), intent(out) :: file
         type(status_type), intent(inout) :: status
-        type(output_file) :: file
         character(len=:), allocatable :: name
-        character(len=64) :: numbers
-        integer :: i
 
         if (allocated(config%output)) then
             name = config%output
         else
             name = default_name(config%scene)//"_study.csv"
         end if
+        call refuse_inputs(name, scene, status)
         call open_output(name, .true., file, status)
-        if (status%is_ok()) call open_text(file, status)
+    end subroutine open_table
+
+    !> All rows as a table.
+    subroutine write_rows(row, file, status)
+        type(study_row), intent(in) :: row(:)
+        type(output_file), intent(inout) :: file
+        type(status_type), intent(inout) :: status
+        character(len=64) :: numbers
+        integer :: i
+
         call write_text(file, "analysis,method,setting,seconds [s],error [1],steps [1]"//new_line("a"), status)
         do i = 1, size(row)
             write (numbers, "(es16.8e3, ',', es16.8e3, ',', i0)") row(i)%seconds, row(i)%error, row(i)%n_step

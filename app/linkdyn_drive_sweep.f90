@@ -1,27 +1,29 @@
 !> `linkdyn sweep`: rounds of chunks, checkpoints between them, results at the end.
 module linkdyn_drive_sweep
-    use, intrinsic :: iso_fortran_env, only: error_unit, int64
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_checkpoint, only: sweep_hash, write_checkpoint, read_checkpoint, checkpoint_name, has_checkpoint
     use linkdyn_cli, only: command_line
     use linkdyn_input, only: folder_of
     use linkdyn_kinds, only: wp
+    use linkdyn_file_lock, only: file_lock, take_lock, release_lock
     use linkdyn_output_file, only: output_file, open_output, discard_output, remove_file
     use linkdyn_parallel, only: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, &
-        share_integers
+        share_integers, agree
+    use linkdyn_path, only: resolve_path, refuse_inputs, path_other
     use linkdyn_run_output, only: default_name, run_attributes, exit_done, exit_bad_input
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene, check_actuators
-    use linkdyn_scene_variant, only: scene_variants
-    use linkdyn_spool, only: spool_type, open_spool, write_spool, sync_spool, close_spool
-    use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
+    use linkdyn_scene_variant, only: variants_of
+    use linkdyn_spool, only: spool_type, spool_mark, open_spool, reopen_spool, append_spool, sync_spool, close_spool
+    use linkdyn_status, only: status_type, fail, status_bad_input, status_io_error
+    use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, close_designs, finish_sweep
     use linkdyn_sweep_chunk, only: kept_chunk, make_records
     use linkdyn_sweep_output, only: write_sweep
     use linkdyn_sweep_plan, only: samples_of_chunk
     use linkdyn_sweep_wishes, only: choose_kept
     use linkdyn_sweep_summary, only: print_sweep, sample_text
     use linkdyn_sweep_totals, only: totals_type, packed_size, pack_totals, unpack_totals
-    use linkdyn_terminal, only: progress_type, start_progress, show_progress, end_progress, seconds_since, duration_text
+    use linkdyn_terminal, only: show_stage, show_progress, end_progress, say, seconds_since, duration_text
     implicit none (type, external)
     private
     public :: drive_sweep
@@ -44,6 +46,7 @@ contains
         integer, intent(out) :: exit_status
         type(sweep_run) :: run
         type(spool_type) :: spool
+        type(file_lock) :: lock
         type(status_type) :: status
         character(len=:), allocatable :: output
         integer(int64) :: start, hash, shared(2)
@@ -52,17 +55,18 @@ contains
 
         call start_processes(status)
         is_first = this_process() == 0
+        if (.not. is_first) call end_progress()
+        call show_stage("reading and planning")
         exit_status = exit_bad_input
         if (status%is_ok()) call prepare_run(config, run, status)
-        output = default_name(config%scene)//"_sweep.nc"
-        if (allocated(config%output)) output = config%output
         hash = 0
+        if (status%is_ok()) hash = sweep_hash(run)
+        call agree(trim(config%scene), hash, status)
         if (status%is_ok() .and. is_first) then
-            hash = sweep_hash(run)
-            call take_up(config, output, hash, run, status)
+            call choose_output(config, run%scene, output, status)
+            call take_lock(output, lock, status)
+            call take_up(config, output, hash, run, spool, status)
             if (status%is_ok() .and. .not. config%yes) call ask_consent(config, run, status)
-            if (status%is_ok() .and. any(run%spec%keeps)) &
-                call open_spool(output//".spool", 1 + size(run%plan%axis) + size(run%keep), spool, status)
         end if
         shared = [merge(1_int64, 0_int64, status%is_ok()), run%n_done]
         call share_integers(shared)
@@ -76,9 +80,10 @@ contains
             if (status%is_ok()) call write_sweep(output, run_attributes(config, run%scene), run, spool, status)
             call close_spool(spool, status%is_ok())
             if (status%is_ok()) call remove_file(checkpoint_name(output))
+            call release_lock(lock)
             if (status%is_ok() .and. .not. config%quiet) call print_sweep(run, config%solver, config%options%threads, &
                 n_process(), seconds, output, unit)
-            if (.not. status%is_ok()) write (error_unit, "(a)") trim(status%message)
+            if (.not. status%is_ok()) call say(status%message)
         end if
         if (status%is_ok()) exit_status = exit_done
         call finish_sweep(run)
@@ -98,28 +103,62 @@ contains
         if (allocated(config%keep)) call choose_kept(config%keep, scene%sweep, status)
         if (.not. status%is_ok() .and. index(status%message, "keep:") == 1) &
             status%message = "linkdyn: --"//trim(status%message)
-        if (status%is_ok()) call start_sweep(scene, scene_variants(scene, folder_of(trim(config%scene))), &
+        if (status%is_ok()) call start_sweep(scene, variants_of(scene, folder_of(trim(config%scene))), &
             config%options%solver, run, status)
     end subroutine prepare_run
 
+    !> Where the results go, behind all links: checkpoint, spool and lock stand beside that file.
+    subroutine choose_output(config, scene, output, status)
+        type(command_line), intent(in) :: config
+        type(scene_type), intent(in) :: scene
+        character(len=:), allocatable, intent(out) :: output
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: name
+        integer :: kind
+
+        name = default_name(config%scene)//"_sweep.nc"
+        if (allocated(config%output)) name = config%output
+        call resolve_path(name, output, kind, status)
+        if (kind == path_other) call fail(status, status_io_error, name//": cannot be written: is a device or a pipe " &
+                                          //"(expected a file name: a sweep keeps its checkpoint beside it)")
+        call refuse_inputs(name, scene, status)
+        call refuse_inputs(checkpoint_name(output), scene, status)
+        call refuse_inputs(spool_name(output), scene, status)
+    end subroutine choose_output
+
+    pure function spool_name(output) result(name)
+        character(len=*), intent(in) :: output
+        character(len=:), allocatable :: name
+
+        name = output//".spool"
+    end function spool_name
+
     !> Find out at once whether the results can be written, and where an earlier run stands.
-    subroutine take_up(config, output, hash, run, status)
+    subroutine take_up(config, output, hash, run, spool, status)
         type(command_line), intent(in) :: config
         character(len=*), intent(in) :: output
         integer(int64), intent(in) :: hash
         type(sweep_run), intent(inout) :: run
+        type(spool_type), intent(inout) :: spool           !! opened if samples are kept
         type(status_type), intent(inout) :: status
         type(output_file) :: file
+        type(spool_mark) :: mark
+        integer :: width
 
+        if (.not. status%is_ok()) return
+        width = 1 + size(run%plan%axis) + size(run%keep)
         if (config%resume .and. has_checkpoint(output)) then
-            call read_checkpoint(output, hash, run, status)
+            call read_checkpoint(output, hash, run, mark, status)
+            if (status%is_ok() .and. any(run%spec%keeps)) call reopen_spool(spool_name(output), width, mark, spool, status)
         else if (has_checkpoint(output)) then
             call fail(status, status_bad_input, checkpoint_name(output)//": an interrupted run is kept there "// &
                 "(expected --resume to go on with it; to start anew, remove this file)")
         end if
         if (.not. status%is_ok()) return
         call open_output(output, .false., file, status)
-        if (status%is_ok()) call discard_output(file)
+        call discard_output(file)
+        if (status%is_ok() .and. any(run%spec%keeps) .and. .not. allocated(spool%name)) &
+            call open_spool(spool_name(output), width, spool, status)
     end subroutine take_up
 
     !> Large requests want to be meant: say how large.
@@ -154,7 +193,7 @@ contains
         real(wp) :: pass_seconds(2)
         integer :: n, pass
 
-        call finish_sweep(run)
+        call close_designs(run)
         do pass = 1, 2                                    ! the first one plans
             call system_clock(start)
             call compute_chunks(run, 0_int64, 1_int64, 1, part, kept)
@@ -186,13 +225,12 @@ contains
         type(command_line), intent(in) :: config
         character(len=*), intent(in) :: output
         integer(int64), intent(in) :: hash
-        type(spool_type), intent(in) :: spool
+        type(spool_type), intent(inout) :: spool
         type(sweep_run), intent(inout) :: run
         type(status_type), intent(inout) :: status
-        type(progress_type) :: progress
         type(totals_type), allocatable :: part(:)
         type(kept_chunk), allocatable :: kept(:)
-        integer(int64) :: n_left, shared(1), round_start, kept_start, n_before
+        integer(int64) :: n_left, shared(1), run_start, round_start, kept_start, n_before
         real(wp) :: elapsed, spent, keeping
         integer :: n_worker, n_round, n_own, most, width
 
@@ -202,8 +240,8 @@ contains
         if (any(run%spec%keeps)) width = 1 + size(run%plan%axis) + size(run%keep)
         if (run%map%is_wanted) width = width + 2 + size(run%row%quantity)
         if (width > 0) most = max(1, min(most, int(round_bytes/(8.0_wp*n_worker*run%plan%chunk*width))))
-        call start_progress(config%quiet .or. this_process() > 0, progress)
-        call system_clock(kept_start)
+        call system_clock(run_start)
+        kept_start = run_start
         n_before = run%n_done
         n_round = n_worker
         keeping = 0
@@ -227,23 +265,23 @@ contains
                 config%options%threads, part, kept(:n_own))
             call gather_round(n_round, part, kept, spool, run, status)
             elapsed = seconds_since(round_start)
-            call show_progress((run%n_done - n_before)*run%plan%chunk, (run%plan%n_chunk - n_before)*run%plan%chunk, progress)
+            call show_progress((run%n_done - n_before)*run%plan%chunk, (run%plan%n_chunk - n_before)*run%plan%chunk, run_start)
             spent = seconds_since(kept_start)
             if (this_process() == 0 .and. run%n_done < run%plan%n_chunk .and. &
                 spent > max(config%checkpoint, costly*keeping)) then
                 call system_clock(kept_start)
                 call sync_spool(spool, status)
-                if (status%is_ok()) call write_checkpoint(output, hash, run, status)
+                if (status%is_ok()) call write_checkpoint(output, hash, run, spool%mark, status)
                 keeping = seconds_since(kept_start)
                 call system_clock(kept_start)
             end if
             n_round = n_worker*max(1, min(most, int(real(n_round, wp)/n_worker*max(0.5_wp, min(2.0_wp, &
                 round_seconds/max(elapsed, 1.0e-6_wp))) + 0.5_wp)))
         end do
-        call end_progress(progress)
+        call show_stage("writing")
         ! All is computed: whatever happens to the results while they are written, --resume will write them again.
-        if (this_process() == 0 .and. status%is_ok() .and. seconds_since(progress%start) > config%checkpoint) &
-            call write_checkpoint(output, hash, run, status)
+        if (this_process() == 0 .and. status%is_ok() .and. seconds_since(run_start) > config%checkpoint) &
+            call write_checkpoint(output, hash, run, spool%mark, status)
     end subroutine run_rounds
 
     !> All processes' chunks to process 0, joined and kept there in order.
@@ -251,7 +289,7 @@ contains
         integer, intent(in) :: n_round
         type(totals_type), intent(in) :: part(:)
         type(kept_chunk), intent(inout) :: kept(:)
-        type(spool_type), intent(in) :: spool
+        type(spool_type), intent(inout) :: spool
         type(sweep_run), intent(inout) :: run
         type(status_type), intent(inout) :: status
         type(totals_type) :: other(1)
@@ -291,7 +329,7 @@ contains
                 call join_chunks(run, other, other_kept)
                 if (allocated(records)) call receive_records(owner, records)
             end if
-            if (allocated(records)) call write_spool(spool, first, records, status)
+            if (allocated(records)) call append_spool(spool, records, status)
         end do
     end subroutine gather_round
 

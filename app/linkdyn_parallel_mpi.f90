@@ -2,12 +2,13 @@
 module linkdyn_parallel
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
-    use linkdyn_status, only: status_type
-    use mpi_f08, only: mpi_init, mpi_finalize, mpi_comm_rank, mpi_comm_size, mpi_send, mpi_recv, mpi_bcast, mpi_comm_world, &
-        mpi_status_ignore, mpi_byte
+    use linkdyn_status, only: status_type, fail, status_bad_input, message_len
+    use linkdyn_text, only: to_text
+    use mpi_f08, only: mpi_init, mpi_finalize, mpi_comm_rank, mpi_comm_size, mpi_send, mpi_recv, mpi_bcast, &
+        mpi_allgather, mpi_get_processor_name, mpi_comm_world, mpi_status_ignore, mpi_byte, mpi_max_processor_name
     implicit none (type, external)
     private
-    public :: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, share_integers
+    public :: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, share_integers, agree
 
     integer, parameter :: tag_reals = 1, tag_integers = 2
 
@@ -31,6 +32,35 @@ contains
     integer function this_process()
         call mpi_comm_rank(mpi_comm_world, this_process)
     end function this_process
+
+    !> All processes must have come as far with the same work: where one has failed, or has another scene (a copy on its
+    !> machine that is out of date), all fail, and with the same words.
+    subroutine agree(scene, hash, status)
+        character(len=*), intent(in) :: scene      !! its file
+        integer(int64), intent(in) :: hash         !! of the work
+        type(status_type), intent(inout) :: status
+        character(len=message_len) :: message
+        character(len=mpi_max_processor_name) :: machine
+        integer(int64) :: own(2)
+        integer(int64), allocatable :: every(:, :)
+        integer :: p, length
+
+        own = [merge(1_int64, 0_int64, status%is_ok()), hash]
+        allocate (every(2, 0:n_process() - 1))
+        call mpi_allgather(own, size(own)*8, mpi_byte, every, size(own)*8, mpi_byte, mpi_comm_world)
+        p = findloc(every(1, :) == 1 .and. every(2, :) == every(2, 0), .false., dim=1) - 1
+        if (p < 0) return
+        if (this_process() == p) then
+            call mpi_get_processor_name(machine, length)
+            call fail(status, status_bad_input, scene//": it, or a table of it, is not what process 0 has (expected the same " &
+                      //"files on every machine)")
+            message = status%message
+            if (p > 0) message = "process "//to_text(p)//" on "//machine(:length)//": "//status%message
+        end if
+        call mpi_bcast(message, len(message), mpi_byte, p, mpi_comm_world)
+        call fail(status, status_bad_input, message)
+        status%message = message
+    end subroutine agree
 
     !> To process 0. As bytes: any precision.
     subroutine send_arrays(reals, integers)

@@ -5,7 +5,7 @@ module linkdyn_parallel
     use linkdyn_status, only: status_type, fail, status_unavailable
     implicit none (type, external)
     private
-    public :: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, share_integers
+    public :: start_processes, stop_processes, n_process, this_process, send_arrays, receive_arrays, share_integers, agree
 
 contains
 
@@ -34,6 +34,13 @@ contains
     pure integer function this_process()
         this_process = 0
     end function this_process
+
+    !> All processes must have come as far with the same work.
+    subroutine agree(scene, hash, status)
+        character(len=*), intent(in) :: scene
+        integer(int64), intent(in) :: hash
+        type(status_type), intent(inout) :: status
+    end subroutine agree
 
     !> To process 0.
     subroutine send_arrays(reals, integers)

@@ -4,13 +4,15 @@ module linkdyn_run_output
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
     use linkdyn_model, only: model_type
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
+    use linkdyn_path, only: refuse_inputs
     use linkdyn_results, only: layout_type, block_type
+    use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
     use linkdyn_version, only: version
     implicit none (type, external)
     private
-    public :: output_type, open_results, put_results, note_result, close_results, default_name, run_attributes
+    public :: output_type, open_results, put_results, note_result, note_roads, close_results, default_name, run_attributes
     public :: exit_done, exit_bad_input, exit_samples_failed
 
     integer, parameter :: exit_done = 0, exit_bad_input = 2, exit_samples_failed = 3
@@ -23,6 +25,11 @@ module linkdyn_run_output
         type(netcdf_writer) :: netcdf
         type(csv_writer) :: csv
     end type output_type
+
+    !> What is known at the end of a run only; CSV has no room for it.
+    interface note_result
+        module procedure note_text, note_number
+    end interface note_result
 
 contains
 
@@ -46,6 +53,8 @@ contains
         else
             output%name = default_name(config%scene)//trim(merge(".csv", ".nc ", config%csv))
         end if
+        call refuse_inputs(output%name, model%scene, status, config%states)
+        if (.not. status%is_ok()) return
         if (config%csv) then
             call create_csv(output%name, layout, output%csv, status)
             return
@@ -84,14 +93,33 @@ contains
         end if
     end subroutine put_results
 
-    !> What is known at the end of a run only; CSV has no room for it.
-    subroutine note_result(name, text, output, status)
+    subroutine note_text(name, text, output, status)
         character(len=*), intent(in) :: name, text
         type(output_type), intent(inout) :: output
         type(status_type), intent(inout) :: status
 
         if (.not. (output%is_none .or. output%is_csv)) call note_netcdf(name, text, output%netcdf, status)
-    end subroutine note_result
+    end subroutine note_text
+
+    subroutine note_number(name, number, output, status)
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: number
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (.not. (output%is_none .or. output%is_csv)) call note_netcdf(name, number, output%netcdf, status)
+    end subroutine note_number
+
+    !> How many samples took which road.
+    subroutine note_roads(roads, output, status)
+        type(road_counts), intent(in) :: roads
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        call note_result("samples_closed_form", roads%closed, output, status)
+        call note_result("samples_iterated", roads%iterated, output, status)
+        call note_result("samples_dense", roads%dense, output, status)
+    end subroutine note_roads
 
     subroutine close_results(output, status)
         type(output_type), intent(inout) :: output

@@ -6,6 +6,7 @@ module linkdyn_summary
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_reaction, result_status, variable_index, samples_width, label_of_value, &
         estimated, estimate_of
+    use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: sample_ok, sample_status_name
     use linkdyn_text, only: to_text
@@ -33,7 +34,7 @@ module linkdyn_summary
     type :: summary_type
         integer :: n_sample = 0
         integer :: n_failed = 0
-        integer :: n_fallback = 0
+        type(road_counts) :: roads
         integer :: first_failure = sample_ok
         real(wp) :: first_failure_time = 0
         logical :: has_force = .false., has_reaction = .false.
@@ -77,11 +78,11 @@ contains
     end subroutine add_worst
 
     !> Take a block in. Failed samples count as such and nowhere else.
-    subroutine add_to_summary(layout, block, n, n_fallback, summary)
+    subroutine add_to_summary(layout, block, n, roads, summary)
         type(layout_type), intent(in) :: layout
         type(block_type), intent(in), target :: block
         integer, intent(in) :: n                     !! samples
-        integer, intent(in) :: n_fallback            !! of them solved by the dense solver
+        type(road_counts), intent(in) :: roads       !! theirs
         type(summary_type), intent(inout) :: summary
         real(wp), pointer :: time(:), force(:, :), reaction(:, :, :)
         integer, pointer :: code(:)
@@ -94,7 +95,7 @@ contains
         summary%has_force = associated(force)
         summary%has_reaction = associated(reaction)
         summary%n_sample = summary%n_sample + n
-        summary%n_fallback = summary%n_fallback + n_fallback
+        summary%roads = summary%roads + roads
         n_force = merge(2, 3, layout%planar)
         do i = 1, n
             if (code(i) /= sample_ok) then
@@ -162,7 +163,7 @@ contains
         if (whole%n_failed == 0) whole%first_failure_time = part%first_failure_time
         whole%n_sample = whole%n_sample + part%n_sample
         whole%n_failed = whole%n_failed + part%n_failed
-        whole%n_fallback = whole%n_fallback + part%n_fallback
+        whole%roads = whole%roads + part%roads
         whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
         do k = 1, size(whole%lowest)
             call join(part%lowest(k), whole%lowest(k))
@@ -218,8 +219,10 @@ contains
         if (size(summary%worst) > 0) call print_errors(layout, summary%worst, unit)
         write (unit, "(a)") ""
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
-        if (summary%n_fallback > 0) write (unit, "(a)") "  dense solver     took over "// &
-            to_text(summary%n_fallback)//" samples whose pivots were not to be trusted"
+        if (summary%roads%iterated > 0) write (unit, "(a)") "  closed           "//to_text(summary%roads%closed)// &
+            " samples in closed form, "//to_text(summary%roads%iterated)//" by iteration"
+        if (summary%roads%dense > 0) write (unit, "(a)") "  dense solver     took over "// &
+            to_text(summary%roads%dense)//" samples whose pivots were not to be trusted"
         write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*seconds/summary%n_sample)// &
             " us per sample, "//significant(seconds)//" s in all"
         write (unit, "(a)") "  results          "//output

@@ -5,7 +5,7 @@ module linkdyn_sweep_output
     use linkdyn_kinds, only: wp
     use linkdyn_netcdf_dataset, only: create_dataset, define_samples, put_samples
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, close_netcdf
-    use linkdyn_spool, only: spool_type, read_spool
+    use linkdyn_spool, only: spool_type, read_spool, check_spool
     use linkdyn_status, only: status_type
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
@@ -37,6 +37,7 @@ contains
         if (any(run%spec%keeps)) then
             call kept_variables(run, dataset, variable)
             call define_samples(dataset, dimension_id, variable, variable_id, writer, status)
+            call check_spool(spool, status)
             first = 0
             do while (first < run%plan%n_sample .and. status%is_ok())
                 n = int(min(int(block_length, int64), run%plan%n_sample - first))

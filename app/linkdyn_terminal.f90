@@ -1,72 +1,70 @@
-!> The process and its terminal: progress line, end of the program.
+!> The process and its terminal: signs of life, messages, end of the program.
+!>
+!> A line on the terminal says every half second how far the work is, however long a single piece of it takes: a timer of the
+!> system writes it (c/linkdyn_sign.c), and the work only says what there is to tell.
 module linkdyn_terminal
     use, intrinsic :: iso_fortran_env, only: error_unit, output_unit, int64
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: is_terminal, leave_process
+    use linkdyn_sign, only: start_sign, set_sign, end_sign
+    use linkdyn_text, only: printable, to_text
     implicit none (type, external)
     private
-    public :: progress_type, start_progress, show_progress, show_share, end_progress, seconds_since, duration_text, &
-        leave_program
-
-    real(wp), parameter :: patience = 2         !! seconds without a sign of life
-    real(wp), parameter :: refresh = 0.5_wp !! seconds between two signs
-
-    !> A line on the terminal that says how far the run is.
-    type :: progress_type
-        logical :: is_wanted = .false.
-        integer(int64) :: start = 0
-        real(wp) :: last_shown = 0
-        logical :: is_shown = .false.
-    end type progress_type
+    public :: start_progress, show_stage, show_progress, show_share, end_progress, say, seconds_since, duration_text, leave_program
 
 contains
 
-    subroutine start_progress(is_quiet, progress)
+    !> Begin to give signs of life, unless nobody would see them or wants to.
+    subroutine start_progress(is_quiet)
         logical, intent(in) :: is_quiet
-        type(progress_type), intent(out) :: progress
         integer, parameter :: error_descriptor = 2
 
-        progress%is_wanted = .not. is_quiet .and. is_terminal(error_descriptor)
-        call system_clock(progress%start)
+        if (.not. is_quiet .and. is_terminal(error_descriptor)) call start_sign()
     end subroutine start_progress
 
-    !> Share done and time left of a run whose samples come at no even pace.
-    subroutine show_share(share, progress)
-        real(wp), intent(in) :: share                !! 0 to 1
-        type(progress_type), intent(inout) :: progress
-        real(wp) :: elapsed
+    !> What is done now, where no share of it can be told.
+    subroutine show_stage(stage)
+        character(len=*), intent(in) :: stage
 
-        if (.not. is_due(progress, elapsed) .or. .not. share > 0) return
-        write (error_unit, "(a, i4, 4a)", advance="no") achar(13), int(100*share), " % done, ", &
-            duration_text(elapsed*(1 - share)/share), " left", repeat(" ", 12)
-        flush (error_unit)
+        call set_sign(stage)
+    end subroutine show_stage
+
+    !> Share done and time left of a run whose samples come at no even pace.
+    subroutine show_share(share, start)
+        real(wp), intent(in) :: share                !! 0 to 1
+        integer(int64), intent(in) :: start          !! of the run, a count of the system clock
+
+        if (share > 0) call set_sign(to_text(int(100*min(share, 1.0_wp)))//" % done, " &
+                                     //duration_text(seconds_since(start)*(1 - share)/share)//" left")
     end subroutine show_share
 
-    !> Is it time for a sign of life?
-    logical function is_due(progress, elapsed)
-        type(progress_type), intent(inout) :: progress
-        real(wp), intent(out) :: elapsed             !! since the start [s]
-
-        elapsed = seconds_since(progress%start)
-        is_due = progress%is_wanted .and. elapsed >= patience .and. elapsed >= progress%last_shown + refresh
-        if (.not. is_due) return
-        progress%last_shown = elapsed
-        progress%is_shown = .true.
-    end function is_due
-
-    !> Share done, rate and time left; nothing in a short run.
-    subroutine show_progress(done, total, progress)
+    !> Share done, rate and time left.
+    subroutine show_progress(done, total, start)
         integer(int64), intent(in) :: done, total    !! samples
-        type(progress_type), intent(inout) :: progress
+        integer(int64), intent(in) :: start          !! of the run, a count of the system clock
+        character(len=10) :: rate
         real(wp) :: elapsed
 
         if (done == 0) return
-        if (.not. is_due(progress, elapsed)) return
-        write (error_unit, "(a, i4, a, es9.2, 4a)", advance="no") achar(13), int(100*(real(done, wp)/total)), &
-            " % done, ", done/elapsed, " samples/s, ", duration_text(elapsed*(real(total - done, wp)/done)), " left", &
-            repeat(" ", 12)
-        flush (error_unit)
+        elapsed = seconds_since(start)
+        write (rate, "(es9.2)") done/max(elapsed, tiny(elapsed))
+        call set_sign(to_text(int(100*(real(done, wp)/total)))//" % done, "//trim(adjustl(rate))//" samples/s, " &
+                      //duration_text(elapsed*(real(total - done, wp)/done))//" left")
     end subroutine show_progress
+
+    !> Wipe the line.
+    subroutine end_progress()
+        call end_sign()
+    end subroutine end_progress
+
+    !> One line on standard error.
+    subroutine say(message)
+        character(len=*), intent(in) :: message
+
+        call end_progress()
+        write (error_unit, "(a)") printable(trim(message))
+        flush (error_unit)
+    end subroutine say
 
     !> "35 s", "12 min", "3.4 h", "51 days", "2.5 years"
     function duration_text(seconds) result(text)
@@ -89,15 +87,6 @@ contains
         text = trim(adjustl(buffer))
     end function duration_text
 
-    !> Wipe the line.
-    subroutine end_progress(progress)
-        type(progress_type), intent(inout) :: progress
-
-        if (progress%is_shown) write (error_unit, "(3a)", advance="no") achar(13), repeat(" ", 72), achar(13)
-        flush (error_unit)
-        progress%is_shown = .false.
-    end subroutine end_progress
-
     real(wp) function seconds_since(start)
         integer(int64), intent(in) :: start          !! count of the system clock
         integer(int64) :: now, rate
@@ -111,6 +100,7 @@ contains
     subroutine leave_program(status)
         integer, intent(in) :: status
 
+        call end_progress()
         flush (output_unit)
         flush (error_unit)
         call leave_process(status)

@@ -1,11 +1,12 @@
-!> Answers of the quadruple twin: the executable `linkdyn-real128`, if it is built, computes the same in files.
+!> Answers of the quadruple twin: the executable `linkdyn-real128`, if it is built, computes the same.
 !>
 !> It is looked for where the environment variable LINKDYN_REAL128 says, then beside this executable.
 module linkdyn_twin
-    use linkdyn_csv, only: read_csv
+    use linkdyn_child, only: word_type, run_program
+    use linkdyn_csv, only: parse_csv
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_output_file, only: path_exists, remove_file
+    use linkdyn_path, only: path_exists
     use linkdyn_scene, only: path_len, table_spec
     use linkdyn_status, only: status_type
     use linkdyn_study, only: study_states
@@ -40,15 +41,11 @@ contains
         type(study_states), intent(in) :: states
         real(wp), intent(out) :: value(:, :)             !! (n_actuator + components, n)
         logical, intent(out) :: is_known                 !! it answered
-        character(len=:), allocatable :: states_file, answer_file
         type(table_spec) :: table
 
-        states_file = scratch_name("states")
-        answer_file = scratch_name("forces")
-        call write_states(states_file, model, states)
-        call run_twin(shell_word(twin)//" inverse "//shell_word(scene_file)//" --states "//shell_word(states_file) &
-                      //" --solver lapack --want driving_force,reaction", answer_file, table, is_known)
-        call remove_file(states_file)
+        call run_twin([word_type(twin), word_type("inverse"), word_type(scene_file), word_type("--states"), &
+                       word_type("/dev/stdin"), word_type("--solver"), word_type("lapack"), word_type("--want"), &
+                       word_type("driving_force,reaction")], states_as_csv(model, states), table, is_known)
         if (is_known) call take_columns(table, [character(len=13) :: "driving_force", "reaction"], value, is_known)
     end subroutine ask_inverse
 
@@ -63,25 +60,28 @@ contains
         type(table_spec) :: table
 
         write (until, "(es40.17e3)") t_end
-        call run_twin(shell_word(twin)//" forward "//shell_word(scene_file)//" --method gbs --rtol 1e-17 --atol 1e-17 --samples " &
-                      //to_text(n)//" --until "//trim(adjustl(until))//" --want driving_force", scratch_name("motion"), table, &
-                      is_known)
+        call run_twin([word_type(twin), word_type("forward"), word_type(scene_file), word_type("--method"), word_type("gbs"), &
+                       word_type("--rtol"), word_type("1e-17"), word_type("--atol"), word_type("1e-17"), &
+                       word_type("--samples"), word_type(to_text(n)), word_type("--until"), word_type(trim(adjustl(until))), &
+                       word_type("--want"), word_type("driving_force")], "", table, is_known)
         if (is_known) call take_columns(table, ["q"], q, is_known)
     end subroutine ask_forward
 
-    subroutine run_twin(command, answer_file, table, is_known)
-        character(len=*), intent(in) :: command, answer_file
+    !> Its results come through a pipe.
+    subroutine run_twin(word, input, table, is_known)
+        type(word_type), intent(in) :: word(:)
+        character(len=*), intent(in) :: input
         type(table_spec), intent(out) :: table
         logical, intent(out) :: is_known
+        character(len=:), allocatable :: answer
         type(status_type) :: status
-        integer :: exit_status, outcome
+        integer :: exit_status
 
-        call execute_command_line(command//" --csv --quiet -o "//shell_word(answer_file)//" 2>/dev/null", &
-                                  exitstat=exit_status, cmdstat=outcome)
-        is_known = outcome == 0 .and. exit_status == 0
-        if (is_known) call read_csv(answer_file, answer_file, table, status, takes_text=.true.)
+        call run_program([word, word_type("--csv"), word_type("--quiet"), word_type("-o"), word_type("/dev/stdout")], input, &
+                         answer, exit_status)
+        is_known = exit_status == 0
+        if (is_known) call parse_csv(answer, "the quadruple twin", table, status, takes_text=.true.)
         is_known = is_known .and. status%is_ok()
-        call remove_file(answer_file)
     end subroutine run_twin
 
     !> Columns whose names start with one of some words, in their order.
@@ -107,54 +107,24 @@ contains
         is_known = n == size(value, 1)
     end subroutine take_columns
 
-    !> A file for --states: 17 digits are exactly the doubles.
-    subroutine write_states(file, model, states)
-        character(len=*), intent(in) :: file
+    !> What --states reads: 17 digits are exactly the doubles.
+    function states_as_csv(model, states) result(text)
         type(model_type), intent(in) :: model
         type(study_states), intent(in) :: states
-        integer :: unit, i, k
+        character(len=:), allocatable :: text
+        character(len=3), parameter :: kind(3) = ["q  ", "qd ", "qdd"]
+        character(len=27*(1 + 3*model%n_q)) :: row
+        integer :: i, k
 
-        open (newunit=unit, file=file, action="write", status="replace")
-        write (unit, "(a)", advance="no") "time"
+        text = "time"
         do i = 1, 3
             do k = 1, model%n_q
-                write (unit, "(a)", advance="no") ","//trim(merge("q  ", merge("qd ", "qdd", i == 2), i == 1))//" " &
-                    //trim(model%scene%coordinate(k)%name)
+                text = text//","//trim(kind(i))//" "//trim(model%scene%coordinate(k)%name)
             end do
         end do
-        write (unit, "(a)") ""
         do i = 1, size(states%t)
-            write (unit, "(*(es26.17e3, :, ','))") states%t(i), states%q(:, i), states%qd(:, i), states%qdd(:, i)
+            write (row, "(*(es26.17e3, :, ','))") states%t(i), states%q(:, i), states%qd(:, i), states%qdd(:, i)
+            text = text//new_line("a")//trim(row)
         end do
-        close (unit)
-    end subroutine write_states
-
-    function scratch_name(what) result(name)
-        character(len=*), intent(in) :: what
-        character(len=:), allocatable :: name
-        character(len=path_len) :: folder
-        integer :: count
-
-        call get_environment_variable("TMPDIR", folder)
-        if (folder == "") folder = "/tmp"
-        call system_clock(count)
-        name = trim(folder)//"/linkdyn_"//what//"_"//to_text(count)//".csv"
-    end function scratch_name
-
-    !> In single quotes for the shell.
-    pure function shell_word(text) result(word)
-        character(len=*), intent(in) :: text
-        character(len=:), allocatable :: word
-        integer :: i
-
-        word = "'"
-        do i = 1, len_trim(text)
-            if (text(i:i) == "'") then
-                word = word//"'\''"
-            else
-                word = word//text(i:i)
-            end if
-        end do
-        word = word//"'"
-    end function shell_word
+    end function states_as_csv
 end module linkdyn_twin

@@ -1,6 +1,5 @@
 !> The executable: parse, dispatch, exit status.
 program linkdyn
-    use, intrinsic :: iso_fortran_env, only: error_unit
     use linkdyn_cli, only: command_line, argument_type, read_arguments, parse_arguments, print_help, &
         command_inverse, command_forward, command_sweep, command_study, command_explain, command_version
     use linkdyn_drive_forward, only: drive_forward
@@ -9,10 +8,11 @@ program linkdyn
     use linkdyn_drive_sweep, only: drive_sweep
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
+    use linkdyn_interrupt, only: settle_signals
     use linkdyn_model, only: model_type
     use linkdyn_report, only: open_report, print_report
     use linkdyn_status, only: status_type
-    use linkdyn_terminal, only: leave_program
+    use linkdyn_terminal, only: start_progress, show_stage, end_progress, say, leave_program
     use linkdyn_version, only: version
     implicit none (type, external)
     integer, parameter :: exit_bad_input = 2
@@ -22,15 +22,18 @@ program linkdyn
     integer :: exit_status, unit
 
     exit_status = 0
+    call settle_signals()
     call read_arguments(arguments)
     call parse_arguments(arguments, config, status)
     if (status%is_ok()) call open_report(unit, status)
     if (status%is_ok()) then
+        call start_progress(config%quiet)
         call run_command(unit, exit_status, status)
+        call end_progress()
         call print_report(unit, status)
     end if
     if (.not. status%is_ok()) then
-        write (error_unit, "(a)") trim(status%message)
+        call say(status%message)
         exit_status = exit_bad_input
     end if
     call leave_program(exit_status)
@@ -53,6 +56,7 @@ contains
             write (unit, "(a)") "linkdyn "//version
         case (command_explain)
             call load_model(config%scene, .false., model, status)
+            call show_stage("explaining")
             if (status%is_ok()) call explain_model(model, unit)
             if (status%is_ok() .and. config%matrix) call explain_first_instant(model, unit)
         case (command_inverse)

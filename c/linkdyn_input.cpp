@@ -32,20 +32,27 @@ int outcome_of(int error, char *message, int message_len) {
     }
 }
 
+// What is read counts its characters with 32 bits. A device or pipe does not say how much will come, and may never end.
+constexpr size_t most_of_file = 2147483647;
+constexpr size_t most_of_stream = size_t{1} << 28;
+
 // Grows by doubling; one spare byte keeps the block from being empty.
-int read_all(std::FILE *file, size_t expected, char **data, int64_t *size) {
+int read_all(std::FILE *file, size_t expected, size_t most, char **data, int64_t *size) {
+    if (expected > most) return EFBIG;
     size_t capacity = expected + 1;
     size_t used = 0;
     char *buffer = static_cast<char *>(std::malloc(capacity));
     while (buffer) {
         used += std::fread(buffer + used, 1, capacity - used, file);
         if (std::ferror(file)) break;
+        if (used > most) errno = EFBIG;
+        if (used > most) break;
         if (used < capacity) {
             *data = buffer;
             *size = static_cast<int64_t>(used);
             return 0;
         }
-        capacity = 2 * capacity + 65536;
+        capacity = std::min(2 * capacity + 65536, most + 1);
         char *larger = static_cast<char *>(std::realloc(buffer, capacity));
         if (!larger) errno = ENOMEM;
         if (!larger) break;
@@ -71,7 +78,7 @@ int linkdyn_file_read(const char *path, int path_len, char **data, int64_t *size
         std::FILE *file = std::fopen(name.c_str(), "rb");
         if (!file) return outcome_of(errno, message, message_len);
         const size_t expected = info.st_size > 0 ? static_cast<size_t>(info.st_size) : 0;
-        const int error = read_all(file, expected, data, size);
+        const int error = read_all(file, expected, S_ISREG(info.st_mode) ? most_of_file : most_of_stream, data, size);
         std::fclose(file);
         return error ? outcome_of(error, message, message_len) : linkdyn_file_ok;
     } catch (const std::bad_alloc &) {

@@ -33,7 +33,7 @@ module linkdyn_equations
     use linkdyn_row_order, only: order_rows
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
-        sample_singular, sample_not_converged
+        sample_singular, sample_not_converged, sample_undefined
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -85,7 +85,7 @@ module linkdyn_equations
         integer :: status(lanes) = sample_ok
         real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
-        integer :: n_fallback = 0                       !! lanes that the plan handed to the dense solver
+        logical :: fell_back(lanes) = .false.           !! the plan handed the lane to the dense solver
     contains
         procedure :: free
     end type equation_workspace
@@ -411,7 +411,10 @@ contains
             end do
         end if
         workspace%acceleration = workspace%state%qdd
-        if (workspace%state%has_applied) call apply_known_forces(model, equations, workspace)
+        if (workspace%state%has_applied) then
+            call apply_known_forces(model, equations, workspace)
+            where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
+        end if
         if (equations%solver == solver_reduced) then
             call solve_reduced(model, equations%unknown, workspace)
             call flag_not_finite(workspace%driving_force, workspace%status)
@@ -505,7 +508,7 @@ contains
             ! Written so that a NaN counts as an alarm.
             if (alarm(lane) <= 1 .or. workspace%status(lane) /= sample_ok) cycle
             call solve_lane(model, equations%formulation, workspace, lane)
-            workspace%n_fallback = workspace%n_fallback + 1
+            workspace%fell_back(lane) = .true.
         end do
     end subroutine solve_by_plan
 

@@ -155,7 +155,8 @@ contains
 
         select case (step%kind)
         case (step_pose)
-            text = "pose of "//trim(model%link(step%link(1))%name)//" from its six coordinates"
+            text = "pose of "//trim(model%link(step%link(1))%name)//" from its "//trim(merge("three", "six  ", model%is_planar)) &
+                   //" coordinates"
         case (step_joint)
             text = ""
             if (model%is_planar .and. model%joint(step%joint(1))%kind == joint_revolute) text = "crank_input: "

@@ -23,17 +23,20 @@ module linkdyn_forward
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, stop_growth, stop_roughness, stop_pace, &
         stop_law
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
     use linkdyn_model, only: model_type, has_assemblies
-    use linkdyn_motion, only: evaluate_loads
-    use linkdyn_scene, only: law_spec, scene_type, frame_link
+    use linkdyn_motion, only: evaluate_loads, evaluate_motion
+    use linkdyn_roads, only: road_counts, operator(+)
+    use linkdyn_scene, only: law_spec, scene_type, frame_link, law_none
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
+    use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
@@ -103,6 +106,8 @@ contains
         if (.not. status%is_ok()) return
         allocate (run%y(lanes, run%system%n))
         call scene_start(model, options%t_start, q, qd)
+        call refuse_other_start(run, options%t_start, q, qd, status)
+        if (.not. status%is_ok()) return
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
         call run%system%begin(options%t_start, run%y)
         call run%system%evaluate(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
@@ -127,6 +132,45 @@ contains
         run%output = run%y
         call run%integrator%start(options%integrator, run%system, options%t_start, run%y, status)
     end subroutine start_integrator
+
+    !> Forces that a motion asks for move a mechanism along it only if it starts on it. From elsewhere they would give a table
+    !> of a motion that nobody has asked for.
+    subroutine refuse_other_start(run, t, q, qd, status)
+        type(forward_run), intent(in) :: run
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: q(:), qd(:)            !! at the start
+        type(status_type), intent(inout) :: status
+        real(wp), parameter :: fit = 1.0e-6_wp         !! a start written with seven digits is meant to be on the motion
+        real(wp), dimension(size(q), 1) :: on_q, on_qd, on_qdd
+        real(wp), allocatable :: load(:, :, :)
+        character(len=:), allocatable :: where
+        real(wp) :: apart
+        integer :: k, actuator
+
+        actuator = findloc(run%system%by_inverse, .true., dim=1)
+        if (actuator == 0) return
+        allocate (load(6, run%own%n_load, 1))
+        call evaluate_motion(run%own, [t], on_q, on_qd, on_qdd, load)
+        do k = 1, size(q)
+            associate (c => run%own%scene%coordinate(k))
+                if (c%motion%kind == law_none) cycle
+                apart = abs(q(k) - on_q(k, 1))
+                if (c%unit == "rad") apart = abs(apart - two_pi*anint(apart/two_pi))
+                where = ""
+                if (apart > fit*max(1.0_wp, abs(q(k)))) then
+                    where = "at "//to_text(q(k))//" "//trim(c%unit)//", its motion at "//to_text(on_q(k, 1))//" "//trim(c%unit)
+                else if (abs(qd(k) - on_qd(k, 1)) > fit*max(1.0_wp, abs(on_qd(k, 1)))) then
+                    where = "with "//to_text(qd(k))//" "//trim(c%unit)//"/s, its motion with "//to_text(on_qd(k, 1))//" " &
+                            //trim(c%unit)//"/s"
+                end if
+                if (where == "") cycle
+                call fail(status, status_bad_input, "coordinate "//quoted(c%name)//" starts "//where &
+                    //": the law ""inverse"" of actuator "//quoted(run%own%scene%actuator(actuator)%name) &
+                    //" gives the forces of that motion only (expected no 'start', 'driven', or another law)")
+                return
+            end associate
+        end do
+    end subroutine refuse_other_start
 
     !> What to do where coordinates do not say how the mechanism moves.
     function advice_at_start(model, status) result(text)
@@ -174,7 +218,7 @@ contains
         force = ieee_value(1.0_wp, ieee_quiet_nan)
         call evaluate_loads(run%own, t, load)
         call run%integrator%pause%set(seconds)
-        results%forces%n_fallback = 0
+        results%forces%roads = road_counts()
         n_done = 0
         first = 0
         do i = 1, size(t)
@@ -217,7 +261,7 @@ contains
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
                                   own=run%own, quaternion=quaternion(:, :, first:last))
             end associate
-            results%forces%n_fallback = results%forces%n_fallback + part%n_fallback
+            results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
         end subroutine find_forces
     end subroutine advance_forward
@@ -520,7 +564,8 @@ contains
         call finish_forward(run)
     end subroutine run_forward
 
-    !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants.
+    !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
+    !> is told to stop nothing of it can be used.
     subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, status)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
@@ -530,14 +575,15 @@ contains
         real(wp), intent(out) :: good_until(:)         !! last good instant (n_member) [s]
         type(status_type), intent(inout) :: status
         type(status_type) :: block_status
-        integer :: block
+        integer :: block, n_block
 
         if (options%integrator%method /= method_rk4) call fail(status, status_bad_input, "an ensemble runs at a fixed step, " &
             //"not by "//quoted(trim(method_name(options%integrator%method)))//" (expected method rk4)")
         call check_options(options%integrator, status)
         if (.not. status%is_ok()) return
-        !$omp parallel do num_threads(max(1, options%threads)) private(block_status) schedule(dynamic)
-        do block = 1, (size(q_start, 2) + lanes - 1)/lanes
+        n_block = (size(q_start, 2) + lanes - 1)/lanes
+        !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
+        do block = 1, n_block
             block_status = status_type()
             call run_block(block, block_status)
             !$omp critical (linkdyn_ensemble_status)
@@ -566,7 +612,8 @@ contains
                 call run%system%begin(options%t_start, run%y)
                 call start_integrator(run, model, options, status)
                 do i = 1, size(t)
-                    call go_to(run, t(i))
+                    call go_on_to(run, t(i))
+                    if (is_interrupted()) exit
                     call store(run, member, t(i), i)
                 end do
                 do i = 1, lanes
@@ -575,6 +622,19 @@ contains
             end if
             call finish_forward(run)
         end subroutine run_block
+
+        !> With a pause now and then to hear whether to stop.
+        subroutine go_on_to(run, t)
+            type(forward_run), intent(inout) :: run
+            real(wp), intent(in) :: t
+            real(wp), parameter :: breath = 0.25_wp    !! [s]
+
+            do
+                call run%integrator%pause%set(breath)
+                call go_to(run, t)
+                if (.not. run%integrator%is_paused .or. is_interrupted()) return
+            end do
+        end subroutine go_on_to
 
         subroutine store(run, member, instant, i)
             type(forward_run), intent(inout) :: run

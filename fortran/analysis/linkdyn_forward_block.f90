@@ -2,11 +2,12 @@
 module linkdyn_forward_block
     use linkdyn_forward, only: forward_results, forward_run, advance_forward
     use linkdyn_kinds, only: wp
-    use linkdyn_results, only: layout_type, block_type, view_values, find_driving_power, result_time, result_q, result_qd, &
-        result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
+    use linkdyn_results, only: layout_type, block_type, view_values, find_driving_power, flag_unsound, result_time, &
+        result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
         result_closure, result_step, result_stand_in
+    use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
     public :: advance_block
@@ -14,17 +15,17 @@ module linkdyn_forward_block
 contains
 
     !> Go on through some instants.
-    subroutine advance_block(run, layout, t, block, n_fallback, n_done, seconds)
+    subroutine advance_block(run, layout, t, block, roads, n_done, seconds)
         type(forward_run), intent(inout) :: run
         type(layout_type), intent(in) :: layout
         real(wp), intent(in) :: t(:)                  !! [s]
         type(block_type), intent(inout), target :: block
-        integer, intent(out) :: n_fallback            !! samples that the elimination handed to the dense solver
+        type(road_counts), intent(out) :: roads
         integer, intent(out) :: n_done                !! instants dealt with; the others of the block are not filled
         real(wp), intent(in), optional :: seconds     !! come back after about that time
         type(forward_results) :: results
         real(wp), pointer :: time(:), speed(:, :), power(:, :)
-        real(wp), target :: driving_force(run%model%n_actuator, size(t)), joint_rate(run%model%n_variable, size(t))
+        real(wp), allocatable, target :: driving_force(:, :), joint_rate(:, :)    ! if they are not among the results
         integer :: n
 
         n = size(t)
@@ -51,14 +52,21 @@ contains
             call view_values(layout, result_kinetic_energy, n, block, forces%kinetic_energy)
             call view_values(layout, result_potential_energy, n, block, forces%potential_energy)
             call view_values(layout, result_closure, n, block, forces%closure)
-            if (.not. associated(forces%driving_force)) forces%driving_force => driving_force
-            if (.not. associated(forces%joint_rate)) forces%joint_rate => joint_rate
+            if (.not. associated(forces%driving_force)) then
+                allocate (driving_force(run%model%n_actuator, n))
+                forces%driving_force => driving_force
+            end if
+            if (.not. associated(forces%joint_rate)) then
+                allocate (joint_rate(run%model%n_variable, n))
+                forces%joint_rate => joint_rate
+            end if
         end associate
         time = t
         call advance_forward(run, t, results, n_done, seconds)
-        n_fallback = results%forces%n_fallback
+        roads = results%forces%roads
         if (associated(power)) &
             call find_driving_power(layout, results%forces%driving_force(:, :n_done), results%forces%joint_rate(:, :n_done), &
                                     speed(:, :n_done), power(:, :n_done))
+        call flag_unsound(layout, n_done, block)
     end subroutine advance_block
 end module linkdyn_forward_block

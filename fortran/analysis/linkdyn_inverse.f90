@@ -13,6 +13,7 @@ module linkdyn_inverse
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
         choose_solver
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
@@ -23,8 +24,10 @@ module linkdyn_inverse
     use linkdyn_planar_pass, only: map_placed
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_reactions, only: collect_reactions
+    use linkdyn_roads, only: road_counts
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
-    use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_status, only: status_type, sample_ok, sample_undefined
+    use linkdyn_threads, only: team_size
     use linkdyn_vec3, only: vec3, operator(-)
     implicit none (type, external)
     private
@@ -64,7 +67,7 @@ module linkdyn_inverse
         real(wp), pointer, contiguous :: closure(:) => null()   !! (n) largest gap of a joint [m, rad]
         real(wp), pointer, contiguous :: position(:, :, :) => null() !! (3, n_link, n) origins [m]
         real(wp), pointer, contiguous :: rotation(:, :, :, :) => null() !! (3, 3, n_link, n) columns: the link's axes
-        integer :: n_fallback = 0                               !! samples that the elimination handed to the dense solver
+        type(road_counts) :: roads                              !! of the samples
     end type inverse_results
 
     !> Scratch of one thread.
@@ -164,6 +167,8 @@ contains
     !>
     !> Where coordinates of the model stand in for those of another one, accelerations and transmission angles found are
     !> told of that one's coordinates and dyads.
+    !>
+    !> When the process is told to stop the batch is left unfinished: ask `is_interrupted`.
     subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, quaternion)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
@@ -179,18 +184,18 @@ contains
                                                                 !! the others' rates are angular velocities
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
-        integer :: n, n_block, n_thread, share, block, n_fallback
+        integer :: n, n_block, n_thread, share, block, n_dense
         logical :: wants_rates, wants_world, has_stand_ins
 
         n = size(q, 2)
         n_block = (n + lanes - 1)/lanes
-        n_thread = max(1, min(threads, n_block))
+        n_thread = team_size(threads, n_block)
         share = max(1, min(largest_share, n_block/(2*n_thread)))
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
                       .or. has_stand_ins .or. solver%wants_distance
-        n_fallback = 0
+        n_dense = 0
         if (has_assemblies(model) .or. has_stand_ins) then
             if (present(known)) then
                 assembly = known
@@ -205,17 +210,18 @@ contains
         !$omp parallel num_threads(n_thread) default(shared) private(space)
         call take_space(model, solver, space)
         space%workspace%state%world_rates = wants_world
-        !$omp do schedule(dynamic, share) reduction(+:n_fallback)
+        !$omp do schedule(dynamic, share) reduction(+:n_dense)
         do block = 1, n_block
+            if (is_interrupted()) cycle
             call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition, &
                            space%singularity)
-            n_fallback = n_fallback + space%workspace%n_fallback
+            n_dense = n_dense + count(space%workspace%fell_back(:min(lanes, n - (block - 1)*lanes)))
         end do
         !$omp end do
         call return_space(solver, space)
         !$omp end parallel
         call release_blas_threads()
-        results%n_fallback = n_fallback
+        results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
 
     contains
 
@@ -231,7 +237,7 @@ contains
             real(wp) :: of_own(lanes, model%n_q)
 
             call gather(block, workspace)
-            workspace%n_fallback = 0
+            workspace%fell_back = .false.
             call solve_block(model, solver%equations, workspace)
             if (associated(results%reaction)) &
                 call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
@@ -284,9 +290,9 @@ contains
             real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :)
             type(probe_space), intent(in) :: probe
             real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap, distance
-            real(wp) :: nan
+            real(wp) :: nan, total(lanes)
             real(wp), allocatable :: transmission(:, :)
-            integer :: lane, sample, i
+            integer :: lane, sample, i, outcome(lanes)
             logical :: failed
 
             nan = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -300,10 +306,28 @@ contains
                     end do
                 end if
             end if
+            ! The last check: nothing that is not finite stands beside a good outcome.
+            total = 0
+            if (associated(results%driving_force)) call add_sizes(workspace%driving_force, total)
+            if (associated(results%acceleration)) call add_sizes(workspace%acceleration, total)
+            if (associated(results%joint_variable)) call add_sizes(variable, total)
+            if (associated(results%joint_rate)) call add_sizes(rate, total)
+            if (associated(results%power_imbalance)) total = total + abs(imbalance)
+            if (associated(results%kinetic_energy)) total = total + abs(kinetic)
+            if (associated(results%potential_energy)) total = total + abs(potential)
+            if (associated(results%closure)) total = total + abs(gap)
+            if (allocated(transmission)) call add_sizes(transmission, total)
+            if (associated(results%reaction)) then
+                do i = 1, size(reaction, 3)
+                    call add_sizes(reaction(:, :, i), total)
+                end do
+            end if
+            outcome = workspace%status
+            where (outcome == sample_ok .and. .not. total <= huge(1.0_wp)) outcome = sample_undefined
             do lane = 1, min(lanes, n - (block - 1)*lanes)
                 sample = (block - 1)*lanes + lane
-                failed = workspace%status(lane) /= sample_ok
-                if (associated(results%status)) results%status(sample) = workspace%status(lane)
+                failed = outcome(lane) /= sample_ok
+                if (associated(results%status)) results%status(sample) = outcome(lane)
                 if (associated(results%driving_force)) then
                     results%driving_force(:, sample) = workspace%driving_force(lane, :)
                     if (failed) results%driving_force(:, sample) = nan
@@ -357,6 +381,17 @@ contains
             end do
         end subroutine scatter
     end subroutine run_prepared
+
+    !> Sizes of values, lane by lane: their sum is finite if they all are.
+    pure subroutine add_sizes(value, total)
+        real(wp), intent(in) :: value(:, :)            !! (lane, any)
+        real(wp), intent(inout) :: total(lanes)
+        integer :: k
+
+        do k = 1, size(value, 2)
+            total = total + abs(value(:, k))
+        end do
+    end subroutine add_sizes
 
     !> Idle scratch, or new.
     subroutine take_space(model, solver, space)

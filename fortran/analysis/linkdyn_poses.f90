@@ -1,6 +1,7 @@
 !> Where the links are: kinematics alone, without equations, so that a scene can be drawn that has no actuators.
 module linkdyn_poses
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: evaluate_kinematics
@@ -8,7 +9,7 @@ module linkdyn_poses
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_scene, only: joint_n_variable, joint_cylindrical
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_undefined
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(.rotate.), identity_mat3, zero_vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
@@ -19,7 +20,7 @@ contains
     !> Poses of all moving links. A sample that cannot be assembled says so and is what the closure left.
     !>
     !> With a trail the samples follow each other and the assembly is followed by continuity; without one each sample is
-    !> on the branch of the start.
+    !> on the branch of the start. When the process is told to stop the rest is left alone.
     subroutine find_poses(model, q, position, rotation, sample_status, trail)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)                 !! (n_q, n) [m, rad]
@@ -42,6 +43,7 @@ contains
         state%qd = 0
         state%qdd = 0
         do first = 1, size(q, 2), lanes
+            if (is_interrupted()) return
             do lane = 1, lanes
                 sample = min(first + lane - 1, size(q, 2))
                 state%q(lane, :) = q(:, sample)
@@ -57,6 +59,8 @@ contains
                     position(:, i, sample) = link_position(model, state, i, lane)
                     rotation(:, :, i, sample) = link_rotation(model, state, i, lane)
                 end do
+                if (sample_status(sample) == sample_ok .and. .not. (all(abs(position(:, :, sample)) <= huge(1.0_wp)) &
+                    .and. all(abs(rotation(:, :, :, sample)) <= huge(1.0_wp)))) sample_status(sample) = sample_undefined
             end do
         end do
     end subroutine find_poses

@@ -5,14 +5,15 @@
 !> dimensions, unit and meaning). A *block* holds the values of one chunk of samples, one flat array a
 !> variable, the sample running slowest; *views* give them their shape.
 module linkdyn_results
-    use linkdyn_equations, only: solver_lapack, solver_reduced
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name, coordinate_joint
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     implicit none (type, external)
     private
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
-    public :: describe_results, choose_wanted, all_wanted, add_free, prepare_block, view_values, find_driving_power
+    public :: describe_results, choose_wanted, all_wanted, add_free, prepare_block, view_values, find_driving_power, flag_unsound
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
@@ -68,6 +69,7 @@ module linkdyn_results
     integer, parameter :: result_qdd_error = 27
     integer, parameter :: result_joint_rate_error = 28
     integer, parameter :: result_singularity_distance = 29  ! of inverse dynamics, on demand
+    integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
     ! ---- of what errors are estimated, and what the estimates are
     integer, parameter :: estimated(6) = [result_q, result_qd, result_qdd, result_driving_force, result_reaction, &
                                           result_joint_rate]
@@ -84,7 +86,9 @@ module linkdyn_results
         logical :: reaction = .true.
         logical :: joint_variable = .true.   !! with its rate, and the transmission angles
         logical :: power = .true.            !! speed and power of every actuator
-        logical :: checks = .true.           !! error, growth, power_imbalance
+        logical :: checks = .true.           !! power_imbalance, and what the solver tells of itself:
+        logical :: growth = .false.          !! gauss-jordan, of its pivots
+        logical :: bound = .false.           !! lapack, of its error
         logical :: rcond = .false.           !! costs as much as everything else together, or more
         logical :: distance = .false.        !! to the next singular position, even more
         logical :: errors = .false.          !! error estimates of the forces that are wanted; of a run of its motion, too
@@ -138,6 +142,43 @@ module linkdyn_results
 
 contains
 
+    !> The last check of a block: nothing that is not finite stands beside a good outcome, but estimates, which are infinite
+    !> where nothing is known. Samples found so are flagged, and their results are NaN like those of any that fails.
+    subroutine flag_unsound(layout, n, block)
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: n                     !! samples
+        type(block_type), intent(inout) :: block
+        logical :: is_sound(n)
+        integer :: i, k, width, place
+
+        is_sound = .true.
+        place = variable_index(layout, result_status)
+        do i = 1, size(layout%variable)
+            if (layout%variable(i)%is_integer .or. says_of_others(layout%variable(i)%id)) cycle
+            width = samples_width(layout, layout%variable(i))
+            do k = 1, n
+                is_sound(k) = is_sound(k) .and. all(abs(block%of(i)%real((k - 1)*width + 1:k*width)) <= huge(1.0_wp))
+            end do
+        end do
+        is_sound = is_sound .or. block%of(place)%integer(:n) /= sample_ok
+        if (all(is_sound)) return
+        where (.not. is_sound) block%of(place)%integer(:n) = sample_undefined
+        do i = 1, size(layout%variable)
+            if (layout%variable(i)%is_integer .or. any(layout%variable(i)%id == given)) cycle
+            width = samples_width(layout, layout%variable(i))
+            do k = 1, n
+                if (.not. is_sound(k)) block%of(i)%real((k - 1)*width + 1:k*width) = ieee_value(1.0_wp, ieee_quiet_nan)
+            end do
+        end do
+    end subroutine flag_unsound
+
+    !> Is the variable one that says how good others are, and may not know?
+    pure logical function says_of_others(id)
+        integer, intent(in) :: id                    !! one of `result_*`
+
+        says_of_others = any(id == estimate_of) .or. any(id == [result_error, result_growth, result_rcond])
+    end function says_of_others
+
     !> All that a solver gives.
     pure function all_wanted(solver) result(wanted)
         integer, intent(in) :: solver                !! one of `solver_*`
@@ -152,7 +193,9 @@ contains
         integer, intent(in) :: solver
         type(wanted_type), intent(inout) :: wanted
 
-        if (solver == solver_lapack .and. wanted%checks) wanted%rcond = .true.
+        wanted%growth = wanted%checks .and. solver == solver_gauss_jordan
+        wanted%bound = wanted%checks .and. solver == solver_lapack
+        wanted%rcond = wanted%rcond .or. wanted%bound
     end subroutine add_free
 
     !> Read a comma-separated wish list such as "driving_force,reaction".
@@ -204,6 +247,7 @@ contains
         logical, intent(in), optional :: is_forward  !! absent: false
         character(len=*), intent(in), optional :: dyad(:)    !! names of the planar dyads; absent: none
         real(wp), intent(in), optional :: length     !! characteristic one [m]
+        logical :: is_run
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
@@ -215,10 +259,10 @@ contains
         allocate (layout%dimension(dim_dyad)%label(0))
         if (present(dyad)) layout%dimension(dim_dyad)%label = dyad
         layout%dimension(dim_dyad)%size = size(layout%dimension(dim_dyad)%label)
-        call describe_variables(wanted, has_time, layout, length)
-        if (present(is_forward)) then
-            if (is_forward) call describe_run(wanted, any(scene%coordinate%kind == coordinate_joint), layout)
-        end if
+        is_run = .false.
+        if (present(is_forward)) is_run = is_forward
+        call describe_variables(wanted, has_time, is_run, layout, length)
+        if (is_run) call describe_run(wanted, any(scene%coordinate%kind == coordinate_joint), layout)
     end subroutine describe_results
 
     subroutine describe_actuators(scene, layout)
@@ -290,9 +334,9 @@ contains
     end subroutine describe_coordinates
 
     !> The list of variables, in the order in which they are stored.
-    subroutine describe_variables(wanted, has_time, layout, length)
+    subroutine describe_variables(wanted, has_time, is_run, layout, length)
         type(wanted_type), intent(in) :: wanted
-        logical, intent(in) :: has_time
+        logical, intent(in) :: has_time, is_run      !! samples are instants; of a run of forward dynamics
         real(wp), intent(in), optional :: length
         type(layout_type), intent(inout) :: layout
 
@@ -336,7 +380,7 @@ contains
             end if
         end associate
         call add(layout, result_status, "status", "outcome of the sample", "1", flag=sample_status_name)
-        if (wanted%checks .or. wanted%errors) call add(layout, result_error, "error", &
+        if (wanted%bound .or. (wanted%errors .and. .not. is_run)) call add(layout, result_error, "error", &
             "relative error bound or estimate of the forces", "1")
         if (wanted%rcond) call add(layout, result_rcond, "rcond", &
             "reciprocal condition number (1-norm) of the equations, rows and columns divided by their largest entries", "1")
@@ -345,11 +389,9 @@ contains
                 "how far coordinates may move until the equations are singular, to first order; angles times `length` [m]", "m")
             if (present(length)) layout%variable(size(layout%variable))%length = length
         end if
-        if (wanted%checks) then
-            call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
-            call add(layout, result_power_imbalance, "power_imbalance", &
-                "driving and external power less change of energy, relative to the sum of magnitudes", "1")
-        end if
+        if (wanted%growth) call add(layout, result_growth, "growth", "reciprocal pivot growth of the solver gauss-jordan", "1")
+        if (wanted%checks) call add(layout, result_power_imbalance, "power_imbalance", &
+            "driving and external power less change of energy, relative to the sum of magnitudes", "1")
     end subroutine describe_variables
 
     !> What only a run of forward dynamics has.

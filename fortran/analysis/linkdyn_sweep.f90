@@ -1,7 +1,9 @@
 !> A sweep on its way: chunks computed by any number of threads (or by other processes), joined in their order.
 module linkdyn_sweep
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_clearance, only: have_gaps
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_scene, only: scene_type
@@ -12,12 +14,14 @@ module linkdyn_sweep
     use linkdyn_sweep_plan, only: sweep_plan, make_sweep_plan, samples_of_chunk, too_many
     use linkdyn_sweep_quantities, only: quantity_row, make_row
     use linkdyn_sweep_source, only: design_source
-    use linkdyn_sweep_spec, only: sweep_spec, quantity_driving_power, quantity_determinant
+    use linkdyn_sweep_spec, only: sweep_spec, quantity_name, quantity_driving_power, quantity_determinant, quantity_swing, &
+        quantity_clearance, quantity_force_amplification, quantity_moment_amplification
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, join_totals, first_bound
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: to_text, quoted
+    use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
-    public :: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
+    public :: sweep_run, start_sweep, compute_chunks, join_chunks, close_designs, finish_sweep
 
     integer, parameter :: coarse_spots = 64, coarse_length = 64   !! of the pass that sets the histograms' bins
     integer, parameter :: coarse_designs = 16
@@ -67,6 +71,8 @@ contains
             return
         end if
         call make_row(scene, run%spec, run%row)
+        call refuse_lacking(run, status)
+        if (.not. status%is_ok()) return
         call make_shape(run)
         allocate (run%design(1))
         associate (design => run%design(1))
@@ -78,6 +84,11 @@ contains
                 return
             end if
         end associate
+        if (run%design(1)%status%is_ok() .and. run%row%place(quantity_clearance) > 0) then
+            if (.not. have_gaps(run%design(1)%rod)) call refuse_quantity(run, quantity_clearance, "no two legs that share no end", &
+                                                                         status)
+        end if
+        if (.not. status%is_ok()) return
         if (run%design(1)%status%is_ok() .and. run%design(1)%wants_map) run%length = run%design(1)%map%length
         call choose_bins(run)
         call make_map(run%spec, run%plan, size(run%row%quantity), run%map)
@@ -86,6 +97,35 @@ contains
             call empty_totals(run%shape, run%total(k))
         end do
     end subroutine start_sweep
+
+    !> Quantities that are wanted of every sample must be there.
+    subroutine refuse_lacking(run, status)
+        type(sweep_run), intent(in) :: run
+        type(status_type), intent(inout) :: status
+        integer, parameter :: amplification(2) = [quantity_force_amplification, quantity_moment_amplification]
+        integer :: i
+
+        associate (place => run%row%place)
+            if (place(quantity_swing) > 0) then
+                if (run%row%quantity(place(quantity_swing))%n == 0) &
+                    call refuse_quantity(run, quantity_swing, "no universal or spherical joint", status)
+            end if
+            do i = 1, size(amplification)
+                if (place(amplification(i)) > 0 .and. run%spec%tool_link == 0) call refuse_quantity(run, amplification(i), &
+                    "no marker on which unit forces and moments act, [sweep] on", status)
+            end do
+        end associate
+    end subroutine refuse_lacking
+
+    subroutine refuse_quantity(run, id, lack, status)
+        type(sweep_run), intent(in) :: run
+        integer, intent(in) :: id                       !! of the quantity
+        character(len=*), intent(in) :: lack
+        type(status_type), intent(inout) :: status
+
+        call fail(status, status_bad_input, trim(run%scene%file)//": the sweep has no "//quoted(quantity_name(id)) &
+                  //": there is "//lack)
+    end subroutine refuse_quantity
 
     !> What is reduced, from the wishes.
     subroutine make_shape(run)
@@ -130,6 +170,7 @@ contains
         call empty_totals(shape, found)
         n_design = min(run%plan%n_design, int(coarse_designs, int64))
         do spot = 0, coarse_spots - 1
+            if (is_interrupted()) return
             design = (run%plan%n_design*modulo(spot*n_design/coarse_spots, n_design))/n_design
             n = int(min(run%plan%n_pose, int(coarse_length, int64)))
             first = int(modulo(spot*golden, 1.0_wp)*real(run%plan%n_pose - n + 1, wp), int64)
@@ -166,7 +207,7 @@ contains
         end do
     end function quantity_of
 
-    !> Compute chunks first, first + stride, ... on some threads.
+    !> Compute chunks first, first + stride, ... on some threads. When the process is told to stop none of them can be used.
     subroutine compute_chunks(run, first, stride, threads, part, kept)
         type(sweep_run), intent(inout) :: run
         integer(int64), intent(in) :: first, stride     !! chunks, from 0
@@ -175,7 +216,7 @@ contains
         type(kept_chunk), intent(inout) :: kept(:)      !! likewise
         integer :: worker, next, n_worker
 
-        n_worker = max(1, min(threads, size(part)))
+        n_worker = team_size(threads, size(part))
         call provide_designs(run, n_worker)
         next = 1
         call hold_blas_threads()
@@ -199,7 +240,7 @@ contains
                 k = next
                 next = next + 1
                 !$omp end atomic
-                if (k > size(part)) exit
+                if (k > size(part) .or. is_interrupted()) exit
                 call samples_of_chunk(run%plan, first + (k - 1)*stride, number, first_sample, n)
                 call open_design(run%spec, run%plan, run%row, run%source, run%solver, number, design)
                 if (.not. design%status%is_ok()) call note_bad_design(design)
@@ -241,7 +282,7 @@ contains
 
         if (associated(run%design)) then
             if (size(run%design) >= n) return
-            call close_all(run)
+            call close_designs(run)
         end if
         allocate (run%design(n))
     end subroutine provide_designs
@@ -262,21 +303,24 @@ contains
         end do
     end subroutine join_chunks
 
-    !> Give the scratch back.
+    !> Give everything back.
     subroutine finish_sweep(run)
         type(sweep_run), intent(inout) :: run
 
-        if (associated(run%design)) call close_all(run)
+        call close_designs(run)
+        if (allocated(run%source)) call run%source%free()
     end subroutine finish_sweep
 
-    subroutine close_all(run)
+    !> Give the designs' scratch back: those that come are planned anew.
+    subroutine close_designs(run)
         type(sweep_run), intent(inout) :: run
         integer :: i
 
+        if (.not. associated(run%design)) return
         do i = 1, size(run%design)
             call close_design(run%design(i))
         end do
         deallocate (run%design)
         nullify (run%design)
-    end subroutine close_all
+    end subroutine close_designs
 end module linkdyn_sweep

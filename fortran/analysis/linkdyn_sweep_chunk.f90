@@ -6,13 +6,14 @@ module linkdyn_sweep_chunk
     use linkdyn_clearance, only: swing_angle, smallest_gap
     use linkdyn_equations, only: solve_equations
     use linkdyn_force_map, only: evaluate_force_map, scaled_condition
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_rates, only: actuator_rates, measure_joints, measure_variable
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: evaluate_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_reactions, only: collect_reactions
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined
     use linkdyn_sweep_design, only: sweep_design
     use linkdyn_sweep_map, only: sweep_map, map_part, cell_of, start_part, add_to_part
     use linkdyn_sweep_plan, only: sweep_plan, place_cursor, advance_cursor
@@ -39,7 +40,7 @@ module linkdyn_sweep_chunk
 
 contains
 
-    !> Reduce the samples of one chunk of the open design.
+    !> Reduce the samples of one chunk of the open design. When the process is told to stop nothing of it can be used.
     subroutine reduce_chunk(spec, plan, row, shape, bins, map, keep, first, n, design, totals, kept)
         type(sweep_spec), intent(in) :: spec
         type(sweep_plan), intent(in) :: plan
@@ -69,6 +70,7 @@ contains
         end if
         call place_cursor(plan, first, design%cursor)
         do block = 0, (n - 1)/lanes
+            if (is_interrupted()) exit
             n_here = min(lanes, n - block*lanes)
             call fill_lanes(plan, map, n_here, design, axis, cell)
             call evaluate_block(spec, row, n_here, design, code)
@@ -203,6 +205,7 @@ contains
             where (state%unreachable) code = sample_unreachable
         end associate
         call evaluate_early(row, design)
+        call flag_unsound(design%value(:, :row%n_early), code)
         call check_bounds(spec, row, .false., design%value, code)
         if (.not. design%needs_forces) return
         call check_counts(spec, code, n_here, counts)
@@ -212,8 +215,23 @@ contains
             where (counts .and. design%workspace%status /= sample_ok) code = design%workspace%status
         end if
         call evaluate_late(row, design)
+        call flag_unsound(design%value(:, row%n_early + 1:), code)
         call check_bounds(spec, row, .true., design%value, code)
     end subroutine evaluate_block
+
+    !> The last check: nothing that is not finite is reduced or kept.
+    pure subroutine flag_unsound(value, code)
+        real(wp), intent(in) :: value(:, :)             !! (lane, entry)
+        integer, intent(inout) :: code(lanes)
+        real(wp) :: total(lanes)
+        integer :: k
+
+        total = 0
+        do k = 1, size(value, 2)
+            total = total + abs(value(:, k))
+        end do
+        where ((code == code_feasible .or. code >= first_bound) .and. .not. total <= huge(1.0_wp)) code = sample_undefined
+    end subroutine flag_unsound
 
     !> What needs no forces.
     subroutine evaluate_early(row, design)

@@ -10,6 +10,7 @@ module linkdyn_sweep_source
     type, abstract :: design_source
     contains
         procedure(make_scene), deferred :: make
+        procedure(free_source), deferred :: free
     end type design_source
 
     abstract interface
@@ -21,5 +22,11 @@ module linkdyn_sweep_source
             type(scene_type), intent(out) :: scene
             type(status_type), intent(out) :: status
         end subroutine make_scene
+
+        !> Give back what is kept from one design to the next.
+        subroutine free_source(self)
+            import :: design_source
+            class(design_source), intent(inout) :: self
+        end subroutine free_source
     end interface
 end module linkdyn_sweep_source

@@ -15,6 +15,7 @@ module linkdyn_watched_run
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_results, only: layout_type, variable_type, block_type, wanted_type, describe_results, prepare_block, &
         variable_index, samples_width, dim_component, result_q, estimated, estimate_of
+    use linkdyn_roads, only: road_counts
     use linkdyn_similar_model, only: make_similar
     use linkdyn_status, only: status_type
     implicit none (type, external)
@@ -48,7 +49,7 @@ module linkdyn_watched_run
         type(layout_type) :: layout                    !! of its results
         type(companion_type), allocatable :: companion(:)    !! none: no estimate is wanted
         integer :: n_pending = 0                       !! instants that companions have yet to reach
-        integer :: n_fallback = 0                      !! among them
+        type(road_counts) :: roads                     !! theirs
         type(block_type) :: pending                    !! their results
         real(wp) :: t_given = 0                        !! last instant of which results were given [s]
     end type watched_run
@@ -107,24 +108,24 @@ contains
 
     !> Go on through the instants t, increasing, and fill their results. With a time limit the call may come back after
     !> fewer of them, or none: call again with the rest.
-    subroutine advance_watched(watched, t, block, n_fallback, n_done, seconds)
+    subroutine advance_watched(watched, t, block, roads, n_done, seconds)
         type(watched_run), intent(inout) :: watched
         real(wp), intent(in) :: t(:)                   !! [s]
         type(block_type), intent(inout), target :: block
-        integer, intent(out) :: n_fallback             !! samples that the elimination handed to the dense solver
+        type(road_counts), intent(out) :: roads        !! of the run itself
         integer, intent(out) :: n_done                 !! instants dealt with; the others of the block are not filled
         real(wp), intent(in), optional :: seconds      !! come back after about that time
         integer :: i
 
         n_done = 0
-        n_fallback = 0
         if (watched%n_pending == 0) then
-            call advance_block(watched%run, watched%layout, t, block, n_fallback, n_done, seconds)
+            call advance_block(watched%run, watched%layout, t, block, roads, n_done, seconds)
             if (size(watched%companion) == 0 .or. n_done == 0) return
             call prepare_block(watched%layout, n_done, watched%pending)
             call copy_samples(watched%layout, block, 0, 1, n_done, watched%pending, 0)
             call send_companions(watched, t(:n_done))
-            watched%n_fallback = n_fallback
+            watched%roads = roads
+            roads = road_counts()
             n_done = 0
         end if
         do i = 1, size(watched%companion)
@@ -132,7 +133,7 @@ contains
             if (watched%companion(i)%n_done < size(watched%companion(i)%t)) return
         end do
         n_done = watched%n_pending
-        n_fallback = watched%n_fallback
+        roads = watched%roads
         call copy_samples(watched%layout, watched%pending, 0, 1, n_done, block, 0)
         do i = 1, size(estimated)
             call estimate_errors(watched, estimated(i), estimate_of(i), block)
@@ -166,12 +167,13 @@ contains
         type(companion_type), intent(inout) :: companion
         real(wp), intent(in), optional :: seconds
         type(block_type) :: block
-        integer :: n_fallback, n, first
+        type(road_counts) :: ignored
+        integer :: n, first
 
         associate (t => companion%t(companion%n_done + 1:))
             if (size(t) == 0) return
             call prepare_block(companion%layout, size(t), block)
-            call advance_block(companion%run, companion%layout, t, block, n_fallback, n, seconds)
+            call advance_block(companion%run, companion%layout, t, block, ignored, n, seconds)
         end associate
         first = modulo(companion%n_done + 1, 2)        ! skip what lies between
         call copy_samples(companion%layout, block, first, 2, (companion%n_done + n)/2 - companion%n_done/2, companion%block, &

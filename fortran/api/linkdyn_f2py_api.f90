@@ -16,6 +16,7 @@ module linkdyn_f2py_api
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_force_map, only: typical_length
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, method_rk4, run_ensemble
+    use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
     use linkdyn_model, only: model_type, dyad_names
@@ -24,14 +25,15 @@ module linkdyn_f2py_api
     use linkdyn_report, only: open_report, read_report
     use linkdyn_results, only: layout_type, block_type, wanted_type, describe_results, prepare_block, choose_wanted, &
         all_wanted, add_free, find_driving_power
+    use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type, load_spec, name_len
     use linkdyn_scene_reader, only: parse_scene, check_actuators
-    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_status, only: status_type, fail, status_bad_input, status_interrupted, sample_ok, sample_undefined
     use linkdyn_suggest, only: suggestion
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_handles, only: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
-    use linkdyn_text, only: to_text, quoted
+    use linkdyn_text, only: to_text, quoted, printable
     use linkdyn_version, only: version
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched, time_reached
     implicit none
@@ -286,33 +288,34 @@ contains
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
             n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
-            n_variable, joint_variable, joint_rate, n_check, growth, power_imbalance, n_rcond, rcond, &
+            n_variable, joint_variable, joint_rate, n_check, power_imbalance, n_rcond, rcond, &
             n_distance, distance, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
-            sample_status, code, message)
+            n_growth, growth, sample_status, roads, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(11)           ! 1: driving force, power, reaction, joint variables, checks,
-                                                           ! rcond, distance, relative error, errors of driving forces, of reactions, transmission angles
+        integer(c_int), intent(in) :: wanted(12)           ! 1: driving force, power, reaction, joint variables, checks,
+                                                           ! rcond, distance, relative error, errors of driving forces, of reactions, transmission angles, growth
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
-        integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission
+        integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission, n_growth
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
         real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: joint_variable(n_variable), joint_rate(n_variable)  ! (n_variable, n)
-        real(c_double), intent(inout), target :: growth(n_check), power_imbalance(n_check)       ! (n)
+        real(c_double), intent(inout), target :: growth(n_growth), power_imbalance(n_check)      ! (n)
         real(c_double), intent(inout), target :: rcond(n_rcond), distance(n_distance), error(n_error)  ! (n)
         real(c_double), intent(inout), target :: driving_force_error(n_driving_error)            ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction_error(n_reaction_error)                ! (n_component, n_joint, n)
         real(c_double), intent(inout), target :: transmission_angle(n_transmission)              ! (n_dyad, n)
         integer(c_int), intent(inout), target :: sample_status(n)
+        integer(c_int), intent(out) :: roads(3)            ! samples closed in closed form, by iteration; handed to the dense solver
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
@@ -324,6 +327,8 @@ contains
         real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
 
+        call start_listening()
+        roads = 0
         call find_scene(handle, scene, status)
         if (status%code == 0) then                         ! the first failure stays
             model => scene%model
@@ -341,6 +346,7 @@ contains
             call check_size("driving_force_error", n_driving_error, model%n_actuator*n, status, wanted(9))
             call check_size("reaction_error", n_reaction_error, model%n_component*model%n_joint*n, status, wanted(10))
             call check_size("transmission_angle", n_transmission, model%n_dyad*n, status, wanted(11))
+            call check_size("growth", n_growth, n, status, wanted(12))
         end if
         if (status%code == 0) then
             call check_finite("q", model, first, n, q, status)
@@ -360,16 +366,14 @@ contains
                 results%joint_variable(1:model%n_variable, 1:n) => joint_variable
                 results%joint_rate(1:model%n_variable, 1:n) => joint_rate
             end if
-            if (wanted(5) == 1) then
-                results%growth => growth
-                results%power_imbalance => power_imbalance
-            end if
+            if (wanted(5) == 1) results%power_imbalance => power_imbalance
             if (wanted(6) == 1) results%rcond => rcond
             if (wanted(7) == 1) results%singularity_distance => distance
             if (wanted(8) == 1) results%error => error
             if (wanted(9) == 1) results%driving_force_error(1:model%n_actuator, 1:n) => driving_force_error
             if (wanted(10) == 1) results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => reaction_error
             if (wanted(11) == 1) results%transmission_angle(1:model%n_dyad, 1:n) => transmission_angle
+            if (wanted(12) == 1) results%growth => growth
             if (wanted(2) == 1 .and. wanted(1) /= 1) then
                 allocate (own_force(model%n_actuator, n))
                 results%driving_force => own_force
@@ -383,13 +387,16 @@ contains
             else
                 call run_prepared(model, planned, int(threads), q2, qd2, qdd2, load3, results)
             end if
+            roads = [results%roads%closed, results%roads%iterated, results%roads%dense]
             if (wanted(2) == 1) then
                 speed2(1:model%n_actuator, 1:n) => driving_speed
                 power2(1:model%n_actuator, 1:n) => driving_power
                 call find_driving_power(scene%layout, results%driving_force, results%joint_rate, speed2, power2)
+                where (sample_status == sample_ok .and. .not. all(abs(power2) <= huge(1.0_c_double), dim=1)) &
+                    sample_status = sample_undefined
             end if
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_inverse
 
     !> Start a forward run. It goes on by api_advance and must be ended by api_finish.
@@ -459,7 +466,7 @@ contains
     end subroutine api_forward
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
-    subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, &
+    subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, roads, &
             stopped, coordinates, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: run_handle
@@ -471,6 +478,7 @@ contains
         integer(c_int), intent(out) :: n_done
         real(c_double), intent(out) :: reached             ! [s]
         integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
+        integer(c_int), intent(out) :: roads(3)            ! of these instants, as in `api_inverse`
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
         integer(c_int), intent(out) :: code
@@ -478,11 +486,13 @@ contains
         type(watched_run), pointer :: here
         type(status_type) :: status
         type(block_type) :: block
-        integer :: i, place, whole_place, n_fallback
+        type(road_counts) :: taken
+        integer :: i, place, whole_place
 
         n_done = 0
         reached = 0
         statistics = 0
+        roads = 0
         stopped = ""
         coordinates = ""
         call find_run(run_handle, here, status)
@@ -498,8 +508,9 @@ contains
             call check_size("numbers", n_numbers, whole_place, status)
         end if
         if (status%code == 0) then
-            call advance_watched(here, t, block, n_fallback, i, seconds)
+            call advance_watched(here, t, block, taken, i, seconds)
             n_done = i
+            roads = [taken%closed, taken%iterated, taken%dense]
             place = 0
             whole_place = 0
             do i = 1, size(block%of)
@@ -570,6 +581,7 @@ contains
         integer :: width
         real(c_double), pointer :: q2(:, :), position3(:, :, :), rotation4(:, :, :, :)
 
+        call start_listening()
         call find_model(handle, model, status)
         if (status%code == 0) width = merge(model%n_variable, model%n_q, in_order == 2)
         if (status%code == 0) call check_size("q", n_q_values, width*n, status)
@@ -588,7 +600,7 @@ contains
                 call find_poses(model, q2, position3, rotation4, sample_status)
             end if
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_poses
 
     !> Forward runs by rk4 from many starts.
@@ -609,6 +621,7 @@ contains
         type(forward_options) :: options
         real(c_double), pointer :: q_start2(:, :), qd_start2(:, :), q3(:, :, :), qd3(:, :, :)
 
+        call start_listening()
         call find_model(handle, model, status)
         if (status%code == 0) call check_size("q", n_start, model%n_q*n, status)
         if (status%code == 0) call check_size("qd", n_start_rate, model%n_q*n, status)
@@ -628,7 +641,7 @@ contains
             options%threads = threads
             call run_ensemble(model, options, q_start2, qd_start2, t, q3, qd3, good_until, status)
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_ensemble
 
     !> Plan the sweep of a scene. It is advanced, read and closed by its own handle.
@@ -650,6 +663,7 @@ contains
         type(status_type) :: status
         integer :: number
 
+        call start_listening()
         sweep = 0
         n_sample = 0
         n_chunk = 0
@@ -666,7 +680,7 @@ contains
             chunk = int(run%plan%chunk, c_int)
             width = kept_width(run)
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_sweep_open
 
     !> Compute the next chunks. What is kept of their samples comes out, sample after sample.
@@ -685,6 +699,7 @@ contains
         type(status_type) :: status
         real(c_double), pointer :: values(:, :)
 
+        call start_listening()
         n_done = 0
         n_kept = 0
         call find_sweep(sweep, run, status)
@@ -695,7 +710,7 @@ contains
             call advance_sweep(run, n_chunk, int(threads), values, n_kept)
             n_done = real(run%n_done, c_double)
         end if
-        call report(status, code, message)
+        call report_heard(status, code, message)
     end subroutine api_sweep_advance
 
     !> Dimensions, variables, labels of the results as JSON; text as in `api_describe_scene`.
@@ -936,13 +951,27 @@ contains
         if (index(status%message, trim(file)//":") /= 1) status%message = trim(file)//": "//status%message
     end subroutine name_file
 
+    !> The end of a call that listened to Ctrl-C: an interrupt that came on the way is its outcome, whatever else was found.
+    subroutine report_heard(status, code, message)
+        type(status_type), intent(in) :: status
+        integer(c_int), intent(out) :: code
+        character(len=*), intent(out) :: message
+
+        call report(status, code, message)
+        if (is_interrupted()) then
+            code = status_interrupted
+            message = "interrupted"
+        end if
+        call stop_listening()
+    end subroutine report_heard
+
     subroutine report(status, code, message)
         type(status_type), intent(in) :: status
         integer(c_int), intent(out) :: code
         character(len=*), intent(out) :: message
 
         code = status%code
-        message = status%message
+        message = printable(trim(status%message))
     end subroutine report
 
     function from_bytes(bytes) result(text)

@@ -3,8 +3,9 @@ module linkdyn_sweep_handles
     use, intrinsic :: iso_c_binding, only: c_double
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_dataset, only: dataset_type
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_scene, only: scene_type
-    use linkdyn_scene_variant, only: scene_variants
+    use linkdyn_scene_variant, only: variants_of
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
     use linkdyn_sweep_chunk, only: kept_chunk, make_records
@@ -39,8 +40,8 @@ contains
         if (len(keep) > 0) call choose_kept(keep, wished%sweep, status)
         if (.not. status%is_ok()) return
         allocate (new)
-        call start_sweep(wished, scene_variants(wished, folder), solver, new, status)
-        if (.not. status%is_ok()) then
+        call start_sweep(wished, variants_of(wished, folder), solver, new, status)
+        if (.not. status%is_ok() .or. is_interrupted()) then
             call finish_sweep(new)
             deallocate (new)
             return
@@ -91,7 +92,7 @@ contains
         if (any(run%spec%keeps)) width = 1 + size(run%plan%axis) + size(run%keep)
     end function kept_width
 
-    !> Compute and join the next chunks.
+    !> Compute and join the next chunks; none of them when the process is told to stop.
     subroutine advance_sweep(run, n_chunk, threads, records, n_kept)
         type(sweep_run), intent(inout) :: run
         integer, intent(in) :: n_chunk, threads
@@ -107,6 +108,7 @@ contains
         if (n < 1) return
         allocate (part(n), kept(n))
         call compute_chunks(run, run%n_done, 1_int64, threads, part, kept)
+        if (is_interrupted()) return
         if (kept_width(run) > 0) then
             do k = 1, size(kept)
                 call samples_of_chunk(run%plan, run%n_done + k - 1, design, first, n)

@@ -6,8 +6,8 @@ module linkdyn_status
     implicit none (type, external)
     private
     public :: status_type, fail
-    public :: status_ok, status_bad_input, status_io_error, status_unavailable, status_internal
-    public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, n_sample_status
+    public :: status_ok, status_bad_input, status_io_error, status_unavailable, status_internal, status_interrupted
+    public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined, n_sample_status
     public :: sample_status_name
     public :: message_len
 
@@ -17,14 +17,16 @@ module linkdyn_status
     integer, parameter :: status_io_error = 4      !! a file could not be read or written
     integer, parameter :: status_unavailable = 5   !! built without the library this needs
     integer, parameter :: status_internal = 6      !! a defect of linkdyn
+    integer, parameter :: status_interrupted = 8   !! told to stop: nothing of what was asked for can be used
 
     integer, parameter :: sample_ok = 0            !! solved
     integer, parameter :: sample_unreachable = 1   !! a loop cannot close at this position
     integer, parameter :: sample_singular = 2      !! the equations have no unique solution here
     integer, parameter :: sample_not_converged = 3 !! an iteration ran out of steps
-    integer, parameter :: n_sample_status = 4
+    integer, parameter :: sample_undefined = 4     !! a force has no direction here, or a value is beyond all numbers
+    integer, parameter :: n_sample_status = 5
     character(len=13), parameter :: sample_status_name(0:n_sample_status - 1) = &
-        [character(len=13) :: "ok", "unreachable", "singular", "not_converged"]
+        [character(len=13) :: "ok", "unreachable", "singular", "not_converged", "undefined"]
 
     !> Outcome of a call: `code` is one of the `status_*` constants, `message` one line for people.
     type :: status_type

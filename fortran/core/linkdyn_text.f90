@@ -3,7 +3,7 @@ module linkdyn_text
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: to_text, quoted, join
+    public :: to_text, quoted, join, printable
 
     !> A value as its shortest plain text.
     interface to_text
@@ -62,4 +62,54 @@ contains
             text = text//quoted(names(i))
         end do
     end function join
+
+    !> A text as a terminal may have it: control characters, which could move its cursor or rename its window, and bytes that
+    !> are no UTF-8 become visible, `\x1b`. Line ends stay if the text may have several lines.
+    pure function printable(text, has_lines) result(line)
+        character(len=*), intent(in) :: text
+        logical, intent(in), optional :: has_lines     !! default: no
+        character(len=:), allocatable :: line
+        character(len=:), allocatable :: buffer        ! a report may be too long for the stack
+        logical :: keeps_lines
+        integer :: i, n, length
+
+        keeps_lines = .false.
+        if (present(has_lines)) keeps_lines = has_lines
+        allocate (character(len=4*len(text)) :: buffer)
+        length = 0
+        i = 1
+        do while (i <= len(text))
+            n = character_length(text(i:))
+            if (n == 0 .and. .not. (keeps_lines .and. text(i:i) == new_line("a"))) then
+                write (buffer(length + 1:length + 4), "(a, z2.2)") "\x", iachar(text(i:i))
+                length = length + 4
+            else
+                buffer(length + 1:length + max(1, n)) = text(i:i + max(1, n) - 1)
+                length = length + max(1, n)
+            end if
+            i = i + max(1, n)
+        end do
+        line = buffer(:length)
+    end function printable
+
+    !> Bytes of the character at the start of a text; 0: it is a control character, or no UTF-8.
+    pure integer function character_length(text) result(n)
+        character(len=*), intent(in) :: text
+        integer :: first, k
+
+        first = iachar(text(1:1))
+        n = 1
+        if (first < 32 .or. first == 127) n = 0
+        if (first < 128) return
+        n = 0
+        if (first >= 194 .and. first <= 223) n = 2
+        if (first >= 224 .and. first <= 239) n = 3
+        if (first >= 240 .and. first <= 244) n = 4
+        if (n > len(text)) n = 0
+        do k = 2, n
+            if (iachar(text(k:k)) < 128 .or. iachar(text(k:k)) > 191) n = 0
+            if (n == 0) return
+        end do
+        if (n == 2 .and. first == 194 .and. iachar(text(2:2)) < 160) n = 0    ! the second set of control characters
+    end function character_length
 end module linkdyn_text

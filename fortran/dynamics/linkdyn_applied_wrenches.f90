@@ -15,7 +15,7 @@ module linkdyn_applied_wrenches
         operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
     implicit none (type, external)
     private
-    public :: clear_applied, apply_drive, apply_springs, spring_energy
+    public :: clear_applied, apply_drive, apply_springs, spring_energy, spring_without_direction
 
 contains
 
@@ -24,6 +24,7 @@ contains
         type(kinematic_state), intent(inout) :: state
         integer :: l
 
+        state%undefined = .false.
         if (model%is_planar) then
             do l = 1, model%n_link
                 state%plane%applied_force(l) = zero_vec2()
@@ -129,19 +130,47 @@ contains
         end do
     end subroutine apply_springs
 
-    !> A spring pulls its markers together along their line.
+    !> A spring pulls its markers together along their line. Where they coincide that has no direction.
     subroutine apply_between_markers(model, spring, state)
         type(model_type), intent(in) :: model
         type(spring_spec), intent(in) :: spring
         type(kinematic_state), intent(inout) :: state
         type(vec3) :: point(2), line, pull
         real(wp) :: distance(lanes), rate(lanes)
+        logical :: is_lost(lanes)
 
-        call measure_distance(model, spring, state, point, line, distance, rate)
+        call measure_distance(model, spring, state, point, line, distance, rate, is_lost)
+        if (needs_direction(spring)) state%undefined = state%undefined .or. is_lost
         pull = tension(spring, distance, rate)*line
         call apply_force(model, spring%link(1), point(1), pull, state)
         call apply_force(model, spring%link(2), point(2), (-1.0_wp)*pull, state)
     end subroutine apply_between_markers
+
+    !> Without rest and damping the force is stiffness times the way from one marker to the other: none where they coincide.
+    pure logical function needs_direction(spring)
+        type(spring_spec), intent(in) :: spring
+
+        needs_direction = spring%rest /= 0 .or. spring%damping /= 0
+    end function needs_direction
+
+    !> The first spring whose force has no direction on a lane; 0: there is none.
+    integer function spring_without_direction(model, state, lane) result(i)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state     !! of which the positions are known
+        integer, intent(in) :: lane
+        type(vec3) :: point(2), line
+        real(wp) :: distance(lanes), rate(lanes)
+        logical :: is_lost(lanes)
+
+        do i = 1, size(model%scene%spring)
+            associate (spring => model%scene%spring(i))
+                if (spring%joint > 0 .or. .not. needs_direction(spring)) cycle
+                call measure_distance(model, spring, state, point, line, distance, rate, is_lost)
+                if (is_lost(lane)) return
+            end associate
+        end do
+        i = 0
+    end function spring_without_direction
 
     !> Energy stored in the springs.
     subroutine spring_energy(model, state, energy)
@@ -150,6 +179,7 @@ contains
         real(wp), intent(out) :: energy(lanes)         !! [J]
         type(vec3) :: point(2), line
         real(wp) :: value(lanes), rate(lanes)
+        logical :: ignored(lanes)
         integer :: i
 
         energy = 0
@@ -159,7 +189,7 @@ contains
                     call measure_variable(model, state, spring%joint, spring%variable, spread(spring%rest, 1, lanes), &
                                           value, rate)
                 else
-                    call measure_distance(model, spring, state, point, line, value, rate)
+                    call measure_distance(model, spring, state, point, line, value, rate, ignored)
                 end if
                 energy = energy + spring%stiffness*(value - spring%rest)**2/2
             end associate
@@ -167,14 +197,19 @@ contains
     end subroutine spring_energy
 
     !> Distance of a spring's two markers and how it changes.
-    subroutine measure_distance(model, spring, state, point, line, distance, rate)
+    subroutine measure_distance(model, spring, state, point, line, distance, rate, is_lost)
         type(model_type), intent(in) :: model
         type(spring_spec), intent(in) :: spring
         type(kinematic_state), intent(in) :: state
         type(vec3), intent(out) :: point(2)            !! markers, world axes [m]
-        type(vec3), intent(out) :: line                !! unit vector from the first to the second
+        type(vec3), intent(out) :: line                !! unit vector from the first to the second; zero where it is lost
         real(wp), intent(out) :: distance(lanes), rate(lanes)
+        logical, intent(out) :: is_lost(lanes)         !! the direction: the markers coincide
+        ! Rounding leaves the markers uncertain by a few eps of their distance from the origin. So close to each other half
+        ! of the digits of their direction are gone.
+        real(wp), parameter :: close = sqrt(epsilon(1.0_wp))
         type(vec3) :: velocity(2)
+        real(wp) :: reach(lanes)
         integer :: side
 
         do side = 1, 2
@@ -182,7 +217,9 @@ contains
         end do
         line = point(2) - point(1)
         distance = sqrt(line.dot.line)
-        line = (1/distance)*line
+        reach = sqrt(point(1).dot.point(1)) + sqrt(point(2).dot.point(2))
+        is_lost = .not. distance > close*reach
+        line = merge(0.0_wp, 1/max(distance, tiny(1.0_wp)), is_lost)*line
         rate = line.dot.(velocity(2) - velocity(1))
     end subroutine measure_distance
 

@@ -10,7 +10,7 @@ module linkdyn_clearance
         operator(.unrotate.), lane_of
     implicit none (type, external)
     private
-    public :: rod, swing_joint, legs_of, swings_of, swing_angle, smallest_gap
+    public :: rod, swing_joint, legs_of, swings_of, swing_angle, smallest_gap, have_gaps
 
     !> A straight body with round ends between points of two links.
     type :: rod
@@ -130,6 +130,19 @@ contains
             end do
         end do
     end subroutine smallest_gap
+
+    !> Are there two rods at all that share no end?
+    pure logical function have_gaps(rods)
+        type(rod), intent(in) :: rods(:)
+        integer :: i, j
+
+        have_gaps = .false.
+        do i = 1, size(rods) - 1
+            do j = i + 1, size(rods)
+                have_gaps = have_gaps .or. .not. share_end(rods(i), rods(j))
+            end do
+        end do
+    end function have_gaps
 
     pure logical function share_end(a, b)
         type(rod), intent(in) :: a, b

@@ -1,10 +1,11 @@
 !> Where a mechanism cannot be computed, in words: the links and joints concerned.
 module linkdyn_failure
+    use linkdyn_applied_wrenches, only: spring_without_direction
     use linkdyn_kinematic_pass, only: run_step, clear_flags
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_model, only: model_type, step_type, step_group
-    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged
-    use linkdyn_text, only: join
+    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_undefined
+    use linkdyn_text, only: join, quoted
     implicit none (type, external)
     private
     public :: failure_at
@@ -31,6 +32,11 @@ contains
             case default
                 text = text//" cannot be closed"
             end select
+        else if (status == sample_undefined .and. spring_without_direction(model, state, lane) > 0) then
+            text = "spring "//quoted(model%scene%spring(spring_without_direction(model, state, lane))%name) &
+                   //" has no direction, its ends coincide"
+        else if (status == sample_undefined) then
+            text = "a force is beyond all numbers"
         else if (status == sample_singular) then
             text = "the equations of motion are singular"
         else if (status == sample_unreachable) then

@@ -1,16 +1,18 @@
 !> What an interrupted sweep needs to go on: totals of the chunks that are done, and the samples that are kept.
 !>
 !> The checkpoint is written beside itself, brought to the disk and renamed, so that there is always a whole one,
-!> whatever happens in between. Kept samples lie in a spool at places of their own; what lies behind the last
-!> checkpoint is written once more.
+!> whatever happens in between. Kept samples lie in a spool; the checkpoint has the mark that it must bear, and what lies
+!> behind that is written once more.
 module linkdyn_checkpoint
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_input, only: read_file_text
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_mix, only: hash_text
-    use linkdyn_output_file, only: output_file, open_output, open_text, write_text, finish_text, path_exists
+    use linkdyn_output_file, only: output_file, open_output, write_text, finish_text
+    use linkdyn_path, only: path_exists
     use linkdyn_scene, only: scene_type, law_spec
+    use linkdyn_spool, only: spool_mark
     use linkdyn_status, only: status_type, fail, status_bad_input, status_io_error
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_totals, only: packed_size, pack_totals, unpack_totals
@@ -21,7 +23,7 @@ module linkdyn_checkpoint
     public :: sweep_hash, write_checkpoint, read_checkpoint, checkpoint_name, has_checkpoint
 
     integer, parameter :: map_block = 4096         !! cells written at a time
-    character(len=*), parameter :: magic = "linkdyn sweep checkpoint 1"//new_line("a")
+    character(len=*), parameter :: magic = "linkdyn sweep checkpoint 2"//new_line("a")
 
 contains
 
@@ -86,10 +88,11 @@ contains
     end function bytes_of_integers
 
     !> Keep what has been joined so far.
-    subroutine write_checkpoint(output, hash, run, status)
+    subroutine write_checkpoint(output, hash, run, mark, status)
         character(len=*), intent(in) :: output         !! of the results
         integer(int64), intent(in) :: hash
         type(sweep_run), intent(in) :: run
+        type(spool_mark), intent(in) :: mark           !! of the samples kept so far
         type(status_type), intent(inout) :: status
         type(output_file) :: file
         real(wp), allocatable :: reals(:)
@@ -97,13 +100,12 @@ contains
         integer(int64) :: check, n_design
         integer :: n_real, n_integer, d
 
-        call open_output(checkpoint_name(output), .false., file, status)
+        call open_output(checkpoint_name(output), .true., file, status)
         if (.not. status%is_ok()) return
-        call open_text(file, status)
         n_design = min(run%n_done/run%plan%n_chunk_design + 1, run%plan%n_design)
         check = hash
         call put(magic)
-        call put(bytes_of_integers([hash, run%n_done, n_design, run%first_bad]))
+        call put(bytes_of_integers([hash, run%n_done, n_design, run%first_bad, mark%identity, mark%n, mark%checksum]))
         call put(run%bad_design%message)
         call packed_size(run%shape, n_real, n_integer)
         allocate (reals(n_real), integers(n_integer))
@@ -131,15 +133,17 @@ contains
     end subroutine write_checkpoint
 
     !> Go on where the checkpoint stands. Refuses one of another scene.
-    subroutine read_checkpoint(output, hash, run, status)
+    subroutine read_checkpoint(output, hash, run, mark, status)
         character(len=*), intent(in) :: output
         integer(int64), intent(in) :: hash
         type(sweep_run), intent(inout) :: run
+        type(spool_mark), intent(out) :: mark          !! of the samples kept until then
         type(status_type), intent(inout) :: status
+        integer, parameter :: head_bytes = 56
         character(len=:), allocatable :: text, name
         real(wp), allocatable :: reals(:)
         integer(int64), allocatable :: integers(:)
-        integer(int64) :: head(4), check, last(1)
+        integer(int64) :: head(head_bytes/8), check, last(1)
         integer :: n_real, n_integer, n, d, at
 
         name = checkpoint_name(output)
@@ -147,7 +151,7 @@ contains
         if (.not. status%is_ok()) return
         call packed_size(run%shape, n_real, n_integer)
         at = len(magic)
-        if (len(text) < at + 32) then
+        if (len(text) < at + head_bytes) then
             call refuse_broken()
             return
         end if
@@ -155,21 +159,22 @@ contains
             call refuse_broken()
             return
         end if
-        head = transfer(text(at + 1:at + 32), head)
+        head = transfer(text(at + 1:at + head_bytes), head)
         if (head(1) /= hash) then
             call fail(status, status_bad_input, name//": was made from another scene, with other options or by another build "// &
                 "(expected all as it was; to start anew, remove this file)")
             return
         end if
-        if (len(text, int64) /= at + 32 + len(run%bad_design%message) + 8 &
+        if (head(2) < 0 .or. head(2) > run%plan%n_chunk .or. head(3) < 1 .or. head(3) > run%plan%n_design &
+            .or. len(text, int64) /= at + head_bytes + len(run%bad_design%message) + 8 &
             + head(3)*(n_real*(storage_size(1.0_wp)/8) + 8_int64*n_integer) &
             + size(run%map%worst, kind=int64)*(storage_size(1.0_wp)/8) + size(run%map%n_feasible, kind=int64)*8) then
             call refuse_broken()
             return
         end if
         check = hash_text(hash, text(:at))
-        check = hash_text(check, text(at + 1:at + 32))
-        at = at + 32
+        check = hash_text(check, text(at + 1:at + head_bytes))
+        at = at + head_bytes
         run%bad_design%message = text(at + 1:at + len(run%bad_design%message))
         check = hash_text(check, run%bad_design%message)
         at = at + len(run%bad_design%message)
@@ -192,6 +197,7 @@ contains
         end if
         run%n_done = head(2)
         run%first_bad = head(4)
+        mark = spool_mark(head(5), head(6), head(7))
         if (run%first_bad >= 0) run%bad_design%code = status_bad_input
 
     contains

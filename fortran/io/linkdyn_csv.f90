@@ -12,32 +12,33 @@ module linkdyn_csv
     use linkdyn_suggest, only: suggestion
     implicit none (type, external)
     private
-    public :: read_csv, parse_csv, column_of
+    public :: read_csv, parse_csv, column_of, as_shown
 
     character(len=*), parameter :: newline = achar(10), tab = achar(9), return_sign = achar(13)
 
 contains
 
     !> Read a table from a file.
-    subroutine read_csv(file, where, table, status, takes_text)
+    subroutine read_csv(file, where, table, status, takes_text, is_foreign)
         character(len=*), intent(in) :: file
         character(len=*), intent(in) :: where     !! start of the message if the file cannot be read
         type(table_spec), intent(out) :: table
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: takes_text    !! a field that is no number is NaN; absent: a failure
+        logical, intent(in), optional :: is_foreign    !! messages must not quote it
         character(len=:), allocatable :: text
 
         call read_file_text(file, where, text, status)
-        if (status%is_ok()) call parse_csv(text, file, table, status, takes_text)
+        if (status%is_ok()) call parse_csv(text, file, table, status, takes_text, is_foreign)
     end subroutine read_csv
 
     !> Read a table from a text.
-    subroutine parse_csv(text, file, table, status, takes_text)
+    subroutine parse_csv(text, file, table, status, takes_text, is_foreign)
         character(len=*), intent(in) :: text
         character(len=*), intent(in) :: file      !! for messages
         type(table_spec), intent(out) :: table
         type(status_type), intent(inout) :: status
-        logical, intent(in), optional :: takes_text    !! as in `read_csv`
+        logical, intent(in), optional :: takes_text, is_foreign    !! as in `read_csv`
         character(len=1) :: separator
         logical :: is_strict
         integer :: n_row, n_column, line, first, last, next, row, most_rows
@@ -45,6 +46,7 @@ contains
         table%file = file
         is_strict = .true.
         if (present(takes_text)) is_strict = .not. takes_text
+        if (present(is_foreign)) table%is_foreign = is_foreign
         next = 1
         if (len(text) >= 3) then
             if (text(1:3) == char(239)//char(187)//char(191)) next = 4   ! byte order mark
@@ -87,9 +89,23 @@ contains
             if (table%column(column) == name) return
         end do
         column = 0
-        call fail(status, status_bad_input, trim(table%file)//": no column "//quoted(name)// &
-            " (found "//join(table%column)//suggestion(name, table%column)//")")
+        if (table%is_foreign) then
+            call fail(status, status_bad_input, trim(table%file)//": no column "//quoted(name))
+        else
+            call fail(status, status_bad_input, trim(table%file)//": no column "//quoted(name)// &
+                " (found "//join(table%column)//suggestion(name, table%column)//")")
+        end if
     end subroutine column_of
+
+    !> What stands in a table, for a message: a scene from elsewhere must not make us read out any file of the machine.
+    pure function as_shown(table, content) result(text)
+        type(table_spec), intent(in) :: table
+        character(len=*), intent(in) :: content
+        character(len=:), allocatable :: text
+
+        text = "(not shown: the file lies outside the scene's folder)"
+        if (.not. table%is_foreign) text = quoted(content)
+    end function as_shown
 
     !> Names, units and separator from the header row.
     subroutine read_header(text, file, line, table, separator, status)
@@ -127,10 +143,10 @@ contains
                 call fail(status, status_bad_input, where//"the name of column "//to_text(i)//" is longer than " &
                     //to_text(name_len)//" letters")
             else if (verify(field, "+-.0123456789eE") == 0) then
-                call fail(status, status_bad_input, where//"the header holds the number "//quoted(field)// &
+                call fail(status, status_bad_input, where//"the header holds the number "//as_shown(table, field)// &
                     " (expected a first row with column names)")
             else if (any(table%column(:i - 1) == field)) then
-                call fail(status, status_bad_input, where//"two columns are called "//quoted(field))
+                call fail(status, status_bad_input, where//"two columns are called "//as_shown(table, field))
             end if
             first = last + 2
         end do
@@ -160,10 +176,10 @@ contains
             if (.not. is_strict) then
                 if (n_used == 0) value = ieee_value(value, ieee_quiet_nan)
             else if (n_used == 0) then
-                call refuse_value(quoted(adjustl(text(first:last)))//" is not a number (expected one)")
+                call refuse_value(as_shown(table, adjustl(text(first:last)))//" is not a number (expected one)")
                 return
             else if (.not. abs(value) <= huge(value)) then
-                call refuse_value(quoted(adjustl(text(first:last)))//" is not a finite number (expected one)")
+                call refuse_value(as_shown(table, adjustl(text(first:last)))//" is not a finite number (expected one)")
                 return
             end if
             table%value(row, i) = value
@@ -182,8 +198,12 @@ contains
         subroutine refuse_value(problem)
             character(len=*), intent(in) :: problem
 
-            call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(row))//": column "// &
-                quoted(table%column(i))//": "//problem)
+            character(len=:), allocatable :: column
+
+            column = to_text(i)
+            if (.not. table%is_foreign) column = quoted(table%column(i))
+            call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(row))//": column "//column//": " &
+                //problem)
         end subroutine refuse_value
     end subroutine read_row
 

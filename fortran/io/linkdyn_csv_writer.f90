@@ -3,7 +3,7 @@
 !> Numbers have as many digits as reading them back to the same value takes: 17, in quadruple precision 36.
 module linkdyn_csv_writer
     use linkdyn_kinds, only: wp
-    use linkdyn_output_file, only: output_file, open_output, discard_output, open_text, write_text, close_text, finish_text
+    use linkdyn_output_file, only: output_file, open_output, discard_output, write_text, finish_text
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, label_of_value
     use linkdyn_status, only: status_type
     implicit none (type, external)
@@ -30,9 +30,8 @@ contains
         type(status_type), intent(inout) :: status   !! input or output error: file and reason
 
         call open_output(target, .true., writer%file, status)
-        if (status%is_ok()) call open_text(writer%file, status)
         call write_text(writer%file, header(layout)//new_line("a"), status)
-        if (.not. status%is_ok()) call abandon_csv(writer)
+        if (.not. status%is_ok()) call discard_output(writer%file)
     end subroutine create_csv
 
     !> Append one block of samples.
@@ -113,15 +112,6 @@ contains
 
         call finish_text(writer%file, status)
     end subroutine close_csv
-
-    !> Give up: nothing is left behind.
-    subroutine abandon_csv(writer)
-        type(csv_writer), intent(inout) :: writer
-        type(status_type) :: ignored
-
-        call close_text(writer%file, ignored)
-        call discard_output(writer%file)
-    end subroutine abandon_csv
 
     !> "time [s],q platform.x [m],...,reaction leg1.S Fx [N],..."
     function header(layout) result(row)

@@ -6,7 +6,7 @@ module linkdyn_input
     use linkdyn_status, only: status_type, status_bad_input, fail
     implicit none (type, external)
     private
-    public :: read_file_text, parse_number, folder_of, path_in_folder
+    public :: read_file_text, take_text, parse_number, folder_of, path_in_folder
 
     integer(c_int), parameter :: file_ok = 0, file_missing = 1, file_directory = 2, file_denied = 3
 
@@ -45,12 +45,10 @@ contains
         character(len=:), allocatable, intent(out) :: text
         type(status_type), intent(inout) :: status
         type(c_ptr) :: data
-        character(kind=c_char), pointer :: characters(:)
         character(len=128) :: reason
         integer(c_int) :: outcome
-        integer(c_int64_t) :: n, i
+        integer(c_int64_t) :: n
 
-        text = ""
         data = c_null_ptr
         reason = ""
         outcome = c_file_read(trim(file), int(len_trim(file), c_int), data, n, reason, int(len(reason), c_int))
@@ -66,17 +64,25 @@ contains
         case default
             call fail(status, status_bad_input, where//": the file cannot be read ("//trim(reason)//")")
         end select
-        if (outcome /= file_ok) return
-        if (n > 0) then
-            call c_f_pointer(data, characters, [n])
-            deallocate (text)
-            allocate (character(len=n) :: text)
-            do i = 1, n
-                text(i:i) = characters(i)
-            end do
-        end if
-        call c_file_free(data)
+        if (outcome /= file_ok) n = 0
+        call take_text(data, n, text)
     end subroutine read_file_text
+
+    !> Bytes that the C glue allocated; they are freed.
+    subroutine take_text(data, n, text)
+        type(c_ptr), intent(in) :: data
+        integer(c_int64_t), intent(in) :: n
+        character(len=:), allocatable, intent(out) :: text
+        character(kind=c_char), pointer :: characters(:)
+        integer(c_int64_t) :: i
+
+        allocate (character(len=n) :: text)
+        if (n > 0) call c_f_pointer(data, characters, [n])
+        do i = 1, n
+            text(i:i) = characters(i)
+        end do
+        call c_file_free(data)
+    end subroutine take_text
 
     !> The decimal number at the start of a text.
     !>

@@ -40,6 +40,11 @@ module linkdyn_netcdf_writer
         logical, private :: grows = .false.        !! the number of samples is not known beforehand
     end type netcdf_writer
 
+    !> A further attribute of the file, known at its end only.
+    interface note_netcdf
+        module procedure note_text, note_number
+    end interface note_netcdf
+
 contains
 
     !> Start a file: dimensions, labels, attributes; no values yet.
@@ -122,15 +127,24 @@ contains
         end do
     end subroutine put_netcdf
 
-    !> A further attribute of the file, known at its end only.
-    subroutine note_netcdf(name, text, writer, status)
+    subroutine note_text(name, text, writer, status)
         character(len=*), intent(in) :: name, text
         type(netcdf_writer), intent(inout) :: writer
         type(status_type), intent(inout) :: status
 
         if (.not. status%is_ok()) return
         call check(nf90_put_att(writer%id, nf90_global, name, text), writer, status)
-    end subroutine note_netcdf
+    end subroutine note_text
+
+    subroutine note_number(name, number, writer, status)
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: number
+        type(netcdf_writer), intent(inout) :: writer
+        type(status_type), intent(inout) :: status
+
+        if (.not. status%is_ok()) return
+        call check(nf90_put_att(writer%id, nf90_global, name, number), writer, status)
+    end subroutine note_number
 
     !> Finish the file and put it in its place. After a failure nothing is left behind.
     subroutine close_netcdf(writer, status)

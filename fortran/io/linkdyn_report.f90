@@ -1,6 +1,8 @@
-!> A report gathered as text before it goes out: libgfortran does not say when standard output takes no more.
+!> A report gathered as text before it goes out: libgfortran does not say when standard output takes no more, and names and
+!> titles of a scene may hold anything.
 module linkdyn_report
     use linkdyn_output_file, only: print_text
+    use linkdyn_text, only: printable
     use linkdyn_status, only: status_type, fail, status_io_error
     implicit none (type, external)
     private
@@ -41,6 +43,7 @@ contains
         end do
         close (unit, iostat=outcome)
         if (place /= size_written) call fail(status, status_io_error, no_room)    ! a full disk shows here
+        text = printable(text, has_lines=.true.)
     end subroutine read_report
 
     !> To standard output.

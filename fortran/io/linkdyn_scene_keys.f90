@@ -55,7 +55,7 @@ contains
         text = trim(place%file)
         if (at > 0) text = text//":"//to_text(at)
         if (place%what /= "") text = text//": "//trim(place%what)
-        call fail(status, status_bad_input, printable(text//": "//problem))
+        call fail(status, status_bad_input, text//": "//problem)
     end subroutine refuse
 
     !> A key has a value that it cannot have.
@@ -472,16 +472,4 @@ contains
         text = to_text(n)//" "//noun
         if (n /= 1) text = text//"s"
     end function counted
-
-    !> A text on one line.
-    pure function printable(text) result(line)
-        character(len=*), intent(in) :: text
-        character(len=len(text)) :: line
-        integer :: i
-
-        line = text
-        do i = 1, len(text)
-            if (iachar(text(i:i)) < 32) line(i:i) = "?"
-        end do
-    end function printable
 end module linkdyn_scene_keys

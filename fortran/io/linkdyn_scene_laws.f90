@@ -9,12 +9,13 @@ module linkdyn_scene_laws
     use linkdyn_toml, only: toml_node, toml_table
     use linkdyn_units, only: quantity_type, per_second, unit_factor, time_span, angle, angular_rate
     use linkdyn_input, only: path_in_folder
-    use linkdyn_csv, only: read_csv, column_of
+    use linkdyn_path, only: is_inside
+    use linkdyn_csv, only: read_csv, column_of, as_shown
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
         get_quantity, quantity_of, list_of, get_text, get_word
     implicit none (type, external)
     private
-    public :: table_shelf, read_law, law_of_column, column_in_si, constant_law
+    public :: table_shelf, files_of, read_law, law_of_column, column_in_si, constant_law
     public :: spline, straight_lines, table_reading, read_table_keys, has_column, require_positive
 
     integer, parameter :: spline = 1           !! between rows: cubic spline with continuous acceleration
@@ -218,9 +219,24 @@ contains
         end do
         allocate (longer(n + 1)%table)
         call move_alloc(longer, shelf%place)
+        if (len(path) > path_len) then
+            call refuse(place, "table "//quoted(path(:24)//"...")//": the name of the file is longer than "//to_text(path_len) &
+                //" letters", status)
+            return
+        end if
         where = trim(place%file)//":"//to_text(place%line)//": "//trim(place%what)//": table "//quoted(path)
-        call read_csv(path, where, shelf%place(n + 1)%table, status)
+        call read_csv(path, where, shelf%place(n + 1)%table, status, is_foreign=.not. is_inside(path, trim(shelf%folder)))
     end subroutine take_table
+
+    !> Names of the files that were read.
+    pure function files_of(shelf) result(files)
+        type(table_shelf), intent(in) :: shelf
+        character(len=path_len), allocatable :: files(:)
+        integer :: i
+
+        allocate (files(0))
+        if (allocated(shelf%place)) files = [(shelf%place(i)%table%file, i=1, size(shelf%place))]
+    end function files_of
 
     !> True if a table has a column of that name.
     logical function has_column(shelf, reading, column)
@@ -276,6 +292,7 @@ contains
         if (.not. status%is_ok()) return
         call unit_factor(table%unit(i), quantity, factor, problem)
         if (problem /= "") then
+            if (table%is_foreign) problem = "a unit that does not fit "//as_shown(table, table%unit(i))
             call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column)//": "//problem// &
                 " (expected the unit of "//trim(quantity%name)//")")
             return

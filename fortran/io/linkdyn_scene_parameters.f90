@@ -14,7 +14,7 @@ module linkdyn_scene_parameters
     use linkdyn_units, only: si_value
     implicit none (type, external)
     private
-    public :: number_at, check_parameter, vary_scene
+    public :: number_at, varied_numbers, check_parameter, find_numbers, vary_numbers
 
     integer, parameter :: key_len = 256
 
@@ -25,6 +25,21 @@ module linkdyn_scene_parameters
         character(len=key_len) :: key = ""      !! in a table
         integer :: item = 0                     !! in a list, from 1
     end type number_at
+
+    !> What one axis does to one number.
+    type :: change_type
+        integer :: axis = 0
+        integer :: number = 0
+        integer :: operation = 0
+        real(wp) :: weight = 1
+    end type change_type
+
+    !> The numbers of a document that a sweep changes. What the places hold is not their node: a new value is a new one.
+    type :: varied_numbers
+        type(number_at), allocatable :: place(:)
+        real(wp), allocatable :: original(:)            !! SI
+        type(change_type), allocatable :: change(:)     !! in the order in which they are made
+    end type varied_numbers
 
 contains
 
@@ -60,57 +75,94 @@ contains
         end if
     end subroutine check_numbers
 
-    !> Put the values of one design into a scene that has just been read.
-    subroutine vary_scene(root, axis, value)
+    !> The numbers that the axes of a sweep change, as they stand in a document that has just been read.
+    subroutine find_numbers(root, axis, varied)
         type(toml_node), intent(in) :: root
         type(axis_spec), intent(in) :: axis(:)
-        real(wp), intent(in) :: value(:)        !! of the axes
+        type(varied_numbers), intent(out) :: varied
         type(number_at) :: found
         character(len=:), allocatable :: problem
         integer :: i, k
 
+        allocate (varied%place(0), varied%original(0), varied%change(0))
         do i = 1, size(axis)
             if (axis(i)%kind /= axis_parameter) cycle
             do k = 1, size(axis(i)%parameter)
                 call walk(root, trim(axis(i)%parameter(k)%path), found, problem)
-                if (problem == "") call put(found, axis(i)%operation, axis(i)%parameter(k)%weight*value(i))
+                if (problem /= "") cycle
+                call add_numbers(found, change_type(i, 0, axis(i)%operation, axis(i)%parameter(k)%weight), varied)
             end do
         end do
-    end subroutine vary_scene
+    end subroutine find_numbers
 
-    recursive subroutine put(found, operation, value)
+    !> A number, or all in a list.
+    recursive subroutine add_numbers(found, change, varied)
         type(number_at), intent(in) :: found
-        integer, intent(in) :: operation
-        real(wp), intent(in) :: value
-        type(number_at) :: inner
+        type(change_type), intent(in) :: change
+        type(varied_numbers), intent(inout) :: varied
+        type(change_type) :: own
         character(len=:), allocatable :: problem
         real(wp) :: number
         integer :: i
 
         if (found%node%kind() == toml_array) then
             do i = 1, found%node%count()
-                inner = number_at(found%node%at(i), found%node, "", i)
-                call put(inner, operation, value)
+                call add_numbers(number_at(found%node%at(i), found%node, "", i), change, varied)
             end do
             return
         end if
         problem = ""
         call number_of(found%node, number, problem)
         if (problem /= "") return
-        select case (operation)
-        case (multiply_by)
-            number = number*value
-        case (add_to)
-            number = number + value
-        case default
-            number = value
-        end select
-        if (found%item > 0) then
-            call found%parent%put_at(found%item, number)
-        else
-            call found%parent%put(found%key, number)
+        own = change
+        do i = 1, size(varied%place)
+            if (is_same_place(varied%place(i), found)) own%number = i
+        end do
+        if (own%number == 0) then
+            varied%place = [varied%place, found]
+            varied%original = [varied%original, number]
+            own%number = size(varied%place)
         end if
-    end subroutine put
+        varied%change = [varied%change, own]
+    end subroutine add_numbers
+
+    logical function is_same_place(a, b)
+        type(number_at), intent(in) :: a, b
+
+        is_same_place = a%parent%is_same_as(b%parent) .and. a%key == b%key .and. a%item == b%item
+    end function is_same_place
+
+    !> Put the values of one design into the document, whatever values stand there now.
+    subroutine vary_numbers(varied, value)
+        type(varied_numbers), intent(in) :: varied
+        real(wp), intent(in) :: value(:)        !! of the axes
+        real(wp) :: number(size(varied%original)), given
+        integer :: i
+
+        number = varied%original
+        do i = 1, size(varied%change)
+            associate (change => varied%change(i))
+                given = change%weight*value(change%axis)
+                select case (change%operation)
+                case (multiply_by)
+                    number(change%number) = number(change%number)*given
+                case (add_to)
+                    number(change%number) = number(change%number) + given
+                case default
+                    number(change%number) = given
+                end select
+            end associate
+        end do
+        do i = 1, size(number)
+            associate (place => varied%place(i))
+                if (place%item > 0) then
+                    call place%parent%put_at(place%item, number(i))
+                else
+                    call place%parent%put(place%key, number(i))
+                end if
+            end associate
+        end do
+    end subroutine vary_numbers
 
     !> A number, or a text with a number and its unit.
     subroutine number_of(node, value, problem)

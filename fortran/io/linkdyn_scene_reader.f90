@@ -17,17 +17,15 @@ module linkdyn_scene_reader
     use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
     use linkdyn_scene_joints, only: read_joints
     use linkdyn_scene_chain, only: count_legs, read_chains
-    use linkdyn_scene_laws, only: table_shelf
+    use linkdyn_scene_laws, only: table_shelf, files_of
     use linkdyn_scene_motion, only: read_coordinates
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_time, only: read_time
-    use linkdyn_scene_parameters, only: vary_scene
     use linkdyn_scene_sweep, only: read_sweep
-    use linkdyn_sweep_spec, only: axis_spec
     use linkdyn_toml, only: toml_node
     implicit none (type, external)
     private
-    public :: read_scene, parse_scene, check_actuators
+    public :: read_scene, parse_scene, open_document, read_document, check_actuators
 
 contains
 
@@ -47,32 +45,51 @@ contains
     end subroutine read_scene
 
     !> Read a scene from its text.
-    subroutine parse_scene(text, file, folder, scene, status, axis, value)
+    subroutine parse_scene(text, file, folder, scene, status)
         character(len=*), intent(in) :: text
         character(len=*), intent(in) :: file           !! what to call the text in messages
         character(len=*), intent(in) :: folder         !! where the tables lie; blank: the current folder
         type(scene_type), intent(out) :: scene
         type(status_type), intent(out) :: status
-        type(axis_spec), intent(in), optional :: axis(:)   !! of a sweep: with their values the scene is one of its designs
-        real(wp), intent(in), optional :: value(:)
         type(toml_document) :: document
+
+        call open_document(text, file, document, status)
+        if (status%is_ok()) call read_document(document, file, folder, .true., scene, status)
+        scene%text = text
+        call free_toml(document)
+    end subroutine parse_scene
+
+    !> The text as a document, to be freed by `free_toml`.
+    subroutine open_document(text, file, document, status)
+        character(len=*), intent(in) :: text
+        character(len=*), intent(in) :: file           !! for messages
+        type(toml_document), intent(out) :: document
+        type(status_type), intent(inout) :: status
         type(scene_place) :: root
         character(len=:), allocatable :: message
         integer :: line
 
-        scene%file = file
-        scene%text = text
         root%file = file
         call parse_toml(text, document, message, line)
-        if (message /= "") then
-            call refuse(root, "this is not TOML: "//message, status, line)
-            return
-        end if
+        if (message /= "") call refuse(root, "this is not TOML: "//message, status, line)
+    end subroutine open_document
+
+    !> Read a scene from a document.
+    subroutine read_document(document, file, folder, wants_sweep, scene, status)
+        type(toml_document), intent(in) :: document
+        character(len=*), intent(in) :: file, folder   !! as in `parse_scene`
+        logical, intent(in) :: wants_sweep             !! read the table [sweep], too
+        type(scene_type), intent(out) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: root
+
+        scene%file = file
+        root%file = file
         root%node = document%root()
-        if (present(axis)) call vary_scene(root%node, axis, value)
         call read_tables(root, folder, scene, status)
-        call free_toml(document)
-    end subroutine parse_scene
+        if (wants_sweep) call read_sweep(root, scene, status)
+        if (status%is_ok()) call start_on_motion(scene)
+    end subroutine read_document
 
     !> Inverse dynamics finds one driving force for each coordinate: refuse any other number of actuators.
     subroutine check_actuators(scene, status)
@@ -118,9 +135,8 @@ contains
         call read_actuators(root, driven, shelf, scene, status)
         call read_loads(root, shelf, scene, status)
         call read_springs(root, scene, status)
+        scene%table_file = files_of(shelf)
         call read_time(root, scene, status)
-        call read_sweep(root, scene, status)
-        if (status%is_ok()) call start_on_motion(scene)
     end subroutine read_tables
 
     !> Title, space and gravity.

@@ -23,6 +23,7 @@ module linkdyn_toml
     contains
         procedure :: is_present
         procedure :: is_number
+        procedure :: is_same_as
         procedure :: kind => node_kind
         procedure :: kind_text
         procedure :: line => node_line
@@ -181,6 +182,14 @@ contains
 
         is_present = c_associated(self%handle)
     end function is_present
+
+    !> True if both are one node of a document.
+    logical function is_same_as(self, other)
+        class(toml_node), intent(in) :: self
+        type(toml_node), intent(in) :: other
+
+        is_same_as = c_associated(self%handle, other%handle)
+    end function is_same_as
 
     !> True for a float or an integer.
     logical function is_number(self)

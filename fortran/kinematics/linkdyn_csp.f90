@@ -8,12 +8,13 @@
 !> **Source**: the lecture's CSP_LINKS and FD_CSP_LINKS, whose formulas its text leaves out; derived here for an axis and
 !> a slide that move in any way.
 module linkdyn_csp
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
-    public :: csp_group, locate_csp, move_csp, accelerate_csp, map_csp_column
+    public :: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp, map_csp_column
 
     !> A group in its position, world axes.
     type :: csp_group
@@ -62,6 +63,23 @@ contains
         group%per_slope = 1/(group%n.dot.direction)
         group%per_radius2 = 1/(group%n.dot.group%n)
     end subroutine locate_csp
+
+    !> No rates where next to nothing of them is certain: so near to where the slide touches the cylinder that the last digits
+    !> of the position move the meeting by much of its way from there.
+    !>
+    !> Across the axis the slide runs at a distance h from it, and n.y is the root of (y.y)(n.n - h^2) in that plane: an
+    !> error of h changes it by the share h error y.y/(n.y)^2.
+    pure subroutine drop_uncertain_rates(error, group)
+        real(wp), intent(in) :: error(lanes)    !! of the position [m]
+        type(csp_group), intent(inout) :: group
+        real(wp), parameter :: least_certain = 1.0e-3_wp    !! three digits of the rates
+        real(wp), dimension(lanes) :: across, h
+
+        across = 1 - (group%u.dot.group%y)**2
+        h = sqrt(max(0.0_wp, (group%n.dot.group%n) - 1/(group%per_slope**2*across)))
+        where (.not. h*error*across*group%per_slope**2 <= least_certain) &
+            group%per_slope = ieee_value(1.0_wp, ieee_quiet_nan)
+    end subroutine drop_uncertain_rates
 
     !> Velocity: rates of the slide, along and about the axis.
     pure subroutine move_csp(span_rate, omega, group)

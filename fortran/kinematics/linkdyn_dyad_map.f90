@@ -5,13 +5,14 @@
 !> `first` and `second` are how the gap moves for a unit rate. Their cross product vanishes at the dead points; divided by
 !> both lengths it is the sine of the transmission angle.
 module linkdyn_dyad_map
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_vec2, only: vec2, operator(-), operator(*), operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
     public :: dyad_map, make_dyad_map, solve_dyad, transmission_sine, transmission_angle
-    public :: half_chord, uncertainty_of_motion, largest_uncertainty
+    public :: drop_uncertain, half_chord, uncertainty_of_motion, largest_uncertainty
 
     !> Three digits: with fewer a rate, an acceleration or a force is not given as right.
     real(wp), parameter :: largest_uncertainty = 1.0e-3_wp
@@ -42,6 +43,21 @@ contains
         rate1 = map%inverse*(gap.cross.map%second)
         rate2 = map%inverse*(gap.cross.map%first)
     end subroutine solve_dyad
+
+    !> No rates where next to nothing of them is certain: so near a dead point that the last digits of the position turn the
+    !> links by much of the transmission angle.
+    !>
+    !> A gap of the size of the position's error turns links by up to error*reach/|det|, reach being the length of the
+    !> motions that rotations make, and the determinant changes with the angle by first.second.
+    pure subroutine drop_uncertain(error, reach, map)
+        real(wp), intent(in) :: error(lanes)          !! of the position [m]
+        real(wp), intent(in) :: reach(lanes)
+        type(dyad_map), intent(inout) :: map
+        real(wp) :: share(lanes)
+
+        share = error*reach*abs(map%first.dot.map%second)*map%inverse**2
+        where (.not. share <= largest_uncertainty) map%inverse = ieee_value(1.0_wp, ieee_quiet_nan)
+    end subroutine drop_uncertain
 
     !> Sine of the transmission angle: 1 is best, 0 a dead point.
     pure function transmission_sine(map) result(sine)

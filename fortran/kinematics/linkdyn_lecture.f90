@@ -13,8 +13,7 @@
 !> **Source**: the lecture on systematic kinematics and dynamics of link mechanisms; where its text carries an error, the
 !> corrected formula is used and named here.
 module linkdyn_lecture
-    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_dyad_map, only: dyad_map, solve_dyad, uncertainty_of_motion, largest_uncertainty
+    use linkdyn_dyad_map, only: dyad_map, solve_dyad, drop_uncertain
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_rrp_dyad, only: locate_rrp, map_rrp, bias_rrp
@@ -26,6 +25,8 @@ module linkdyn_lecture
     public :: point_motion, angle_motion, slide_motion, point_coefficients, angle_coefficients
     public :: crank_input, rrr_links, prr_links, coupler_point, link_angle
     public :: fd_crank_input, fd_rrr_links, fd_prr_links, fd_coupler_point
+
+    real(wp), parameter :: rounding = 4*epsilon(1.0_wp)    !! of positions given and of the closure, relative to their lengths
 
     !> The lecture's POINT: position, velocity, acceleration.
     type :: point_motion
@@ -100,7 +101,7 @@ contains
     !> J1 to J2.
     !>
     !> The lecture's closure by angles, its tan^-1(DY/DX) read as the two-argument arctangent, is replaced by the factored
-    !> form of `linkdyn_rrr_dyad`, which keeps its digits near the dead points.
+    !> form of `linkdyn_rrr_dyad`, which keeps its digits near the dead points. At these points themselves rates are NaN.
     pure subroutine rrr_links(j1, j2, length1, length2, mode, joint, is_reachable)
         type(point_motion), intent(in) :: j1, j2
         real(wp), intent(in) :: length1, length2     !! [m]
@@ -113,23 +114,19 @@ contains
 
         call locate_rrr(j2%p - j1%p, length1, length2, branch_of(mode), arm1, arm2, is_reachable)
         map = map_rrr(arm1, arm2)
+        call drop_uncertain(rounding*(length_of(j1%p) + length_of(j2%p) + length1 + length2), &
+                            spread(length1 + length2, 1, lanes), map)
         call solve_dyad(map, j2%dp - j1%dp, link1%dthe, link2%dthe)
         call solve_dyad(map, j2%ddp - j1%ddp + bias_rrr(arm1, arm2, link1%dthe, link2%dthe), link1%ddthe, link2%ddthe)
-        call forget_uncertain(uncertainty_of_motion(map, spread(min(length1, length2), 1, lanes), link1%dthe, link2%dthe, &
-                                                    link1%ddthe, link2%ddthe), link1%dthe, link1%ddthe)
         joint = rigid_point(j1, arm1, link1)
     end subroutine rrr_links
 
-    !> Rates that have lost their digits to a dead point are none.
-    pure subroutine forget_uncertain(part, rate, rate2)
-        real(wp), intent(in) :: part(lanes)                        !! relative uncertainty
-        real(wp), intent(inout), dimension(lanes) :: rate, rate2
+    pure function length_of(v) result(length)
+        type(vec2), intent(in) :: v
+        real(wp) :: length(lanes)
 
-        where (part > largest_uncertainty)
-            rate = ieee_value(1.0_wp, ieee_quiet_nan)
-            rate2 = rate
-        end where
-    end subroutine forget_uncertain
+        length = sqrt(v.dot.v)
+    end function length_of
 
     pure function branch_of(mode) result(branch)
         integer, intent(in) :: mode
@@ -162,14 +159,12 @@ contains
         offset = turn.rotate.[xi, eta]
         call locate_rrp(rail%p + offset - pivot%p, u, length, branch_of(mode), arm, slide%v, is_reachable)
         map = map_rrp(arm, u)
+        call drop_uncertain(rounding*(length_of(pivot%p) + length_of(rail%p) + length_of(offset) + length), &
+                            spread(1.0_wp, 1, lanes), map)
         base = rigid_point(rail, offset + slide%v*u, psi)
         call solve_dyad(map, base%dp - pivot%dp, link%dthe, slide%dv)
         gap = base%ddp - pivot%ddp + bias_rrp(arm, u, link%dthe, psi%dthe, slide%dv)
         call solve_dyad(map, gap, link%ddthe, slide%ddv)
-        associate (part => uncertainty_of_motion(map, spread(length, 1, lanes), link%dthe, slide%dv, link%ddthe, slide%ddv))
-            call forget_uncertain(part, link%dthe, link%ddthe)
-            call forget_uncertain(part, slide%dv, slide%ddv)
-        end associate
         joint = rigid_point(pivot, arm, link)
         slider = rigid_point(joint, -offset, psi)
     end subroutine prr_links

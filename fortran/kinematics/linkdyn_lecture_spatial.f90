@@ -7,7 +7,7 @@
 !> **Source**: the lecture on systematic kinematics and dynamics of link mechanisms; where its text carries an error, the
 !> corrected formula is used and named here.
 module linkdyn_lecture_spatial
-    use linkdyn_csp, only: csp_group, locate_csp, move_csp, accelerate_csp
+    use linkdyn_csp, only: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, kind_revolute
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -20,6 +20,8 @@ module linkdyn_lecture_spatial
     public :: s_point_motion, attitude_motion, vector_coefficients
     public :: s_crank_input, csp_links, s_coupler_point
     public :: fd_s_crank_input, fd_csp_links, fd_s_coupler_point
+
+    real(wp), parameter :: rounding = 4*epsilon(1.0_wp)    !! of positions given and of the closure, relative to their lengths
 
     !> A point in space.
     type :: s_point_motion
@@ -120,6 +122,7 @@ contains
         to_s = slide_frame%r.rotate.s_p
         call locate_csp(slide_point%p + to_s - axis_point%p, axis_frame%r%z, slide_frame%r%y, norm2(s_c(:2)), mode, group)
         is_reachable = abs(group%slide) <= huge(1.0_wp)
+        call drop_uncertain_rates(rounding*(length_of(slide_point%p) + length_of(axis_point%p) + norm2(s_c) + norm2(s_p)), group)
 
         ! S as a point of the link that carries the slide, then with the slide's own motion and its Coriolis part.
         held = carried_point(slide_point, to_s + group%slide*group%y, omega_p, alpha_p)
@@ -140,6 +143,13 @@ contains
         c_point = carried_point(s_point, arm, omega_c, alpha_c)
         p_point = carried_point(s_point, (-1.0_wp)*to_s, omega_p, alpha_p)
     end subroutine csp_links
+
+    pure function length_of(v) result(length)
+        type(vec3), intent(in) :: v
+        real(wp) :: length(lanes)
+
+        length = sqrt(v.dot.v)
+    end function length_of
 
     !> Module S_COUPLER_POINT: a point of a link from another, with axes of its own.
     pure subroutine s_coupler_point(origin, frame, m, r_mg, point, attitude)

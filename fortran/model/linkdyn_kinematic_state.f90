@@ -36,6 +36,7 @@ module linkdyn_kinematic_state
         logical :: unreachable(lanes) = .false.               !! a loop could not be closed
         logical :: singular(lanes) = .false.                  !! at a dead point: rates are not determined
         logical :: not_converged(lanes) = .false.             !! an iteration ran out of steps
+        logical :: undefined(lanes) = .false.                 !! a spring has no direction
         type(planar_motion) :: plane
         type(group_motion) :: group                           !! closed by Newton's method
         type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)

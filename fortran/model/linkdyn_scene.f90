@@ -182,6 +182,7 @@ module linkdyn_scene
         character(len=name_len), allocatable :: unit(:)  !! as in the header's brackets; blank: SI (column)
         real(wp), allocatable :: value(:, :)      !! as written, in the units of the header (row, column)
         integer, allocatable :: line(:)           !! in the file (row)
+        logical :: is_foreign = .false.           !! not of the scene's folder: no message quotes what stands in it
     end type table_spec
 
     !> The whole scene.
@@ -189,6 +190,7 @@ module linkdyn_scene
         character(len=256) :: title = ""
         character(len=path_len) :: file = ""      !! as given, for messages
         character(len=:), allocatable :: text     !! the scene file itself, kept in results
+        character(len=path_len), allocatable :: table_file(:)   !! files read beside it
         logical :: planar = .false.
         real(wp) :: gravity(3) = 0                !! [m/s2]
         logical :: has_gravity = .false.

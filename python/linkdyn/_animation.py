@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ._drawing import Postures, draw, find_postures, picture_size, poses_of, set_limits
+from ._drawing_arguments import checked
 from ._planar_shapes import unit_of
 from .errors import InputError, SceneError, UnavailableError
 from .scene import Scene
@@ -52,6 +53,7 @@ class _Arrows:
     is_torque: bool = False
 
 
+@checked
 def animate(
     run: xr.Dataset,
     file: str | os.PathLike[str],
@@ -166,6 +168,9 @@ def _arrows(run: xr.Dataset, scene: Scene, postures: Postures, kinds: tuple[str,
     if "load" in kinds and "time" in run.coords and scene.loads:
         force, start = _loads(run, scene, postures)
         found.append(_Arrows("load", LOAD, start, force))
+    if "load" in kinds and "wrench" in run:
+        force, start = _wrenches(run, scene, postures)
+        found.append(_Arrows("load", LOAD, start, force))
     if "driving" in kinds and "driving_force" in run:
         found += _drives(run, scene, postures, joints)
     return found
@@ -191,6 +196,18 @@ def _loads(run: xr.Dataset, scene: Scene, postures: Postures) -> tuple[Points, P
         forces.append(force)
         starts.append(postures.markers[load["link"]][load["marker"]])
     return np.stack(forces, axis=1), np.stack(starts, axis=1)
+
+
+def _wrenches(run: xr.Dataset, scene: Scene, postures: Postures) -> tuple[Points, Points]:
+    """Forces given in the call, and where they act."""
+    components = [name for name in ("Fx", "Fy", "Fz") if name in run.component.values]
+    place = {
+        f"{link['name']}.{marker['name']}": postures.markers[i][marker["name"]]
+        for i, link in enumerate(scene.description["links"])
+        for marker in link["markers"]
+    }
+    start = np.stack([place[str(name)] for name in run.loaded_marker.values], axis=1)
+    return _in_space(run.wrench.sel(component=components).values), start
 
 
 def _drives(run: xr.Dataset, scene: Scene, postures: Postures, joints: dict[str, dict[str, Any]]) -> list[_Arrows]:

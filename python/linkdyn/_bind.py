@@ -15,7 +15,7 @@ from .errors import ClosedSceneError, FileError, InputError, LinkdynError, Scene
 
 _api = _engine.linkdyn_f2py_api
 
-BAD_INPUT, IO_ERROR, UNAVAILABLE, STALE_HANDLE = 2, 4, 5, 7
+BAD_INPUT, IO_ERROR, UNAVAILABLE, STALE_HANDLE, INTERRUPTED = 2, 4, 5, 7, 8
 _ERRORS: dict[int, type[LinkdynError]] = {
     BAD_INPUT: InputError,
     IO_ERROR: FileError,
@@ -27,13 +27,14 @@ _GROUPS = (
     ("driving_speed", "driving_power"),
     ("reaction",),
     ("joint_variable", "joint_rate"),
-    ("growth", "power_imbalance"),
+    ("power_imbalance",),
     ("rcond",),
     ("singularity_distance",),
     ("error",),
     ("driving_force_error",),
     ("reaction_error",),
     ("transmission_angle",),
+    ("growth",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
@@ -64,6 +65,19 @@ def check(code: int, message: bytes, bad_input: type[LinkdynError] = InputError)
     raise bad_input(text) if code == BAD_INPUT else _ERRORS.get(code, LinkdynError)(text)
 
 
+def _listen(procedure: Any, *arguments: Any, **named: Any) -> list[Any]:
+    """Call a procedure that may take long: a signal such as Ctrl-C ends it within a fraction of a second.
+
+    Python's own handler runs as soon as the call is back, and usually raises. If it does not, the program wants to go on, and
+    the call is made once more.
+    """
+    while True:
+        *results, code, message = procedure(*arguments, **named)
+        if code != INTERRUPTED:
+            check(code, message)
+            return results
+
+
 def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str) -> Floats:
     """Values as a C-ordered float64 array; no copy if they are one already.
 
@@ -92,6 +106,20 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape)):
         raise InputError(f"{name}: expected shape {says}, got {_shape_text(array.shape)}")
     return np.ascontiguousarray(array, dtype=np.float64)
+
+
+def dimensions(name: str, values: ArrayLike, says: str) -> int:
+    """Number of dimensions of some values.
+
+    Raises
+    ------
+    InputError
+        Rows of unequal length.
+    """
+    try:
+        return np.ndim(values)
+    except ValueError as error:
+        raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from error
 
 
 def _shape_text(shape: tuple[int, ...]) -> str:
@@ -126,18 +154,14 @@ class Sweep:
 
 def open_sweep(handle: int, folder: str, solver: str, keep: str) -> Sweep:
     """Plan the sweep of a scene."""
-    sweep, n_sample, n_chunk, chunk, width, code, message = _api.api_sweep_open(
-        handle, _to_codes(folder), solver, _to_codes(keep)
-    )
-    check(code, message)
+    sweep, n_sample, n_chunk, chunk, width = _listen(_api.api_sweep_open, handle, _to_codes(folder), solver, _to_codes(keep))
     return Sweep(sweep, int(n_sample), int(n_chunk), chunk, width)
 
 
 def advance_sweep(sweep: Sweep, n_chunk: int, threads: int) -> tuple[int, Floats]:
     """Compute the next chunks: how many are done in all, and (samples, width) what is kept of these."""
     records = np.empty(max(1, sweep.width * n_chunk * sweep.chunk))
-    n_done, n_kept, code, message = _api.api_sweep_advance(sweep.handle, n_chunk, threads, records)
-    check(code, message)
+    n_done, n_kept = _listen(_api.api_sweep_advance, sweep.handle, n_chunk, threads, records)
     return int(n_done), records[: n_kept * sweep.width].reshape(n_kept, sweep.width)
 
 
@@ -211,7 +235,7 @@ def inverse(
     in_order: bool,
     inputs: tuple[Floats, Floats, Floats, Floats],
     outputs: dict[str, NDArray[Any]],
-) -> None:
+) -> NDArray[np.intc]:
     """Inverse dynamics of some samples, into the arrays given.
 
     Parameters
@@ -224,11 +248,17 @@ def inverse(
         q, qd, qdd (n, n_q) and load (n, n_load, 6).
     outputs
         Result arrays by name, C-ordered, sample first; what is not there is not computed. "status" must be.
+
+    Returns
+    -------
+    roads
+        Samples whose links were placed in closed form, by iteration; that the dense solver took over.
     """
     wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
     arrays = [_flat(outputs[name]) if name in outputs else _NOTHING for name in _OUTPUTS]
     settings = (handle, solver, threads, first, int(in_order), wanted)
-    check(*_api.api_inverse(*settings, *map(_flat, inputs), *arrays, outputs["status"]))
+    (roads,) = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
+    return roads
 
 
 class _Row:
@@ -281,6 +311,8 @@ class Run:
         check(code, message)
         self.statistics = np.zeros(3, dtype=np.intc)
         """Steps, rejected steps, right-hand sides."""
+        self.roads = np.zeros(3, dtype=np.intc)
+        """As `inverse` returns them."""
         self.stopped = ""
         """Why the run stopped early; empty if it did not."""
         self.coordinates = ""
@@ -306,10 +338,11 @@ class Run:
             Their results by name.
         """
         rows = {kind: _Row(len(t), kind, shapes) for kind in (np.float64, np.intc)}
-        n_done, self.reached, self.statistics, stopped, coordinates, code, message = _api.api_advance(
+        n_done, self.reached, self.statistics, roads, stopped, coordinates, code, message = _api.api_advance(
             self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values
         )
         check(code, message)
+        self.roads += roads
         self.stopped = stopped.decode("utf-8", errors="replace").strip()
         self.coordinates = coordinates.decode("utf-8", errors="replace").strip()
         return n_done, {name: rows[kind].take(name)[:n_done] for name, (shape, kind) in shapes.items()}
@@ -343,7 +376,8 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
     columns = np.empty((n, n_link, 3, 3))
     status = np.zeros(n, dtype=np.intc)
     if n > 0:
-        check(*_api.api_poses(handle, 2 if by_joints else int(in_order), _flat(q), _flat(position), _flat(columns), status))
+        kind = 2 if by_joints else int(in_order)
+        _listen(_api.api_poses, handle, kind, _flat(q), _flat(position), _flat(columns), status)
     return position, columns.swapaxes(-1, -2), status
 
 
@@ -363,7 +397,7 @@ def ensemble(
     found, rate = np.empty((n, len(t), n_q)), np.empty((n, len(t), n_q))
     good_until = np.empty(n)
     if n > 0:
-        check(*_api.api_ensemble(handle, threads, step, t, good_until, _flat(q), _flat(qd), _flat(found), _flat(rate)))
+        _listen(_api.api_ensemble, handle, threads, step, t, good_until, _flat(q), _flat(qd), _flat(found), _flat(rate))
     return found, rate, good_until
 
 

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from ._drawing_arguments import checked
 from ._planar_shapes import draw_planar
 from ._spatial_shapes import draw_spatial
 from .errors import InputError
@@ -89,6 +90,7 @@ def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool
     return Postures(scene, markers, axes), poses.status == 0
 
 
+@checked
 def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: Axes | None = None) -> tuple[Figure, Axes]:
     """Draw a scene in one position; planar scenes in the plane.
 

@@ -16,6 +16,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ._drawing_arguments import checked
 from ._style import readable
 from ._sweep_data import axis_names, describe_place, entries_of, mapped_axes, need_sweep, one_design
 from .errors import FileError, InputError
@@ -80,6 +81,7 @@ class Page:
     notes: list[str] = field(default_factory=list)
 
 
+@checked
 def sheet(run: xr.Dataset, file: str | os.PathLike[str], *, design: int | None = None, scene: Scene | None = None) -> Path:
     """Write the sizing sheet of a sweep.
 
@@ -143,6 +145,7 @@ def _pdf(page: Page) -> bytes:
     return pdf(page)
 
 
+@checked
 def sheet_page(run: xr.Dataset, *, design: int | None = None, scene: Scene | None = None) -> Page:
     """What stands on the sheet; parameters as for `sheet`."""
     need_sweep(run, "sheet")

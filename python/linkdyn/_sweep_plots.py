@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from ._drawing_arguments import checked
 from ._style import BAD, COLOURS, DIVERGING, SEQUENTIAL, readable
 from ._sweep_data import (
     LEAST,
@@ -59,6 +60,7 @@ TITLES = {
 Limit = Sequence[Sequence[float]]
 
 
+@checked
 def workspace(
     run: xr.Dataset,
     quantity: str = "driving_force",
@@ -285,6 +287,7 @@ def _space(cells: Cells, shown: _Shown) -> tuple[Figure, np.ndarray]:
     return figure, np.array([axis])
 
 
+@checked
 def force_map(
     run: xr.Dataset, *, axes: Iterable[str] | None = None, where: Mapping[str, float] | None = None
 ) -> tuple[Figure, np.ndarray]:
@@ -353,6 +356,7 @@ def force_map(
     return figure, grid.flat[: len(actuators)]
 
 
+@checked
 def screw_limit(motor: Limit, lead: float, *, ratio: float = 1.0, efficiency: float = 0.9) -> list[tuple[float, float]]:
     """Force-speed curve of a motor behind a screw, for `sizing`.
 
@@ -378,6 +382,7 @@ def screw_limit(motor: Limit, lead: float, *, ratio: float = 1.0, efficiency: fl
     return [(float(speed) * turn, float(torque) * efficiency / turn) for speed, torque in motor]
 
 
+@checked
 def sizing(
     run: xr.Dataset, limit: Limit | None = None, continuous: Limit | None = None, *, design: int | None = None
 ) -> tuple[Figure, np.ndarray]:
@@ -550,17 +555,11 @@ def _draw_cloud(axis: Axes, cloud: Any, used: Any, by_speed: float, by_force: fl
 
 
 def _rms(data: xr.Dataset, k: int, cloud: NDArray[np.float64]) -> tuple[float, float]:
-    """Of speed and force: over time in a run, over the samples in a sweep."""
+    """Of speed and force over the samples, each of which counts alike: as a sweep and the printed summary have it."""
     if "driving_force_rms" in data and "driving_speed_rms" in data:
         return float(data.driving_speed_rms.values[k]), float(data.driving_force_rms.values[k])
-    there = np.isfinite(cloud).all(axis=1)
-    values = cloud[there] ** 2
-    if "time" in data.coords and len(values) > 1:
-        t = data.time.values[there]
-        mean = np.trapezoid(values, t, axis=0) / (t[-1] - t[0])
-    else:
-        mean = values.mean(axis=0) if len(values) else np.full(2, np.nan)
-    speed, force = np.sqrt(mean)
+    values = cloud[np.isfinite(cloud).all(axis=1)] ** 2
+    speed, force = np.sqrt(values.mean(axis=0)) if len(values) else np.full(2, np.nan)
     return float(speed), float(force)
 
 
@@ -579,6 +578,7 @@ def _sizing_legend(figure: Figure, curves: list[Any], has_samples: bool) -> None
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize="small")
 
 
+@checked
 def histograms(
     run: xr.Dataset, quantity: str = "driving_force", *, at: Iterable[str] | None = None, design: int | None = None
 ) -> tuple[Figure, np.ndarray]:
@@ -609,6 +609,8 @@ def histograms(
     data = one_design(run, design, "histograms")
     edges, counts, labels = _bins(run, data, quantity)
     chosen = labels[:12] if at is None else [at] if isinstance(at, str) else list(at)
+    if not chosen:
+        raise InputError("histograms: at: names no entry (expected one at least)")
     for name in chosen:
         if name not in labels:
             raise InputError(f"histograms: no {name!r} in {quantity} (expected one of {', '.join(labels)})")
@@ -658,6 +660,7 @@ def _bins(run: xr.Dataset, data: xr.Dataset, quantity: str) -> tuple[Any, Any, l
     return np.array([edge for _, edge in parts]), np.array([count for count, _ in parts]), entries_of(run, quantity)
 
 
+@checked
 def designs(run: xr.Dataset, cost: str = "driving_force", gain: str = "feasible_volume") -> tuple[Figure, Axes]:
     """Designs of a sweep against each other: a cost that should be small over a gain that should be large.
 

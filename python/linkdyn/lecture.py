@@ -16,7 +16,8 @@ The coefficient forms ``FD_...`` serve forward dynamics. They give, beside posit
 accelerations, which are linear in the cranks' angular accelerations: ``X" = sum A_k theta_k" + B``. A crank's
 ``ddthe`` does not enter them: it is the unknown. The accelerations that they return are those of cranks at constant rates.
 
-What cannot be assembled is NaN, sample by sample; at a dead point, and where the rates would keep less than three digits, these are NaN.
+What cannot be assembled is NaN, sample by sample; so are the rates and accelerations at a dead point, and so near to one that
+the last digits of the position decide about them: where fewer than three digits of the rates are certain.
 
 References
 ----------
@@ -34,6 +35,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _engine
+from ._arguments import as_count
 from .errors import InputError
 
 __all__ = [
@@ -74,6 +76,11 @@ __all__ = [
 _api = _engine.linkdyn_f2py_lecture
 
 Floats = NDArray[np.float64]
+
+FIT = 1e-6
+"""How exactly a matrix is a rotation: as one written down with seven digits."""
+NEAR = np.sqrt(np.finfo(float).eps)
+"""Joints so near to each other, beside their distance from the origin, leave half of the digits of the line's angle."""
 
 
 # ---------------------------------------------------------------- what goes in and out
@@ -151,7 +158,7 @@ class Attitude:
     Parameters
     ----------
     r
-        (..., 3, 3) the lecture's [R_.], from the link's axes to world axes; default: parallel to the world's.
+        (..., 3, 3) the lecture's [R_.], a rotation from the link's axes to world axes; default: parallel to the world's.
     omega, domega
         (..., 3) angular velocity [rad/s] and its derivative [rad/s2], components along the link's axes.
     """
@@ -164,8 +171,9 @@ class Attitude:
         r = np.eye(3) if self.r is None else _floats("Attitude r", self.r)
         if r.shape[-2:] != (3, 3):
             raise InputError(f"Attitude r: expected shape (..., 3, 3), got {r.shape}")
+        _require_rotation("Attitude r", r)
         spin = [_floats(f"Attitude {name}", getattr(self, name)) for name in ("omega", "domega")]
-        _, omega, domega = _broadcast("Attitude", [np.zeros(3), *spin])
+        _, omega, domega = _broadcast("Attitude (3,), omega, domega", [np.zeros(3), *spin])
         _set(self, r=r, omega=omega, domega=domega)
 
     @property
@@ -210,7 +218,7 @@ def _set_broadcast(item: Any, **values: ArrayLike) -> None:
     """Fill a frozen item; values, rates and accelerations take one shape."""
     name = type(item).__name__
     arrays = [_floats(f"{name} {key}", value) for key, value in values.items()]
-    _set(item, **dict(zip(values, _broadcast(name, arrays))))
+    _set(item, **dict(zip(values, _broadcast(f"{name} {', '.join(values)}", arrays))))
 
 
 def _floats(name: str, values: ArrayLike) -> Floats:
@@ -229,6 +237,16 @@ def _broadcast(name: str, arrays: list[Floats]) -> list[Floats]:
     except ValueError:
         shapes = ", ".join(str(array.shape) for array in arrays)
         raise InputError(f"{name}: shapes {shapes} do not fit together") from None
+
+
+def _require_rotation(name: str, r: Floats) -> None:
+    """Refuse what mirrors, shears or scales; NaN, of what could not be assembled, passes."""
+    known = r[np.isfinite(r).all(axis=(-2, -1))]
+    apart = np.abs(known @ known.swapaxes(-1, -2) - np.eye(3)).max(initial=0.0)
+    if apart > FIT:
+        raise InputError(f"{name}: expected a rotation, but its columns are not square and of length 1, by {apart:.2g}")
+    if np.any(np.linalg.det(known) < 0):
+        raise InputError(f"{name}: expected a rotation, got a reflection")
 
 
 def _skew(w: Floats) -> Floats:
@@ -259,9 +277,9 @@ def crank_input(j1: Point, length: float, theta: Angle, base: Angle | None = Non
     -------
     Point
     """
-    call = _Call("crank_input", [("j1", j1, 2), ("theta", theta, 0), ("base", base or Angle(), 0)])
+    call = _Call("crank_input", [("j1", j1, 2), ("theta", theta, 0), ("base", Angle() if base is None else base, 0)])
     pivot, turn, carrier = call.packed
-    return call.point(_api.api_crank_input(pivot, _number("length", length), turn, carrier))
+    return call.point(_api.api_crank_input(pivot, _length("length", length), turn, carrier))
 
 
 def rrr_links(j1: Point, j2: Point, length1: float, length2: float, mode: int) -> Point:
@@ -286,7 +304,7 @@ def rrr_links(j1: Point, j2: Point, length1: float, length2: float, mode: int) -
     closure keeps its digits near the dead points, where the slide's arc cosine loses them.
     """
     call = _Call("rrr_links", [("j1", j1, 2), ("j2", j2, 2)])
-    lengths = _number("length1", length1), _number("length2", length2)
+    lengths = _length("length1", length1), _length("length2", length2)
     return call.point(_api.api_rrr_links(*call.packed, *lengths, _mode(mode)))
 
 
@@ -320,7 +338,7 @@ def prr_links(
     call = _Call("prr_links", [("j1", j1, 2), ("rail", rail, 2), ("psi", psi, 0)])
     pivot, line, turn = call.packed
     place = _number("xi", xi), _number("eta", eta)
-    slide, slider, joint = _api.api_prr_links(pivot, _number("length", length), line, turn, *place, _mode(mode))
+    slide, slider, joint = _api.api_prr_links(pivot, _length("length", length), line, turn, *place, _mode(mode))
     return call.slide(slide), call.point(slider), call.point(joint)
 
 
@@ -341,6 +359,7 @@ def coupler_point(j1: Point, j2: Point, xi: float, eta: float) -> tuple[Point, A
     point, angle
     """
     call = _Call("coupler_point", [("j1", j1, 2), ("j2", j2, 2)])
+    call.require_line(j1, j2)
     point, angle = _api.api_coupler_point(*call.packed, _number("xi", xi), _number("eta", eta))
     return call.point(point), call.angle(angle)
 
@@ -351,6 +370,7 @@ def link_angle(j1: Point, j2: Point) -> Angle:
     The slide's tan^-1(DY/DX) must be read as the two-argument arctangent.
     """
     call = _Call("link_angle", [("j1", j1, 2), ("j2", j2, 2)])
+    call.require_line(j1, j2)
     return call.angle(_api.api_link_angle(*call.packed))
 
 
@@ -387,14 +407,14 @@ def fd_crank_input(
     """
     call = _Call(
         "fd_crank_input",
-        [("j1", j1, 2), ("theta", theta, 0), ("base", base or Angle(), 0)],
+        [("j1", j1, 2), ("theta", theta, 0), ("base", Angle() if base is None else base, 0)],
         [("j1_of", j1_of, 2), ("base_of", base_of, 0)],
-        cranks or (None if j1_of or base_of else 1),
+        _cranks(cranks, j1_of, base_of),
     )
     pivot, turn, carrier, pivot_of, carrier_of = call.packed
     number = call.crank(crank)
     tip, tip_of = _api.api_fd_crank_input(
-        pivot, _number("length", length), turn, carrier, number, pivot_of, carrier_of
+        pivot, _length("length", length), turn, carrier, number, pivot_of, carrier_of
     )
     return call.point(tip), call.coefficients(tip_of)
 
@@ -430,7 +450,7 @@ def fd_rrr_links(
     """
     call = _Call("fd_rrr_links", [("j1", j1, 2), ("j2", j2, 2)], [("j1_of", j1_of, 2), ("j2_of", j2_of, 2)])
     first, second, first_of, second_of = call.packed
-    lengths = _number("length1", length1), _number("length2", length2)
+    lengths = _length("length1", length1), _length("length2", length2)
     joint, joint_of = _api.api_fd_rrr_links(first, second, *lengths, _mode(mode), first_of, second_of)
     return call.point(joint), call.coefficients(joint_of)
 
@@ -474,7 +494,7 @@ def fd_prr_links(
     pivot, line, turn, *given_of = call.packed
     place = _number("xi", xi), _number("eta", eta)
     slide, slider, joint, *of = _api.api_fd_prr_links(
-        pivot, _number("length", length), line, turn, *place, _mode(mode), *given_of
+        pivot, _length("length", length), line, turn, *place, _mode(mode), *given_of
     )
     return call.slide(slide), call.point(slider), call.point(joint), *map(call.coefficients, of)
 
@@ -512,6 +532,7 @@ def fd_coupler_point(
     line that begins with D_B gives D_C.
     """
     call = _Call("fd_coupler_point", [("j1", j1, 2), ("j2", j2, 2)], [("j1_of", j1_of, 2), ("j2_of", j2_of, 2)])
+    call.require_line(j1, j2)
     first, second, first_of, second_of = call.packed
     point, angle, point_of, angle_of = _api.api_fd_coupler_point(
         first, second, _number("xi", xi), _number("eta", eta), first_of, second_of
@@ -652,7 +673,7 @@ def fd_s_crank_input(
         "fd_s_crank_input",
         [("joint", joint, 3), ("frame", frame, 9), ("theta", theta, 0)],
         [("joint_of", joint_of, 3), ("frame_of", frame_of, 3)],
-        cranks or (None if joint_of or frame_of else 1),
+        _cranks(cranks, joint_of, frame_of),
     )
     start, axes, turn, *given_of = call.packed
     point, attitude, *of = _api.api_fd_s_crank_input(
@@ -852,9 +873,16 @@ class _Call:
 
     def crank(self, number: int) -> int:
         """Number of a crank for the flat layer."""
-        if not 0 <= number < self.cranks:
+        if isinstance(number, bool) or not isinstance(number, (int, np.integer)) or not 0 <= number < self.cranks:
             raise InputError(f"{self.name}: crank: expected 0 to {self.cranks - 1}, got {number!r}")
         return number + 1
+
+    def require_line(self, j1: Point, j2: Point) -> None:
+        """Two joints of a link that say how it lies."""
+        distance = np.linalg.norm(j2.p - j1.p, axis=-1)
+        reach = np.linalg.norm(j1.p, axis=-1) + np.linalg.norm(j2.p, axis=-1)
+        if np.any(distance <= NEAR * reach):
+            raise InputError(f"{self.name}: j1, j2: coincide, so that their line has no angle (expected two joints of a link)")
 
     def point(self, values: Floats) -> Point:
         return Point(*self._rows(values, 3, (len(values) // 3,)))
@@ -887,10 +915,19 @@ def _number(name: str, value: float) -> float:
     return float(array)
 
 
+def _length(name: str, value: float) -> float:
+    number = _number(name, value)
+    if number <= 0:
+        raise InputError(f"{name}: expected a length above zero, got {number:g}")
+    return number
+
+
 def _vector(name: str, value: ArrayLike) -> Floats:
     array = _floats(name, value)
     if array.shape != (3,):
         raise InputError(f"{name}: expected shape (3,), got {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: expected finite numbers, got {array.tolist()}")
     return array
 
 
@@ -898,10 +935,20 @@ def _matrix(name: str, value: ArrayLike | None) -> Floats:
     array = np.eye(3) if value is None else _floats(name, value)
     if array.shape != (3, 3):
         raise InputError(f"{name}: expected shape (3, 3), got {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: expected finite numbers")
+    _require_rotation(name, array)
     return np.asfortranarray(array)
 
 
 def _mode(mode: int) -> int:
-    if mode not in (1, -1):
+    if not isinstance(mode, (int, float, np.number)) or mode not in (1, -1):
         raise InputError(f"mode: expected +1 or -1, got {mode!r}")
     return int(mode)
+
+
+def _cranks(cranks: int | None, *given: Coefficients | None) -> int | None:
+    """How many cranks there are, if that is said: by a number, or by nothing but fixed points, which leave this one."""
+    if cranks is not None:
+        return as_count("cranks", cranks)
+    return 1 if all(of is None for of in given) else None

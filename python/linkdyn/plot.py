@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from ._animation import animate
 from ._drawing import mechanism
+from ._drawing_arguments import checked
 from ._style import COLOURS, LINES, plain_units
 from ._sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
 from .errors import InputError
@@ -41,6 +42,7 @@ __all__ = [
 scene3d = mechanism
 
 
+@checked
 def driving_forces(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     """Driving forces and torques over time, one panel per group of like actuators, peaks marked.
 
@@ -78,6 +80,7 @@ def driving_forces(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     return figure, axes[:, 0]
 
 
+@checked
 def reactions(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     """Magnitudes of the joint reactions: a row per group of like joints; left force, right moment.
 
@@ -116,6 +119,7 @@ def reactions(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     return figure, axes
 
 
+@checked
 def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: str = "xy") -> tuple[Figure, np.ndarray]:
     """Hodographs of the joint forces: the curve that the tip of each joint's force runs through, one panel a joint.
 
@@ -171,6 +175,7 @@ def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: 
     return figure, axes.flat[: len(names)]
 
 
+@checked
 def polar(run: xr.Dataset, joints: Iterable[str] | None = None, coordinate: str | None = None) -> tuple[Figure, Axes]:
     """Magnitude of the joint forces over the crank's angle, as a polar diagram.
 
@@ -221,12 +226,15 @@ def _chosen_joints(run: xr.Dataset, joints: Iterable[str] | None, caller: str) -
         acting = np.nan_to_num(np.abs(forces.values)).max(axis=(0, 2)) > 0.0
         return [name for name, acts in zip(known, acting) if acts] or known
     chosen = [joints] if isinstance(joints, str) else list(joints)
+    if not chosen:
+        raise InputError(f"{caller}: joints: names none (expected one at least)")
     for name in chosen:
         if name not in known:
             raise InputError(f"{caller}: no joint {name!r} in the run (expected one of {', '.join(known)})")
     return chosen
 
 
+@checked
 def motion(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     """Coordinates and their rates: a row per unit; left position, right rate.
 
@@ -260,6 +268,7 @@ def motion(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     return figure, axes
 
 
+@checked
 def energies(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     """Kinetic and potential energy and the work of the drives; below, what the balance of the three has lost or gained.
 
@@ -291,6 +300,7 @@ def energies(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     return figure, axes
 
 
+@checked
 def steps(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     """Step of the integrator that led to each output instant.
 
@@ -307,12 +317,18 @@ def steps(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     _need(run, "step")
     figure, axes = pyplot.subplots(1, squeeze=False, figsize=(9.0, 3.2), layout="constrained")
     x, x_label = _abscissa(run)
-    axes[0, 0].semilogy(x[1:], run.step.values[1:], drawstyle="steps-pre", **_line(0))
+    step = run.step.values[1:]
+    axes[0, 0].semilogy(x[1:], step, drawstyle="steps-pre", **_line(0))
+    known = step[np.isfinite(step) & (step > 0)]
+    if known.size:  # whole decades: equal steps, which differ by rounding, are one line
+        low, high = np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))
+        axes[0, 0].set_ylim(10.0 ** (low - (low == high)), 10.0 ** (high + (low == high)))
     axes[0, 0].set(xlabel=x_label, ylabel=f"step of {run.attrs.get('method', 'the integrator')} [s]")
     _finish(figure, axes, run)
     return figure, axes[:, 0]
 
 
+@checked
 def study(result: xr.Dataset) -> tuple[Figure, np.ndarray]:
     """Time against error: solvers as points, integrators as lines down their tolerances; lower left is best.
 

@@ -6,6 +6,7 @@ Names, units and dimensions come from the engine's own description, so the two c
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,13 @@ __all__ = ["ensemble_dataset", "result_shapes", "run_attributes", "to_dataset"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
+ROADS = ("samples_closed_form", "samples_iterated", "samples_dense")
+"""Attributes: how many samples took which road."""
+COMPONENTS = {
+    2: {"Fx": "N", "Fy": "N", "Mz": "N m"},
+    3: {"Fx": "N", "Fy": "N", "Fz": "N", "Mx": "N m", "My": "N m", "Mz": "N m"},
+}
+"""Of a wrench in the plane and in space, with their units."""
 
 
 def result_shapes(schema: dict[str, Any], with_inputs: bool = False) -> dict[str, tuple[tuple[int, ...], type]]:
@@ -36,7 +44,13 @@ def result_shapes(schema: dict[str, Any], with_inputs: bool = False) -> dict[str
 
 
 def to_dataset(
-    schema: dict[str, Any], arrays: dict[str, NDArray[Any]], scene: dict[str, Any], scene_text: str, solver: str
+    schema: dict[str, Any],
+    arrays: dict[str, NDArray[Any]],
+    scene: dict[str, Any],
+    scene_text: str,
+    solver: str,
+    roads: NDArray[np.intc],
+    wrench: Mapping[str, NDArray[np.float64]] | None = None,
 ) -> xr.Dataset:
     """The Dataset of a run.
 
@@ -52,6 +66,10 @@ def to_dataset(
         The scene file, kept as an attribute.
     solver
         Name of the solver used.
+    roads
+        Samples whose links were placed in closed form, by iteration; that the dense solver took over.
+    wrench
+        Marker ("platform.tool") to (N, component) loads that were given beside those of the scene, world axes.
     """
     used = {name for variable in schema["variables"] for name in variable["dims"]}
     coordinates: dict[str, Any] = {}
@@ -71,7 +89,15 @@ def to_dataset(
             attributes["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in variable["flags"])
         target = coordinates if variable["name"] == "time" else variables
         target[variable["name"]] = (variable["dims"], arrays[variable["name"]], attributes)
-    return xr.Dataset(variables, coordinates, run_attributes(scene, scene_text, solver))
+    if wrench:
+        components = COMPONENTS[2 if scene["planar"] else 3]
+        variables["wrench"] = (("sample", "loaded_marker", "component"), np.stack(list(wrench.values()), axis=1), {
+            "long_name": "wrench given in the call, at the marker, world axes", "units": "N, N m"})
+        coordinates["loaded_marker"] = ("loaded_marker", list(wrench))
+        coordinates["component"] = ("component", list(components))
+        coordinates["component_unit"] = ("component", list(components.values()))
+    attributes = run_attributes(scene, scene_text, solver) | dict(zip(ROADS, map(int, roads)))
+    return xr.Dataset(variables, coordinates, attributes)
 
 
 def ensemble_dataset(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import tomllib
 import weakref
@@ -16,6 +17,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
+from ._arguments import as_count, as_mapping, as_number, as_path, as_real, as_word, as_words
 from ._changes import changed
 from ._progress import Progress
 from .errors import InputError, Interrupted
@@ -27,8 +29,8 @@ __all__ = ["Scene", "Poses", "load"]
 
 BLOCK = 65536
 """Samples in one call of the engine: an interrupt (Ctrl-C) is heard between two calls."""
-RUN_BLOCK, BREATH = 4096, 0.25
-"""Instants of a forward run, and seconds, in one call of the engine at most."""
+RUN_BLOCK, RUN_VALUES, BREATH = 4096, 1 << 20, 0.25
+"""Instants of a forward run, their values, and seconds, in one call of the engine at most."""
 ENSEMBLE_BLOCK = 512
 """Members of an ensemble in one call of the engine."""
 
@@ -108,8 +110,9 @@ class Scene:
     ) -> None:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        self._folder = os.fspath(folder if folder is not None else beside)
+        self._folder = as_path("folder", folder if folder is not None else beside)
         handle = _bind.open_scene(data, name, self._folder)
+        self._folder = os.path.abspath(self._folder)  # the working folder may change before the tables are read again
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
@@ -152,7 +155,7 @@ class Scene:
         >>> scene = linkdyn.load("examples/fourbar/scene.toml")
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
-        return Scene(changed(tomllib.loads(self.text), changes), folder=self._folder)
+        return Scene(changed(tomllib.loads(self.text), as_mapping("changes", changes)), folder=self._folder)
 
     def explain(self, matrix: bool = False) -> str:
         """What is modelled, how it is computed, what is left out.
@@ -221,14 +224,14 @@ class Scene:
         if joint_variable is not None:
             if q is not None:
                 raise InputError("q, joint_variable: give one of them")
-            variables = np.ascontiguousarray(joint_variable, dtype=np.float64)
+            schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False)
+            width = next(len(item["labels"]) for item in schema["dimensions"] if item["name"] == "variable")
+            variables = _bind.as_floats("joint_variable", joint_variable, (None, width), f"(N, {width})")
             return Poses(*_bind.poses(self._handle, variables, len(self.links), False, by_joints=True))
         follows = q is None if in_order is None else in_order
         if q is None:
             q = self.motion()[0]
-        elif np.ndim(q) == 1:
-            q = np.asarray(q)[np.newaxis]
-        values = self._batch("q", q, None)
+        values = self._batch("q", q, None, one=True)
         return Poses(*_bind.poses(self._handle, values, len(self.links), follows))
 
     def inverse(
@@ -295,8 +298,9 @@ class Scene:
         else:
             given = self._given(q, qd, qdd)
             load = self._loads_at(job, t, len(given["q"]))
-        outputs = self._run(job, threads, given, load, wrench)
-        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver)
+        extra = self._wrenches(wrench, len(given["q"]))
+        outputs, roads = self._run(job, threads, given, load, extra)
+        return to_dataset(job.schema, given | outputs, self.description, self.text, job.solver, roads, self._told(extra, len(given["q"])))
 
     def forward(
         self,
@@ -357,19 +361,17 @@ class Scene:
         Interrupted
             Ctrl-C, a `KeyboardInterrupt` that keeps the results so far as ``result``.
         """
-        instants = self._output_instants(t_end) if t is None else self._instants(t)
+        instants = self._output_instants(t_end) if t is None else self._increasing(t)
         if t is not None and t_end is not None:
             raise InputError("t, t_end: give one of them")
-        if len(instants) == 0 or np.any(np.diff(instants) <= 0):
-            raise InputError("t: expected increasing instants")
-        wanted = want if isinstance(want, str) else ",".join(want or ())
-        schema = _bind.describe_results(self._handle, str(solver), wanted, True, is_forward=True, error=bool(error))
-        settings = (float(step), float(rtol), float(atol))
-        kind = (str(method), str(solver), _count("threads", threads))
+        wanted, method, solver = as_words("want", want), as_word("method", method), as_word("solver", solver)
+        settings = (as_real("step", step), as_real("rtol", rtol), as_real("atol", atol))
+        kind = (method, solver, as_count("threads", threads))
+        schema = _bind.describe_results(self._handle, solver, wanted, True, is_forward=True, error=bool(error))
         span = (float(instants[0]), float(instants[-1]))
         run = _bind.Run(self._handle, *kind, settings, bool(switch), wanted, bool(error), *span)
         try:
-            return self._follow(run, instants, schema, str(method), str(solver), progress)
+            return self._follow(run, instants, schema, method, solver, progress)
         finally:
             run.finish()
 
@@ -384,12 +386,13 @@ class Scene:
     ) -> xr.Dataset:
         """Through all instants of output, with an ear for interrupts."""
         shapes = result_shapes(schema, True)
-        parts: list[dict[str, NDArray[Any]]] = []
+        found = {name: np.empty((len(t), *shape), kind) for name, (shape, kind) in shapes.items()}
+        length = max(1, min(RUN_BLOCK, RUN_VALUES // sum(math.prod(shape) for shape, _ in shapes.values())))
         n_done = 0
 
         def result() -> xr.Dataset:
-            arrays = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-            data = to_dataset(schema, arrays, self.description, self.text, solver)
+            arrays = {name: values[:n_done] for name, values in found.items()}
+            data = to_dataset(schema, arrays, self.description, self.text, solver, run.roads)
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics))), "stopped": run.stopped}
             data.attrs["coordinates_integrated"] = run.coordinates
@@ -398,13 +401,14 @@ class Scene:
         sign = Progress(progress)
         try:
             while n_done < len(t):
-                n, arrays = run.advance(t[n_done : n_done + RUN_BLOCK], shapes, BREATH)
-                parts.append(arrays)
+                n, arrays = run.advance(t[n_done : n_done + length], shapes, BREATH)
+                for name, values in arrays.items():
+                    found[name][n_done : n_done + n] = values
                 n_done += n
                 sign.show((run.reached - t[0]) / (t[-1] - t[0]) if len(t) > 1 else 1.0)
         except KeyboardInterrupt:
             run.stopped = f"interrupted at t = {run.reached:.6g} s"
-            raise Interrupted(run.stopped, result() if parts else None) from None
+            raise Interrupted(run.stopped, result() if n_done else None) from None
         finally:
             sign.end()
         return result()
@@ -445,16 +449,14 @@ class Scene:
         InputError
             Wrong shapes, numbers that are not finite, instants that do not increase, a step that is not positive.
         """
-        instants = self._instants(t)
-        if len(instants) == 0 or np.any(np.diff(instants) <= 0):
-            raise InputError("t: expected increasing instants")
+        instants = self._increasing(t)
+        settings = (as_real("step", step), as_count("threads", threads))
         start = self._batch("q", q, None)
         rate = self._batch("qd", qd, len(start))
         parts, n_done, sign = [], 0, Progress(progress)
         try:
             while n_done < len(start) or not parts:
                 block = slice(n_done, n_done + ENSEMBLE_BLOCK)
-                settings = (float(step), _count("threads", threads))
                 parts.append(_bind.ensemble(self._handle, start[block], rate[block], instants, *settings))
                 n_done += ENSEMBLE_BLOCK
                 sign.show(min(1.0, n_done / max(1, len(start))))
@@ -485,7 +487,7 @@ class Scene:
         LinkdynError
             Neither inverse nor forward dynamics of the scene can be computed.
         """
-        return run_study(self.text, self._folder, t_end)
+        return run_study(self.text, self._folder, None if t_end is None else as_number("t_end", t_end))
 
     def sweep(
         self,
@@ -526,23 +528,23 @@ class Scene:
             The scene has no sweep; an unknown quantity or solver; too many or too few actuators.
         """
         if sweep is not None:
-            content = tomllib.loads(self.text) | {"sweep": sweep}
+            content = tomllib.loads(self.text) | {"sweep": as_mapping("sweep", sweep)}
             return Scene(content, folder=self._folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
         return run_sweep(
             self._handle,
             self._folder,
             self.description,
             self.text,
-            keep=keep,
-            solver=str(solver),
-            threads=_count("threads", threads),
-            progress=progress,
+            keep=as_words("keep", keep),
+            solver=as_word("solver", solver),
+            threads=as_count("threads", threads),
+            progress=bool(progress),
         )
 
     def _output_instants(self, t_end: float | None) -> NDArray[np.float64]:
         """Instants of a forward run: the scene's, or as many up to another end."""
         time = self.description["time"]
-        end = time["last"] if t_end is None else self._instants(t_end)[0]
+        end = time["last"] if t_end is None else as_number("t_end", t_end)
         if not end > time["first"]:
             raise InputError(f"t_end: a run from {time['first']} s to {end} s goes nowhere")
         n = time["n_sample"] if time["n_sample"] > 1 else 201
@@ -595,7 +597,8 @@ class Scene:
         """
         job = self._job(want, solver, wrench, False, error)
         given = self._given(q, qd, qdd)
-        return self._run(job, threads, given, self._loads_at(job, t, len(given["q"])), wrench)
+        n = len(given["q"])
+        return self._run(job, threads, given, self._loads_at(job, t, n), self._wrenches(wrench, n))[0]
 
     def _job(
         self,
@@ -606,14 +609,16 @@ class Scene:
         error: bool,
     ) -> _Job:
         """Checked once for calls of one kind."""
-        wanted = want if isinstance(want, str) else ",".join(want or ())
+        wanted, solver = as_words("want", want), as_word("solver", solver)
+        if wrench is not None:
+            as_mapping("wrench", wrench)
         key = (wanted, solver, tuple(wrench or ()), along_motion, bool(error))
         job = self._jobs.get(key)
         if job is None:
             handle, n_load = self._with_loads(key[2])
-            schema = _bind.describe_results(handle, str(solver), wanted, along_motion, error=bool(error))
+            schema = _bind.describe_results(handle, solver, wanted, along_motion, error=bool(error))
             load = _bind.motion(handle, np.zeros(1), len(self.coordinates), n_load)[3]
-            job = _Job(handle, n_load, str(solver), schema, result_shapes(schema), load)
+            job = _Job(handle, n_load, solver, schema, result_shapes(schema), load)
             self._jobs[key] = job
         return job
 
@@ -643,11 +648,10 @@ class Scene:
         threads: int,
         given: dict[str, NDArray[np.float64]],
         load: NDArray[np.float64],
-        wrench: Mapping[str, ArrayLike] | None,
-    ) -> dict[str, NDArray[Any]]:
-        """Blocks of samples through the engine; loads are spread over the samples block by block."""
-        n, threads = len(given["q"]), _count("threads", threads)
-        extra = [self._wrench(marker, values, n) for marker, values in (wrench or {}).items()]
+        wrench: dict[str, NDArray[np.float64]],
+    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc]]:
+        """Blocks of samples through the engine; loads are spread over the samples block by block. Also the roads they took."""
+        n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
         outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         inputs = (given["q"], given["qd"], given["qdd"])
         in_order = "time" in given
@@ -655,16 +659,16 @@ class Scene:
         length = max(1, n) if in_order else BLOCK
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
-            _bind.inverse(
+            roads += _bind.inverse(
                 job.handle,
                 job.solver,
                 threads,
                 first,
                 in_order,
-                (*(values[block] for values in inputs), _spread(load, extra, block, n)),
+                (*(values[block] for values in inputs), _spread(load, list(wrench.values()), block, n)),
                 {name: values[block] for name, values in outputs.items()},
             )
-        return outputs
+        return outputs, roads
 
     def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:
         """The scene's loads (N or 1, n_load, 6) at the instants of a batch."""
@@ -675,24 +679,44 @@ class Scene:
             raise InputError(f"t: expected one instant or shape ({n},), got ({len(instants)},)")
         return _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)[3]
 
-    def _batch(self, name: str, values: ArrayLike, n: int | None) -> NDArray[np.float64]:
+    def _batch(self, name: str, values: ArrayLike, n: int | None, one: bool = False) -> NDArray[np.float64]:
+        """Values of the coordinates (N, n), or of one sample (n,) where that will do."""
         columns = len(self.coordinates)
-        return _bind.as_floats(name, values, (n, columns), f"({'N' if n is None else n}, {columns})")
+        says = f"({'N' if n is None else n}, {columns})"
+        if one and _bind.dimensions(name, values, says) == 1:
+            return _bind.as_floats(name, values, (columns,), f"{says} or ({columns},)")[np.newaxis]
+        return _bind.as_floats(name, values, (n, columns), says)
+
+    def _increasing(self, t: ArrayLike) -> NDArray[np.float64]:
+        instants = self._instants(t)
+        if len(instants) == 0 or np.any(np.diff(instants) <= 0):
+            raise InputError("t: expected increasing instants")
+        return instants
 
     def _instants(self, t: ArrayLike) -> NDArray[np.float64]:
-        instants = _bind.as_floats("t", t, (None,) * min(1, np.ndim(t)), "(N,)").reshape(-1)
+        instants = _bind.as_floats("t", t, (None,) * min(1, _bind.dimensions("t", t, "(N,)")), "(N,)").reshape(-1)
         bad = np.flatnonzero(~np.isfinite(instants))
         if bad.size:
             raise InputError(f"t[{bad[0]}] is not a finite number")
         return instants
 
+    def _wrenches(self, wrench: Mapping[str, ArrayLike] | None, n: int) -> dict[str, NDArray[np.float64]]:
+        """All given wrenches as (N or 1, 6)."""
+        return {marker: self._wrench(marker, values, n) for marker, values in (wrench or {}).items()}
+
+    def _told(self, wrench: dict[str, NDArray[np.float64]], n: int) -> dict[str, NDArray[np.float64]]:
+        """The same for the results: one a sample, in the components that the scene has."""
+        columns = [0, 1, 5] if self.planar else slice(None)
+        return {marker: np.broadcast_to(values[:, columns], (n, values[:, columns].shape[1])) for marker, values in wrench.items()}
+
     def _wrench(self, marker: str, values: ArrayLike, n: int) -> NDArray[np.float64]:
         """A given wrench as (N or 1, 6)."""
         name, width = f"wrench[{marker!r}]", 3 if self.planar else 6
-        if np.ndim(values) == 1:
-            array = _bind.as_floats(name, values, (width,), f"({n}, {width}) or ({width},)")[np.newaxis]
+        says = f"({n}, {width}) or ({width},)"
+        if _bind.dimensions(name, values, says) == 1:
+            array = _bind.as_floats(name, values, (width,), says)[np.newaxis]
         else:
-            array = _bind.as_floats(name, values, (n, width), f"({n}, {width}) or ({width},)")
+            array = _bind.as_floats(name, values, (n, width), says)
         if not self.planar:
             return array
         full = np.zeros((len(array), _bind.LOAD_WIDTH))
@@ -717,12 +741,15 @@ def _spread(
 def _source(source: Any) -> tuple[bytes, str, str | os.PathLike[str]]:
     """Bytes of a scene, its name in messages, its folder."""
     if isinstance(source, Mapping):
-        return tomli_w.dumps(_plain(source)).encode(), "scene", "."
+        try:
+            return tomli_w.dumps(_plain(source)).encode(), "scene", "."
+        except (TypeError, ValueError, RecursionError) as error:
+            raise InputError(f"scene: holds what a scene file cannot ({error})") from error
     if isinstance(source, str) and ("\n" in source or not source.strip()):
         return source.encode(), "scene", "."
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"scene: expected a path, a text or a dict, got {type(source).__name__}")
-    path = Path(source)
+    path = Path(as_path("scene", source))
     return path.read_bytes(), str(path), path.parent
 
 
@@ -740,8 +767,3 @@ def _plain(value: Any) -> Any:
 def _names(entries: list[dict[str, Any]]) -> tuple[str, ...]:
     return tuple(entry["name"] for entry in entries)
 
-
-def _count(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise InputError(f"{name}: expected a whole number from 1 on, got {value!r}")
-    return int(value)

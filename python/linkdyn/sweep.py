@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -29,7 +28,7 @@ def run_sweep(
     scene: dict[str, Any],
     text: str,
     *,
-    keep: str | Iterable[str],
+    keep: str,
     solver: str,
     threads: int,
     progress: bool,
@@ -41,14 +40,13 @@ def run_sweep(
     handle, folder, scene, text
         Of the scene: its number in the engine, where its tables lie, its description, its file.
     keep
-        Quantities kept of every sample.
+        Quantities kept of every sample, with commas between.
     solver, threads
         As for `Scene.inverse`.
     progress
         Show a bar.
     """
-    names = keep if isinstance(keep, str) else ",".join(keep)
-    sweep = _bind.open_sweep(handle, folder, solver, names)
+    sweep = _bind.open_sweep(handle, folder, solver, keep)
     try:
         samples = np.empty((sweep.n_sample if sweep.width else 0, sweep.width))
         _advance(sweep, threads, samples, progress)
@@ -59,8 +57,9 @@ def run_sweep(
 
 def _advance(sweep: _bind.Sweep, threads: int, samples: NDArray[np.float64], progress: bool) -> None:
     """All chunks, in calls of about equal time; kept samples into their rows."""
-    n_done, first, n_next = 0, 0, threads
     most = MOST_CHUNKS if not sweep.width else max(1, min(MOST_CHUNKS, MOST_KEPT // (sweep.width * sweep.chunk)))
+    least = min(threads, most)
+    n_done, first, n_next = 0, 0, least
     with tqdm(total=sweep.n_sample, unit=" samples", unit_scale=True, disable=not progress, leave=False) as bar:
         while n_done < sweep.n_chunk:
             start = time.perf_counter()
@@ -70,7 +69,7 @@ def _advance(sweep: _bind.Sweep, threads: int, samples: NDArray[np.float64], pro
             first += len(records)
             bar.update(min(n_done * sweep.chunk, sweep.n_sample) - min(n_before * sweep.chunk, sweep.n_sample))
             seconds = max(time.perf_counter() - start, 1e-6)
-            n_next = int(np.clip(n_next * np.clip(ROUND_SECONDS / seconds, 0.5, 2), threads, max(threads, most)))
+            n_next = int(np.clip(n_next * np.clip(ROUND_SECONDS / seconds, 0.5, 2), least, most))
 
 
 def _dataset(sweep: _bind.Sweep, samples: NDArray[np.float64], attributes: dict[str, Any]) -> xr.Dataset:

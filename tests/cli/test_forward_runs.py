@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tomli_w
 import xarray as xr
 
 import linkdyn
@@ -109,3 +110,34 @@ def test_a_start_that_cannot_be_assembled(tmp_path):
     result = forward(tmp_path, scene)
     assert result.returncode == BAD_INPUT
     assert "at its start: links 'follower', 'coupler' cannot be closed" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("start", "motion", "fragment"),
+    [
+        ("60 deg", {"law": "cycloidal", "from": 0.0, "to": 1.0, "duration": 1.0}, "starts at 1.047198 rad, its motion at 0 rad"),
+        (0.0, {"law": "constant-rate", "rate": 2.0}, "starts with 0 rad/s, its motion with 2 rad/s"),
+    ],
+)
+def test_a_start_off_the_motion_is_no_start_for_its_forces(start, motion, fragment, tmp_path):
+    """The law "inverse" applies forces of the motion: from elsewhere they would move the mechanism along none that was asked for."""
+    scene = {
+        "space": "planar",
+        "frame": {"markers": {"A": [0.0, 0.0]}},
+        "link": [{"name": "arm", "mass": 1.0, "cog": [0.5, 0.0], "inertia": 0.1, "markers": {"A": [0.0, 0.0]}}],
+        "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "arm.A"]}],
+        "coordinate": [{"joint": "A", "start": start, "motion": motion}],
+        "actuator": [{"joint": "A"}],
+        "time": {"end": 0.1, "samples": 3},
+    }
+    file = tmp_path / "scene.toml"
+    file.write_text(tomli_w.dumps(scene))
+    result = forward(tmp_path, file, "--no-output")
+    assert result.returncode == 2 and result.stderr.count("\n") == 1
+    assert fragment in result.stderr and "'A'" in result.stderr
+    for mended in ({"driven": True}, {"start": {"position": motion.get("from", 0.0), "velocity": motion.get("rate", 0.0)}}, {"start": None}):
+        coordinate = scene["coordinate"][0] | mended
+        scene["coordinate"] = [{key: value for key, value in coordinate.items() if value is not None}]
+        file.write_text(tomli_w.dumps(scene))
+        assert forward(tmp_path, file, "--no-output").returncode == 0
+        scene["coordinate"] = [{"joint": "A", "start": start, "motion": motion}]

@@ -53,6 +53,15 @@ def test_steps(run):
     figure.canvas.draw()
 
 
+def test_equal_steps_are_one_line(run):
+    """What rounding makes of equal steps fills no picture: the axis spans a decade and more around them."""
+    step = np.full(run.sizes["sample"], 1e-3) * (1 + 4e-16 * np.random.default_rng(1).integers(-3, 4, run.sizes["sample"]))
+    for values in (step, np.full(len(step), 1e-3), np.full(len(step), 0.02)):
+        _, axes = plot.steps(run.assign(step=("sample", values)))
+        low, high = axes[0].get_ylim()
+        assert high >= 9.99 * low and low < values[1:].min() and values[1:].max() < high
+
+
 def test_missing_results_are_named(run):
     with pytest.raises(linkdyn.LinkdynError, match="kinetic_energy"):
         plot.energies(run.drop_vars("kinetic_energy"))

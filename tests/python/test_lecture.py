@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -357,3 +358,144 @@ def skew(w: np.ndarray) -> np.ndarray:
 def test_messages(call, message: str) -> None:
     with pytest.raises(InputError, match=message):
         call()
+
+
+# ---------------------------------------------------------------- what is no number, and what is none any more
+
+NOT_ROTATIONS = [np.diag([1.0, 1.0, -1.0]), 2 * np.eye(3), np.eye(3) + np.eye(3, k=1), np.zeros((3, 3)), -np.eye(3)]
+
+
+@pytest.mark.parametrize("r", NOT_ROTATIONS, ids=["mirror", "scale", "shear", "zero", "point reflection"])
+def test_attitudes_are_rotations(r):
+    with pytest.raises(InputError, match="Attitude r: expected a rotation"):
+        Attitude(r)
+    with pytest.raises(InputError, match="Attitude r"):
+        Attitude(np.stack([np.eye(3), r]))
+    origin = Point((0.0, 0.0, 0.0))
+    with pytest.raises(InputError, match="r_ab: expected a rotation"):
+        S_CRANK_INPUT(origin, Attitude(), Angle(0.8), [0.1, 0.0, 0.0], r)
+    with pytest.raises(InputError, match="r_mg: expected a rotation"):
+        S_COUPLER_POINT(origin, Attitude(), [0.1, 0.0, 0.0], r)
+
+
+def test_a_rotation_written_with_seven_digits_will_do():
+    c, s = 0.8660254, 0.5
+    Attitude([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+@pytest.mark.parametrize("length", [-0.5, 0.0])
+def test_lengths_are_positive(length):
+    a, b, theta = Point((-0.72, -0.21)), Point((0.26, 0.15)), Angle(0.3)
+    for name, call in {
+        "length1": lambda: RRR_links(a, b, length, 0.8, 1),
+        "length2": lambda: RRR_links(a, b, 0.5, length, 1),
+        "length": lambda: PRR_links(a, length, b, theta, 0.0, 0.0, 1),
+    }.items():
+        with pytest.raises(InputError, match=f"{name}: expected a length above zero"):
+            call()
+    with pytest.raises(InputError, match="length: expected a length above zero"):
+        crank_input(a, length, theta)
+
+
+def test_a_line_needs_two_points():
+    """Joints that coincide, exactly or but for rounding, lie in no direction."""
+    a = Point(np.array([[0.1, 0.2], [0.3, 0.4]]))
+    for b in (a, Point(a.p + np.array([0.0, 1e-17])), Point(a.p + np.array([[1.0, 0.0], [0.0, 0.0]]))):
+        for call in (lambda: link_angle(a, b), lambda: coupler_point(a, b, 0.1, 0.0), lambda: FD_COUPLER_POINT(
+            a, b, 0.1, 0.0, j1_of=Coefficients(np.zeros((1, 2))))):
+            with pytest.raises(InputError, match="j1, j2: coincide"):
+                call()
+
+
+@pytest.mark.parametrize("mode", [0, 2, 1.5, np.array([1, -1]), [1], "1", None])
+def test_mode_is_one_of_two(mode):
+    with pytest.raises(InputError, match="mode: expected"):
+        RRR_links(Point((0.0, 0.0)), Point((1.0, 0.0)), 1.0, 1.0, mode)
+
+
+STRETCHES = [10.0**-k for k in range(17)]
+"""Angles [rad] from a dead point."""
+
+
+def close_to(got: np.ndarray, want: mpmath.matrix, rel: float) -> bool:
+    return all(abs(float(g) - w) <= rel * max(map(abs, want)) for g, w in zip(got, want))
+
+
+@pytest.mark.parametrize("is_stretched", [True, False], ids=["stretched", "folded"])
+@pytest.mark.parametrize("shift", [0.0, 1e4])
+def test_rrr_near_its_dead_points(shift, is_stretched):
+    """In 60 digits: velocities are right to three digits, or NaN; and they are there as long as the position tells them.
+
+    The second joint moves square to the stretched links but for a part that grows with the angle from the dead point, so the
+    velocities stay of the size of one.
+    """
+    n_known = 0
+    for angle in STRETCHES:
+        with mpmath.workdps(60):
+            gamma = mpmath.mpf(angle)
+            end = mpmath.mpf(0.8) * mpmath.matrix([mpmath.cos(gamma), mpmath.sin(gamma)]) * (1 if is_stretched else -1)
+            j1, j2 = (shift, shift), [float(0.5 + end[0] + shift), float(end[1] + shift)]
+            rate, d = [0.3, 1.0], [mpmath.mpf(j2[k]) - mpmath.mpf(j1[k]) for k in range(2)]
+            want = velocity_of_joint(d, rate, mpmath.mpf(0.5), mpmath.mpf(0.8), -1 if is_stretched else 1)
+        got = RRR_links(Point(j1), Point(j2, rate), 0.5, 0.8, -1 if is_stretched else 1)
+        if np.isnan(got.dp).any():
+            assert np.isnan(got.ddp).all()
+            continue
+        assert want is not None and close_to(got.dp, want, 1e-3), angle
+        n_known += 1
+    # an angle leaves its square in the distance of the joints: half of the digits of the positions, three of them kept
+    assert n_known >= (6 if shift == 0 else 4)
+    at_it = RRR_links(Point((0.0, 0.0)), Point((1.3, 0.0), (0.0, 1.0)), 0.5, 0.8, 1)
+    assert np.isfinite(at_it.p).all() and np.isnan(at_it.dp).all() and np.isnan(at_it.ddp).all()
+
+
+def velocity_of_joint(d: list, rate: list, length1, length2, mode: int) -> mpmath.matrix | None:
+    """Of the joint of two links, from the law of cosines; None: out of reach."""
+    square = d[0] ** 2 + d[1] ** 2
+    along = (length1**2 - length2**2 + square) / (2 * square)
+    height2 = length1**2 / square - along**2
+    if height2 <= 0:
+        return None
+    across = mode * mpmath.sqrt(height2)
+    arm1 = mpmath.matrix([along * d[0] - across * d[1], along * d[1] + across * d[0]])
+    arm2 = mpmath.matrix([arm1[0] - d[0], arm1[1] - d[1]])
+    # v = w1 x arm1 = rate + w2 x arm2
+    turn = mpmath.lu_solve(mpmath.matrix([[-arm1[1], arm2[1]], [arm1[0], -arm2[0]]]), mpmath.matrix([mpmath.mpf(r) for r in rate]))
+    return mpmath.matrix([-turn[0] * arm1[1], turn[0] * arm1[0]])
+
+
+@pytest.mark.parametrize("shift", [0.0, 1e4])
+def test_prr_near_its_dead_points(shift):
+    """The rail moves across the crank's circle until it touches it."""
+    n_known = 0
+    for angle in STRETCHES:
+        height = float(mpmath.mpf(0.7) * mpmath.cos(angle))
+        rail = Point((shift, shift + height), (0.2, 1.0))
+        slide, _, joint = PRR_links(Point((shift, shift)), 0.7, rail, Angle(0.0), 0.0, 0.0, 1)
+        if np.isnan(joint.dp).any():
+            assert np.isnan(slide.dv)
+            continue
+        with mpmath.workdps(60):
+            y = mpmath.mpf(shift + height) - mpmath.mpf(shift)
+            x = mpmath.sqrt(mpmath.mpf(0.7) ** 2 - y**2)
+            want = mpmath.matrix([-y / x, mpmath.mpf(1)])
+        assert close_to(joint.dp, want, 1e-3), angle
+        n_known += 1
+    assert n_known >= (6 if shift == 0 else 4)
+
+
+def test_csp_near_its_dead_points():
+    """The slide's line moves across the cylinder until it touches it."""
+    n_known = 0
+    for angle in STRETCHES:
+        height = float(mpmath.mpf(0.7) * mpmath.cos(angle))
+        slide_point = Point((height, 0.0, 0.0), (1.0, 0.0, 0.0))
+        c, _, s, _ = CSP_LINKS(Point((0.0, 0.0, 0.0)), Attitude(), slide_point, Attitude(), (0.7, 0.0, 0.0), (0.0, 0.0, 0.0), 1)
+        if np.isnan(s.dp).any():
+            continue
+        with mpmath.workdps(60):
+            x = mpmath.mpf(height)
+            want = mpmath.matrix([mpmath.mpf(1), -x / mpmath.sqrt(mpmath.mpf(0.7) ** 2 - x**2), mpmath.mpf(0)])
+        assert close_to(s.dp, want, 1e-3), angle
+        n_known += 1
+    assert n_known >= 6

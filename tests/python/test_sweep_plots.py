@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+
 import matplotlib
 
 matplotlib.use("Agg")
@@ -12,6 +14,7 @@ from matplotlib import pyplot
 
 import linkdyn
 from linkdyn import _sweep_plots, plot
+from linkdyn.cli import executable
 
 KEEP = ("driving_force", "driving_speed", "condition")
 
@@ -187,9 +190,25 @@ def test_use_of_a_sloping_limit():
 def test_sizing_of_a_run_along_time(scene):
     run = scene.inverse()
     _, axes = plot.sizing(run, [(0, 20), (1, 20)], [(0, 9), (1, 9)])
-    t = run.time.values
-    rms = np.sqrt(np.trapezoid(run.driving_force.values[:, 0] ** 2, t) / (t[-1] - t[0]))
+    rms = np.sqrt(np.mean(run.driving_force.values[:, 0] ** 2))
     assert f"leg1.P   rms {rms:.4g} N" in axes[0].get_title()
+
+
+def test_one_rms(scene, tmp_path):
+    """Along the same instants the summary, the picture and a sweep say the same, each sample counting alike."""
+    time = scene.description["time"]
+    axis = {"time": True, "linspace": [time["first"], time["last"], time["n_sample"]]}
+    swept = scene.sweep({"reduce": ["driving_force", "driving_speed"], "axis": [axis]})
+    run = scene.inverse()
+    np.testing.assert_allclose(swept.driving_force_rms, np.sqrt((run.driving_force.values**2).mean(axis=0)), rtol=1e-13)
+    titles = [[axis.get_title() for axis in plot.sizing(data, [(0, 20), (1, 20)], [(0, 9), (1, 9)])[1]] for data in (run, swept)]
+    pairs = [tuple(title[: title.index(" N") + 2] for title in pair) for pair in zip(*titles)]
+    assert len(pairs) == 6 and all(one == other for one, other in pairs)
+    file = tmp_path / "scene.toml"
+    file.write_text(scene.text)
+    said = subprocess.run([executable(), "inverse", file, "--no-output"], capture_output=True, text=True, check=True).stdout
+    printed = [float(line.split()[-1]) for line in said.splitlines() if line.startswith("  leg")]
+    np.testing.assert_allclose(printed, swept.driving_force_rms, rtol=1e-5)    # six digits
 
 
 def test_sizing_without_samples_is_the_box(designed):

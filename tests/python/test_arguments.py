@@ -1,0 +1,212 @@
+"""Whatever is given where an argument belongs: what is refused is refused in the package's words, by the argument's name."""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import numpy as np
+import pytest
+import tomli_w
+from matplotlib import pyplot
+
+import linkdyn
+from linkdyn import lecture, plot
+
+ROOT = Path(__file__).resolve().parents[2]
+NONSENSE = {
+    "object": object(),
+    "text": "nonsense",
+    "letters": "ümläut",
+    "null": "a\0b",
+    "bytes": b"bytes",
+    "ragged": [[1.0], [2.0, 3.0]],
+    "complex": 1j,
+    "too large": 10**400,
+    "large": 2**40,
+    "negative": -1,
+    "zero": 0,
+    "fraction": 0.5,
+    "nan": math.nan,
+    "infinite": math.inf,
+    "nothing": None,
+    "list of nothing": [None],
+    "cube": np.zeros((2, 2, 2)),
+    "empty": [],
+    "dict": {"a": 1},
+    "dict of objects": {1: object()},
+    "set": {1},
+    "dates": np.array(["2020-01-01"], dtype="datetime64[D]"),
+    "type": int,
+}
+
+
+@pytest.fixture(scope="module")
+def scene() -> linkdyn.Scene:
+    scene = linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml")
+    return scene.with_({"sweep": {"axis": [{"coordinate": "J1", "linspace": [0.0, 1.0, 3]}]}})
+
+
+Q, POINT = [[0.1], [0.2]], lecture.Point((0.1, 0.2))
+FAR, ANGLE = lecture.Point((1.0, 0.5)), lecture.Angle(0.3)
+CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
+    "Scene": (lambda scene: linkdyn.Scene, {"source": None, "folder": "."}),
+    "with_": (lambda scene: scene.with_, {"changes": {}}),
+    "motion": (lambda scene: scene.motion, {"t": 0.1}),
+    "load_values": (lambda scene: scene.load_values, {"t": 0.1}),
+    "poses": (lambda scene: scene.poses, {"q": Q}),
+    "poses of joints": (lambda scene: scene.poses, {"joint_variable": np.zeros((2, 4))}),
+    "inverse": (lambda scene: scene.inverse, {
+        "q": Q, "qd": Q, "qdd": Q, "wrench": {}, "t": 0.1, "want": "all", "solver": "lapack", "threads": 2}),
+    "solve": (lambda scene: scene.solve, {"q": Q, "wrench": {}, "want": "all", "solver": "lapack", "threads": 2}),
+    "forward": (lambda scene: scene.forward, {
+        "t_end": 0.01, "method": "rk4", "step": 1e-3, "rtol": 1e-9, "atol": 1e-9, "want": "all", "solver": "lapack", "threads": 2}),
+    "forward to instants": (lambda scene: scene.forward, {"t": [0.0, 0.01]}),
+    "ensemble": (lambda scene: scene.ensemble, {"q": Q, "qd": Q, "t": [0.0, 0.01], "step": 1e-3, "threads": 2}),
+    "sweep": (lambda scene: scene.sweep, {"sweep": {"axis": [{"coordinate": "J1", "linspace": [0.0, 1.0, 3]}]},
+                                          "keep": "driving_force", "solver": "lapack", "threads": 2}),
+    "study": (lambda scene: scene.study, {"t_end": 0.001}),
+    "Point": (lambda scene: lecture.Point, {"p": (0.0, 0.0), "dp": (0.0, 0.0), "ddp": (0.0, 0.0)}),
+    "Angle": (lambda scene: lecture.Angle, {"the": 0.0, "dthe": 0.0, "ddthe": 0.0}),
+    "Slide": (lambda scene: lecture.Slide, {"v": 0.0}),
+    "Attitude": (lambda scene: lecture.Attitude, {"r": np.eye(3), "omega": np.zeros(3)}),
+    "Coefficients": (lambda scene: lecture.Coefficients, {"of": np.zeros((1, 2)), "rest": np.zeros(2)}),
+    "crank_input": (lambda scene: lecture.crank_input, {"j1": POINT, "length": 1.0, "theta": ANGLE, "base": ANGLE}),
+    "rrr_links": (lambda scene: lecture.rrr_links, {"j1": POINT, "j2": FAR, "length1": 1.0, "length2": 1.0, "mode": 1}),
+    "prr_links": (lambda scene: lecture.prr_links, {
+        "j1": POINT, "length": 1.0, "rail": FAR, "psi": ANGLE, "xi": 0.0, "eta": 0.0, "mode": 1}),
+    "coupler_point": (lambda scene: lecture.coupler_point, {"j1": POINT, "j2": FAR, "xi": 0.1, "eta": 0.1}),
+    "link_angle": (lambda scene: lecture.link_angle, {"j1": POINT, "j2": FAR}),
+    "fd_crank_input": (lambda scene: lecture.fd_crank_input, {
+        "j1": POINT, "length": 1.0, "theta": ANGLE, "crank": 0, "cranks": 1, "j1_of": lecture.Coefficients(np.zeros((1, 2)))}),
+    "s_crank_input": (lambda scene: lecture.s_crank_input, {
+        "joint": lecture.Point((0.0, 0.0, 0.0)), "frame": lecture.Attitude(), "theta": ANGLE, "b": np.ones(3), "r_ab": np.eye(3)}),
+    "csp_links": (lambda scene: lecture.csp_links, {
+        "axis_point": lecture.Point((0.0, 0.0, 0.0)), "axis_frame": lecture.Attitude(), "slide_point": lecture.Point((0.5, 0.0, 0.0)),
+        "slide_frame": lecture.Attitude(), "s_c": (1.0, 0.0, 0.0), "s_p": (0.0, 0.0, 0.0), "mode": 1}),
+}
+
+
+@pytest.fixture(scope="module")
+def drawn(scene, tmp_path_factory) -> dict[str, Any]:
+    """What pictures are made of."""
+    platform = linkdyn.load(ROOT / "examples" / "stewart_tsai" / "scene.toml")
+    axes = [{"coordinate": f"platform.{name}", "linspace": [at - 0.1, at + 0.1, 3]} for name, at in (("x", -1.5), ("y", 0.0))]
+    sweep = {"reduce": ["driving_force", "driving_speed"], "histogram": {"driving_force": True}, "axis": axes}
+    return {"inverse": scene.inverse(), "forward": scene.forward(0.1), "planar": scene, "spatial": platform,
+            "sweep": platform.sweep(sweep, keep=["driving_force", "driving_speed"]), "folder": tmp_path_factory.mktemp("drawn")}
+
+
+CURVE = [(0.0, 10.0), (100.0, 5.0)]
+PICTURES: dict[str, tuple[Any, dict[str, Any]]] = {
+    "mechanism": (plot.mechanism, {"scene": "planar", "q": [0.1], "names": True, "ax": None}),
+    "driving_forces": (plot.driving_forces, {"run": "inverse"}),
+    "reactions": (plot.reactions, {"run": "inverse"}),
+    "hodograph": (plot.hodograph, {"run": "inverse", "joints": ["J1"], "components": "xy"}),
+    "polar": (plot.polar, {"run": "inverse", "joints": ["J1"], "coordinate": "J1"}),
+    "motion": (plot.motion, {"run": "forward"}),
+    "energies": (plot.energies, {"run": "forward"}),
+    "steps": (plot.steps, {"run": "forward"}),
+    "animate": (plot.animate, {"run": "inverse", "file": "x.gif", "scene": "planar", "frames": 1, "fps": 5.0, "forces": "all", "names": False}),
+    "workspace": (plot.workspace, {"run": "sweep", "quantity": "driving_force", "axes": ["platform.x", "platform.y"], "at": None,
+                                   "where": {}, "kind": "slices", "design": None}),
+    "force_map": (plot.force_map, {"run": "sweep", "axes": ["platform.x", "platform.y"], "where": {}}),
+    "histograms": (plot.histograms, {"run": "sweep", "quantity": "driving_force", "at": None, "design": None}),
+    "sizing": (plot.sizing, {"run": "sweep", "limit": CURVE, "continuous": CURVE, "design": None}),
+    "screw_limit": (plot.screw_limit, {"motor": CURVE, "lead": 0.01, "ratio": 1.0, "efficiency": 0.9}),
+    "sheet": (linkdyn.sheet, {"run": "sweep", "file": "x.html", "design": None, "scene": "spatial"}),
+}
+
+
+@pytest.mark.parametrize(("picture", "argument"), [(name, key) for name, (_, good) in PICTURES.items() for key in good])
+@pytest.mark.filterwarnings("ignore")
+def test_nonsense_is_not_drawn(picture, argument, drawn, monkeypatch):
+    """The same of pictures and sheets."""
+    monkeypatch.chdir(drawn["folder"])
+    procedure, good = PICTURES[picture]
+    good = {key: drawn.get(value, value) if isinstance(value, str) else value for key, value in good.items()}
+    procedure(**good)
+    for kind, value in NONSENSE.items():
+        if argument == "frames" and "large" in kind:
+            continue    # not wrong: all samples
+        try:
+            procedure(**good | {argument: value})
+        except linkdyn.LinkdynError as error:
+            assert picture in str(error) or argument in str(error) or "design" in str(error), (kind, error)
+        finally:
+            pyplot.close("all")
+
+
+SLOW = {("study", "t_end", "large"), ("study", "t_end", "fraction"), ("forward", "t_end", "large"),
+        ("study", "t_end", "nothing")}
+"""Not wrong, but long."""
+
+
+@pytest.mark.parametrize(("call", "argument"), [(call, name) for call, (_, good) in CALLS.items() for name in good])
+def test_nonsense_is_refused_by_name(call, argument, scene):
+    """Either it is taken, as a value that means something, or it is an error of the package's that names the argument."""
+    procedure, good = CALLS[call]
+    good = good | ({"source": scene.text} if "source" in good else {})
+    procedure(scene)(**good)
+    for kind, value in NONSENSE.items():
+        if (call, argument, kind) in SLOW:
+            continue
+        try:
+            procedure(scene)(**good | {argument: value})
+        except linkdyn.LinkdynError as error:
+            known = {"source": ("scene",), "sweep": ("sweep", "scene", "axis"), "changes": ("changes", "with_", "unknown key")}
+            assert any(name in str(error) for name in known.get(argument, (argument,))), (kind, error)
+        except FileNotFoundError:
+            assert argument in ("source", "folder")    # a text without line ends is a path
+
+
+@pytest.mark.parametrize("value", [object(), {1, 2}, 1j, b"x", lambda: None])
+def test_what_no_scene_file_can_hold(value):
+    with pytest.raises(linkdyn.InputError, match="holds what a scene file cannot"):
+        linkdyn.Scene({"space": "planar", "title": value})
+
+
+def test_a_scene_within_itself():
+    loop: dict[str, Any] = {"space": "planar"}
+    loop["link"] = [loop]
+    with pytest.raises(linkdyn.InputError, match="holds what a scene file cannot"):
+        linkdyn.Scene(loop)
+
+
+def test_the_working_folder_may_change(tmp_path, monkeypatch, tsai):
+    """Tables are found again by whatever reads the scene anew: changes, sweeps, studies."""
+    folder = tmp_path / "here"
+    folder.mkdir()
+    (folder / "x.csv").write_text("t,x\n0,-1.6\n1,-1.5\n")
+    tsai["coordinate"][0]["motion"] = {"x": {"table": "x.csv"}, "y": 0.0, "z": 1.0}
+    tsai["time"] = {"end": 1, "samples": 3}
+    (folder / "scene.toml").write_text(tomli_w.dumps(tsai))
+    monkeypatch.chdir(folder)
+    scenes = [linkdyn.load("scene.toml"), linkdyn.Scene(tsai), linkdyn.Scene(tsai, folder=".")]
+    monkeypatch.chdir(tmp_path)
+    for scene in scenes:
+        changed = scene.with_({"time.samples": 5})
+        np.testing.assert_allclose(changed.motion()[0][:, 0], np.linspace(-1.6, -1.5, 5), rtol=1e-14)
+        axes = {"axis": [{"time": True, "linspace": [0.0, 1.0, 4]}]}
+        assert scene.sweep(axes).samples_reduced == 4
+        assert scene.with_({"sweep": axes}).sweep().samples_reduced == 4
+
+
+@pytest.mark.parametrize(
+    ("quantity", "says"),
+    [("swing", "no universal or spherical joint"), ("clearance", "no two legs"), ("force_amplification", "no marker")],
+)
+def test_quantities_that_a_scene_lacks(quantity, says, scene, tmp_path):
+    for kept in (quantity, ["driving_force", quantity]):
+        with pytest.raises(linkdyn.LinkdynError, match=f"'{quantity}'.*{says}"):
+            scene.sweep(keep=kept)
+    file = tmp_path / "scene.toml"
+    file.write_text(scene.text)
+    result = os.popen(f"'{linkdyn.cli.executable()}' sweep '{file}' --keep {quantity} -o '{tmp_path}/run.nc' 2>&1").read()
+    assert says in result and not (tmp_path / "run.nc").exists()
