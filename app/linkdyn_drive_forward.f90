@@ -49,7 +49,8 @@ contains
         exit_status = exit_bad_input
         call load_model(config%scene, .false., model, status)
         if (status%is_ok()) call choose_times(config, model, instants, status)
-        if (status%is_ok()) call start_watched(model, options_of(config, instants%first), config%wanted, watched, status)
+        if (status%is_ok()) call start_watched(model, options_of(config, instants%first, instants%last), config%wanted, watched, &
+                                               status)
         if (status%is_ok()) then
             call open_results(config, model, watched%layout, instants%n, output, status, may_end_early=.true.)
         else if (index(status%message, config%scene//":") /= 1) then
@@ -77,12 +78,13 @@ contains
         call finish_watched(watched)
     end subroutine drive_forward
 
-    function options_of(config, t_start) result(options)
+    function options_of(config, t_start, t_end) result(options)
         type(command_line), intent(in) :: config
-        real(wp), intent(in) :: t_start
+        real(wp), intent(in) :: t_start, t_end        !! [s]
         type(forward_options) :: options
 
         options%integrator = config%integrator
+        options%integrator%span = t_end - t_start
         options%t_start = t_start
         options%solver = config%options%solver
         options%wants_reactions = config%wanted%reaction

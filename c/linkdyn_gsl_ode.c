@@ -6,104 +6,182 @@
 #include <stdlib.h>
 #include <string.h>
 
-struct linkdyn_gsl_ode {
-    gsl_odeiv2_system system;
-    gsl_odeiv2_driver *driver;
+/* What GSL's callbacks get. */
+typedef struct {
     linkdyn_ode_rates rates;
     linkdyn_ode_jacobian jacobian;
     void *context;
-    unsigned long rejected_before;    /* the last reset */
-    int is_explicit;
-    double longest;                   /* step accepted so far */
-    double *kept;                     /* y before a step */
-    double *found;                    /* y after it */
-    double *found_rate;
-};
+} caller;
 
 /* GSL_FAILURE lets GSL try a shorter step; any other code would end the run at once. */
 static int call_rates(double t, const double y[], double rate[], void *params)
 {
-    linkdyn_gsl_ode *ode = params;
-    return ode->rates(t, y, rate, ode->context) == 0 ? GSL_SUCCESS : GSL_FAILURE;
+    caller *of = params;
+    return of->rates(t, y, rate, of->context) == 0 ? GSL_SUCCESS : GSL_FAILURE;
 }
 
 static int call_jacobian(double t, const double y[], double *jacobian, double dfdt[], void *params)
 {
-    linkdyn_gsl_ode *ode = params;
-    return ode->jacobian(t, y, jacobian, dfdt, ode->context) == 0 ? GSL_SUCCESS : GSL_FAILURE;
+    caller *of = params;
+    return of->jacobian(t, y, jacobian, dfdt, of->context) == 0 ? GSL_SUCCESS : GSL_FAILURE;
 }
+
+/* ---------------------------------------------------------------- explicit methods */
+
+struct linkdyn_gsl_stepper {
+    caller caller;
+    gsl_odeiv2_system system;
+    gsl_odeiv2_step *step;
+};
 
 static const gsl_odeiv2_step_type *find_stepper(const char *name)
 {
     if (strcmp(name, "rkf45") == 0) return gsl_odeiv2_step_rkf45;
     if (strcmp(name, "rk8pd") == 0) return gsl_odeiv2_step_rk8pd;
-    if (strcmp(name, "msbdf") == 0) return gsl_odeiv2_step_msbdf;
     return NULL;
 }
 
-linkdyn_gsl_ode *linkdyn_gsl_ode_new(const char *stepper, size_t n, linkdyn_ode_rates rates,
-                                     linkdyn_ode_jacobian jacobian, void *context, double first_step,
-                                     double rtol, double atol)
+linkdyn_gsl_stepper *linkdyn_gsl_stepper_new(const char *name, size_t n, linkdyn_ode_rates rates, void *context)
 {
-    const gsl_odeiv2_step_type *type = find_stepper(stepper);
-    linkdyn_gsl_ode *ode = type ? calloc(1, sizeof *ode) : NULL;
-    if (!ode) return NULL;
-    ode->rates = rates;
-    ode->jacobian = jacobian;
-    ode->context = context;
-    ode->system = (gsl_odeiv2_system){call_rates, call_jacobian, n, ode};
-    ode->is_explicit = strcmp(stepper, "msbdf") != 0;
-    ode->kept = malloc(n * sizeof *ode->kept);
-    ode->found = malloc(n * sizeof *ode->found);
-    ode->found_rate = malloc(n * sizeof *ode->found_rate);
+    const gsl_odeiv2_step_type *type = find_stepper(name);
+    linkdyn_gsl_stepper *stepper = type ? calloc(1, sizeof *stepper) : NULL;
+    if (!stepper) return NULL;
+    stepper->caller = (caller){rates, NULL, context};
+    stepper->system = (gsl_odeiv2_system){call_rates, NULL, n, &stepper->caller};
     /* GSL's default error handler ends the program. */
     gsl_error_handler_t *before = gsl_set_error_handler_off();
-    ode->driver = gsl_odeiv2_driver_alloc_y_new(&ode->system, type, first_step, atol, rtol);
+    stepper->step = gsl_odeiv2_step_alloc(type, n);
     gsl_set_error_handler(before);
-    if (ode->kept && ode->found && ode->found_rate && ode->driver) return ode;
-    linkdyn_gsl_ode_free(ode);
+    if (stepper->step) return stepper;
+    free(stepper);
     return NULL;
 }
 
-/* Largest error estimate of a trial step of length h, over what is allowed; HUGE_VAL if it cannot be taken. */
-static double try_step(linkdyn_gsl_ode *ode, double *t, double h, double *y)
+unsigned linkdyn_gsl_stepper_order(const linkdyn_gsl_stepper *stepper)
 {
-    gsl_odeiv2_driver *d = ode->driver;
-    double worst = 0;
-    if (gsl_odeiv2_evolve_apply_fixed_step(d->e, NULL, d->s, d->sys, t, h, y) != GSL_SUCCESS) return HUGE_VAL;
-    for (size_t i = 0; i < ode->system.dimension; i++) {
-        double allowed;
-        gsl_odeiv2_control_errlevel(d->c, y[i], d->e->dydt_out[i], h, i, &allowed);
-        double part = fabs(d->e->yerr[i]) / allowed;
-        if (!(part <= worst)) worst = part;
-    }
-    return worst;
+    return gsl_odeiv2_step_order(stepper->step);
 }
 
-/* Near a change point rounding makes the rates rough, and the shorter the steps, the nearer they come: the run would
-   never get past. A step cut to less than 1/500 of the longest so far is therefore looked at: an error that falls slower
-   than the square of the step is not that of the method, which falls with its fifth power at least. Then a step
-   of 1/100 of the longest is taken as it is. y, t and h hold the step found otherwise, or that one. */
-static void leap_over_noise(linkdyn_gsl_ode *ode, double t_before, double t_end, double *t, double *h, double *y)
+int linkdyn_gsl_stepper_step(linkdyn_gsl_stepper *stepper, double t, double h, double *y, double *error,
+                             const double *rate)
 {
-    gsl_odeiv2_evolve *e = ode->driver->e;
-    size_t bytes = ode->system.dimension * sizeof *y;
-    double leap = ode->longest / 100, t_found = *t, t_short = t_before, t_leap = t_before;
-    if (t_before + leap >= t_end) return;
-    memcpy(ode->found, y, bytes);
-    memcpy(ode->found_rate, e->dydt_out, bytes);
-    memcpy(y, ode->kept, bytes);
-    double of_short = try_step(ode, &t_short, leap / 5, y);
-    memcpy(y, ode->kept, bytes);
-    double of_leap = try_step(ode, &t_leap, leap, y);
-    if (of_leap < HUGE_VAL && of_leap < 25 * of_short) {
-        *t = t_leap;
-        *h = leap;
-        return;
+    gsl_error_handler_t *before = gsl_set_error_handler_off();
+    int code = gsl_odeiv2_step_apply(stepper->step, t, h, y, error, rate, NULL, &stepper->system);
+    gsl_set_error_handler(before);
+    return code;
+}
+
+void linkdyn_gsl_stepper_free(linkdyn_gsl_stepper *stepper)
+{
+    if (!stepper) return;
+    gsl_odeiv2_step_free(stepper->step);
+    free(stepper);
+}
+
+/* ---------------------------------------------------------------- the error that msbdf may make */
+
+typedef struct {
+    double rtol, atol;
+    const double *largest;
+} allowance;
+
+static int errlevel(void *state, const double y, const double dydt, const double h, const size_t i, double *level)
+{
+    const allowance *allowed = state;
+    (void)dydt;
+    (void)h;
+    *level = allowed->atol + allowed->rtol * fmin(fabs(y), allowed->largest[i]);
+    if (allowed->largest[i] < 0) *level = HUGE_VAL;
+    return GSL_SUCCESS;
+}
+
+/* GSL's own rule for the next step, with the error allowed as above. */
+static int hadjust(void *state, size_t n, unsigned order, const double y[], const double error[], const double rate[],
+                   double *h)
+{
+    double worst = 0, before = *h;
+    for (size_t i = 0; i < n; i++) {
+        double level;
+        errlevel(state, y[i], rate[i], before, i, &level);
+        double part = fabs(error[i]) / level;
+        if (!(part <= worst)) worst = part;
     }
-    memcpy(y, ode->found, bytes);
-    memcpy(e->dydt_out, ode->found_rate, bytes);
-    *t = t_found;
+    if (!(worst <= 1.1)) {
+        *h = before * fmax(0.2, 0.9 / pow(worst, 1.0 / order));
+        if (!(*h < before)) *h = before / 5;      /* not a number */
+        return GSL_ODEIV_HADJ_DEC;
+    }
+    if (worst < 0.5) {
+        *h = before * fmin(5.0, fmax(1.0, 0.9 / pow(worst, 1.0 / (order + 1.0))));
+        return GSL_ODEIV_HADJ_INC;
+    }
+    return GSL_ODEIV_HADJ_NIL;
+}
+
+static int set_driver(void *state, const gsl_odeiv2_driver *driver)
+{
+    (void)state;
+    (void)driver;
+    return GSL_SUCCESS;
+}
+
+static void *allocate(void) { return calloc(1, sizeof(allowance)); }
+
+/* GSL's parameters for y and its rate are 1 and 0 here. */
+static int initialize(void *state, double atol, double rtol, double of_y, double of_rate)
+{
+    (void)of_y;
+    (void)of_rate;
+    ((allowance *)state)->atol = atol;
+    ((allowance *)state)->rtol = rtol;
+    return GSL_SUCCESS;
+}
+
+static const gsl_odeiv2_control_type control_type = {"bounded", allocate, initialize, hadjust, errlevel, set_driver, free};
+
+/* ---------------------------------------------------------------- msbdf */
+
+struct linkdyn_gsl_ode {
+    caller caller;
+    gsl_odeiv2_system system;
+    gsl_odeiv2_driver *driver;
+    unsigned long rejected_before;    /* the last reset */
+    double *kept;                     /* y before a step */
+    double *largest;
+};
+
+/* The driver with our control in the place of its own. */
+static int take_control(linkdyn_gsl_ode *ode, double rtol, double atol)
+{
+    gsl_odeiv2_control *control = gsl_odeiv2_control_alloc(&control_type);
+    if (!control) return GSL_ENOMEM;
+    gsl_odeiv2_control_init(control, atol, rtol, 1.0, 0.0);
+    ((allowance *)control->state)->largest = ode->largest;
+    gsl_odeiv2_control_free(ode->driver->c);
+    ode->driver->c = control;
+    return gsl_odeiv2_step_set_driver(ode->driver->s, ode->driver);
+}
+
+linkdyn_gsl_ode *linkdyn_gsl_ode_new(size_t n, linkdyn_ode_rates rates, linkdyn_ode_jacobian jacobian, void *context,
+                                     double first_step, double rtol, double atol, const double *largest)
+{
+    linkdyn_gsl_ode *ode = calloc(1, sizeof *ode);
+    if (!ode) return NULL;
+    ode->caller = (caller){rates, jacobian, context};
+    ode->system = (gsl_odeiv2_system){call_rates, call_jacobian, n, &ode->caller};
+    ode->kept = malloc(n * sizeof *ode->kept);
+    ode->largest = malloc(n * sizeof *ode->largest);
+    gsl_error_handler_t *before = gsl_set_error_handler_off();
+    ode->driver = gsl_odeiv2_driver_alloc_y_new(&ode->system, gsl_odeiv2_step_msbdf, first_step, atol, rtol);
+    int is_complete = ode->kept && ode->largest && ode->driver;
+    if (is_complete) {
+        memcpy(ode->largest, largest, n * sizeof *largest);
+        is_complete = take_control(ode, rtol, atol) == GSL_SUCCESS;
+    }
+    gsl_set_error_handler(before);
+    if (is_complete) return ode;
+    linkdyn_gsl_ode_free(ode);
+    return NULL;
 }
 
 int linkdyn_gsl_ode_step(linkdyn_gsl_ode *ode, double *t, double t_end, double *h, double *y)
@@ -111,14 +189,10 @@ int linkdyn_gsl_ode_step(linkdyn_gsl_ode *ode, double *t, double t_end, double *
     gsl_odeiv2_driver *d = ode->driver;
     double t_before = *t;
     size_t bytes = ode->system.dimension * sizeof *y;
-    unsigned long rejected = d->e->failed_steps;
     memcpy(ode->kept, y, bytes);
     gsl_error_handler_t *before = gsl_set_error_handler_off();
     int code = gsl_odeiv2_evolve_apply(d->e, d->c, d->s, d->sys, t, t_end, h, y);
-    if (code == GSL_SUCCESS && ode->is_explicit && d->e->failed_steps > rejected && *t - t_before < ode->longest / 500)
-        leap_over_noise(ode, t_before, t_end, t, h, y);
     gsl_set_error_handler(before);
-    if (code == GSL_SUCCESS && *t - t_before > ode->longest) ode->longest = *t - t_before;
     if (code != GSL_SUCCESS) {
         memcpy(y, ode->kept, bytes);
         *t = t_before;
@@ -142,7 +216,6 @@ void linkdyn_gsl_ode_free(linkdyn_gsl_ode *ode)
     if (!ode) return;
     if (ode->driver) gsl_odeiv2_driver_free(ode->driver);
     free(ode->kept);
-    free(ode->found);
-    free(ode->found_rate);
+    free(ode->largest);
     free(ode);
 }

@@ -15,6 +15,7 @@ module linkdyn_equations
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_dense, only: dense_workspace, solve_dense
+    use linkdyn_dyad_map, only: largest_uncertainty
     use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
     use linkdyn_elimination_run, only: run_plan, load_constants
     use linkdyn_formulation, only: formulation_type, build_formulation, style_lecture, style_sparse
@@ -25,8 +26,9 @@ module linkdyn_equations
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_mass_matrix, only: mass_matrix
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, is_dyad
     use linkdyn_motion, only: evaluate_motion
+    use linkdyn_planar_pass, only: uncertainty_of_dyad
     use linkdyn_reactions, only: solution_type, unknown
     use linkdyn_row_order, only: order_rows
     use linkdyn_slots, only: slot_store, make_slots
@@ -68,6 +70,8 @@ module linkdyn_equations
     type :: equation_workspace
         type(kinematic_state) :: state
         type(slot_store) :: slot
+        integer :: n_used = lanes                       !! lanes that anyone looks at: others are not handed to the dense solver
+        logical :: checks_accuracy = .true.             !! false: a sample near a dead point is taken as it comes
         logical :: checks_input = .true.                !! false: motion and loads are known to be finite
         real(wp), allocatable :: load(:, :, :)          !! (lane, 6, n_load)
         real(wp), allocatable :: matrix(:, :, :)        !! dense solvers: (lane, row, column)
@@ -394,6 +398,7 @@ contains
         workspace%growth = workspace%rcond
         workspace%status = sample_ok
         where (workspace%state%singular) workspace%status = sample_singular
+        if (model%n_dyad > 0 .and. workspace%checks_accuracy) call flag_uncertain(model, workspace)
         where (workspace%state%not_converged) workspace%status = sample_not_converged
         where (workspace%state%unreachable) workspace%status = sample_unreachable
         where (workspace%state%branch_lost) workspace%status = sample_branch_lost
@@ -427,7 +432,7 @@ contains
             case (solver_gauss_jordan_plain)
                 call solve_by_gauss_jordan(model, formulation, equations%place, .false., workspace)
             case (solver_lapack)
-                do k = 1, lanes
+                do k = 1, workspace%n_used
                     if (workspace%status(k) == sample_ok) call solve_lane(model, formulation, workspace, k)
                 end do
             case default
@@ -462,6 +467,20 @@ contains
         end do
     end subroutine apply_known_forces
 
+    !> A sample whose motion or forces have lost their digits to a dead point or a change point is as good as singular,
+    !> whatever the solver.
+    subroutine flag_uncertain(model, workspace)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: i
+
+        do i = 1, size(model%step)
+            if (.not. is_dyad(model%step(i)%kind)) cycle
+            where (uncertainty_of_dyad(model, model%step(i), workspace%state%plane) > largest_uncertainty) &
+                workspace%status = sample_singular
+        end do
+    end subroutine flag_uncertain
+
     !> A motion or load that is not finite has no forces.
     pure subroutine flag_not_finite(value, status)
         real(wp), intent(in) :: value(:, :)          !! (lane, any)
@@ -486,7 +505,7 @@ contains
         alarm = huge(1.0_wp)
         if (equations%plan%is_complete) call run_plan(equations%plan, workspace%slot%value, alarm)
         if (all(alarm <= 1)) return
-        do lane = 1, lanes
+        do lane = 1, workspace%n_used
             ! Written so that a NaN counts as an alarm.
             if (alarm(lane) <= 1 .or. workspace%status(lane) /= sample_ok) cycle
             call solve_lane(model, equations%formulation, workspace, lane)

@@ -13,7 +13,7 @@ module linkdyn_error_probe
     use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, place_size
+    use linkdyn_model, only: model_type, place_size, gives_attitude, attitude_angles
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_similar_model, only: make_similar, coordinate_scale, drive_scale, near_one
     use linkdyn_status, only: status_type, sample_ok
@@ -103,6 +103,7 @@ contains
         do i = 1, n_copy
             call prepare_workspace(probe%copy(i)%model, probe%copy(i)%equations, space%workspace(i))
             space%workspace(i)%checks_input = .false.
+            space%workspace(i)%checks_accuracy = .false.
         end do
         associate (model => probe%copy(1)%model)
             allocate (space%reaction(lanes, model%n_component, model%n_joint, n_copy), &
@@ -157,6 +158,16 @@ contains
             workspace%state%q(:, k) = solved%state%q(:, k)*copy%motion_factor(k, 1)
             workspace%state%qd(:, k) = solved%state%qd(:, k)*copy%motion_factor(k, 2)
             workspace%state%qdd(:, k) = solved%state%qdd(:, k)*copy%motion_factor(k, 3)
+        end do
+        workspace%state%by_quaternion = solved%state%by_quaternion
+        do k = 1, size(copy%model%step)
+            if (.not. gives_attitude(copy%model, copy%model%step(k))) cycle
+            associate (p => copy%model%step(k)%first, angle => attitude_angles(copy%model%step(k)))
+                workspace%state%quaternion(:, :, p) = solved%state%quaternion(:, :, p)
+                do j = 1, 3
+                    workspace%state%quaternion(:, j + 1, p) = solved%state%quaternion(:, j + 1, p)*copy%motion_factor(angle(j), 1)
+                end do
+            end associate
         end do
         do k = 1, copy%model%n_load
             do j = 1, 6

@@ -6,7 +6,7 @@
 !>
 !> **Source**: coordinate partitioning: Wehage, Haug, J. Mech. Design 104 (1982) 247.
 module linkdyn_exchange
-    use linkdyn_coordinate_watch, only: coordinate_watch
+    use linkdyn_coordinate_watch, only: coordinate_watch, grows
     use linkdyn_joint_motion, only: is_slide, variables_of_relative, kind_spherical
     use linkdyn_joint_rates, only: measure_variable
     use linkdyn_kinds, only: wp
@@ -37,6 +37,10 @@ contains
         merit = abs(watch%ratio)
         bar = max(least_ratio, near_best*maxval(merit))
         where (.not. (merit >= bar .and. merit <= huge(bar))) merit = 0
+        ! A joint that does not grow faster with the others will soon be at a dead point of its own.
+        if (any(merit > 0 .and. grows(watch%ratio, watch%past(:, :, 1)))) then
+            where (.not. grows(watch%ratio, watch%past(:, :, 1))) merit = 0
+        end if
         bar = 2*maxval(merit)
         do v = 1, size(merit, 1)
             if (.not. any(own%joint(watch%joint(v))%link == frame_link)) cycle
@@ -89,8 +93,7 @@ contains
         real(wp), dimension(lanes) :: values, rates
 
         if (model%scene%coordinate(k)%for_joint == 0) then
-            value = state%q(1, k)
-            rate = state%qd(1, k)
+            call given_coordinate(model, state, k, value, rate)
             return
         end if
         associate (c => own%scene%coordinate(k))
@@ -99,6 +102,45 @@ contains
         value = values(1)
         rate = rates(1)
     end subroutine coordinate_now
+
+    !> A coordinate in use and its rate, on lane 1; an angle of an attitude that comes as quaternion is measured.
+    subroutine given_coordinate(model, state, k, value, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: k
+        real(wp), intent(out) :: value, rate
+        real(wp), dimension(lanes) :: values, rates
+        real(wp), dimension(lanes, 3) :: angles, angle_rates
+
+        associate (c => model%scene%coordinate(k))
+            if (c%kind == coordinate_joint) then
+                call measure_variable(model, state, c%joint, c%variable, state%counted(:, k), values, rates)
+            else
+                values = state%q(:, k)
+                rates = state%qd(:, k)
+                if (.not. model%is_planar .and. c%variable > 3) then
+                    call attitude_of(model, state, c%link, angles, angle_rates)
+                    values = angles(:, c%variable - 3)
+                    rates = angle_rates(:, c%variable - 3)
+                end if
+            end if
+        end associate
+        value = values(1)
+        rate = rates(1)
+    end subroutine given_coordinate
+
+    !> Roll, pitch, yaw of a link and their rates.
+    subroutine attitude_of(model, state, l, angles, rates)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: l
+        real(wp), intent(out) :: angles(lanes, 3), rates(lanes, 3)
+
+        associate (o => orientation_of(model, l))
+            call variables_of_relative(kind_spherical, identity_mat3(), state%rotation(o), zero_vec3(), zero_vec3(), &
+                                       state%omega(o), angles, rates)
+        end associate
+    end subroutine attitude_of
 
     !> The scene of a choice, starting at the position reached.
     subroutine exchange_scene(own, choice, model, state, scene)
@@ -152,8 +194,7 @@ contains
                 angle = [0.0_wp, 0.0_wp, atan2(r%s(1), r%c(1))]
             end associate
         else
-            call variables_of_relative(kind_spherical, identity_mat3(), state%rotation(orientation_of(model, l)), &
-                                       zero_vec3(), zero_vec3(), zero_vec3(), angles, rates)
+            call attitude_of(model, state, l, angles, rates)
             angle = angles(1, :)
         end if
     end function angles_of

@@ -12,16 +12,17 @@ module linkdyn_forward
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_builder, only: build_model
-    use linkdyn_carried_assembly, only: keep_accepted
+    use linkdyn_carried_assembly, only: keep_evaluated
     use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase
-    use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
+    use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
-        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
+        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, stop_growth, stop_roughness, stop_pace, &
+        stop_law
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
@@ -33,6 +34,7 @@ module linkdyn_forward
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: law_spec, scene_type, frame_link, law_none
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
+    use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count
@@ -64,11 +66,13 @@ module linkdyn_forward
         integer, allocatable :: later_phase(:)         !! phases entered since the start
         real(wp), allocatable :: entered_at(:)         !! [s]
         integer :: step_entered = -1                   !! steps done when the phase was entered
+        integer :: n_exchanged = 0                     !! coordinates since the last step
         integer :: dead_coordinate = 0                 !! that the run has stopped at; 0: none
-        real(wp), allocatable :: y(:, :)               !! (lane, n)
+        real(wp), allocatable :: y(:, :)               !! reached by the steps (lane, n)
+        real(wp), allocatable :: output(:, :)          !! at the instant of output (lane, n)
         type(turn_count) :: turns                      !! of the samples given
         integer :: n_crossed = 0                       !! change points passed before the last sample given
-        real(wp), allocatable :: kink(:)               !! instants at which a law changes its formula, increasing [s]
+        real(wp), allocatable :: kink(:)               !! instants ahead at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
         real(wp) :: good_until = 0                     !! [s]
         character(len=256) :: reason = ""              !! why it stopped
@@ -115,10 +119,21 @@ contains
                       //advice_at_start(model, run%system%workspace%status(1)))
             return
         end if
-        call collect_kinks(model, run%kink)
         run%good_until = options%t_start
-        call run%integrator%start(options%integrator, run%system, options%t_start, status)
+        call start_integrator(run, model, options, status)
     end subroutine start_forward
+
+    subroutine start_integrator(run, model, options, status)
+        type(forward_run), intent(inout) :: run
+        type(model_type), intent(in) :: model
+        type(forward_options), intent(in) :: options
+        type(status_type), intent(inout) :: status
+
+        call collect_kinks(model, run%kink)
+        run%kink = pack(run%kink, run%kink > options%t_start)
+        run%output = run%y
+        call run%integrator%start(options%integrator, run%system, options%t_start, run%y, status)
+    end subroutine start_integrator
 
     !> Forces that a motion asks for move a mechanism along it only if it starts on it. From elsewhere they would give a table
     !> of a motion that nobody has asked for.
@@ -186,20 +201,25 @@ contains
         integer, intent(out) :: n_done                 !! instants dealt with
         real(wp), intent(in), optional :: seconds      !! of computing time, about
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
+        real(wp), allocatable :: quaternion(:, :, :), rate(:, :)    !! attitudes, and qd with angular rates of these
         type(sample_assembly) :: assembly
         real(wp) :: work
+        logical :: is_lost(size(t))
         integer :: i, first, phase
 
         associate (m => run%own, n => size(t))
-            allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n))
+            allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n), &
+                      quaternion(4, m%n_attitude, n), rate(m%n_q, n))
         end associate
         ! A sample that is not reached is computed from NaN, which flags it like any that fails.
         q = ieee_value(1.0_wp, ieee_quiet_nan)
         qd = q
         qdd = q
+        rate = q
+        quaternion = ieee_value(1.0_wp, ieee_quiet_nan)
         force = ieee_value(1.0_wp, ieee_quiet_nan)
         call evaluate_loads(run%own, t, load)
-        run%integrator%pause_at = pause_after(seconds)
+        call run%integrator%pause%set(seconds)
         results%forces%roads = road_counts()
         n_done = 0
         first = 0
@@ -214,11 +234,15 @@ contains
                 if (phase > 1) allocate (assembly%counted, source=0*q(:, i:))
             end if
             work = ieee_value(1.0_wp, ieee_quiet_nan)
+            is_lost(i) = run%integrator%is_lost
             if (.not. run%has_stopped) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
-                call keep_accepted(run%model, run%system%assembly, i - first + 1, assembly, run%n_crossed)
+                rate(:, i) = qd(:, i)
+                call read_attitudes(run%model, run%system%layout, run%output, quaternion(:, :, i), rate(:, i))
+                call keep_evaluated(run%model, run%system%assembly, run%system%workspace%state, i - first + 1, assembly, &
+                                    run%n_crossed)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
-                work = run%y(1, run%system%layout%work)
+                work = run%output(1, run%system%layout%work)
             end if
             if (associated(results%work)) results%work(i) = work
             if (associated(results%step)) results%step(i) = run%integrator%last_step
@@ -236,11 +260,12 @@ contains
 
             part = part_of_results(results%forces, first, last)
             associate (here => run%known(phase)%phase)
-                call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), qd(:, first:last), &
+                call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
-                                  own=run%own, turns=run%turns)
+                                  own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last))
             end associate
             results%forces%roads = results%forces%roads + part%roads
+            if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
         end subroutine find_forces
     end subroutine advance_forward
 
@@ -266,28 +291,17 @@ contains
         end associate
     end subroutine tell_coordinates
 
-    !> Count of the system clock after some seconds from now.
-    integer(int64) function pause_after(seconds) result(count)
-        real(wp), intent(in), optional :: seconds
-        integer(int64) :: rate
-
-        count = huge(count)
-        if (.not. present(seconds)) return
-        call system_clock(count, rate)
-        count = count + int(seconds*real(rate, wp), int64)
-    end function pause_after
-
     !> Integrate to t, stopping at every kink on the way.
     subroutine go_to(run, t)
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: t
-        integer :: i
 
-        do i = 1, size(run%kink)
-            if (run%kink(i) <= run%integrator%t .or. run%kink(i) >= t) cycle
-            call advance_to(run, run%kink(i))
+        do while (size(run%kink) > 0)
+            if (run%kink(1) > t .or. all(run%integrator%failed)) exit
+            call advance_to(run, run%kink(1))
             if (run%integrator%is_paused) return
             call run%integrator%reset()
+            run%kink = run%kink(2:)
         end do
         call advance_to(run, t)
         run%good_until = run%integrator%good_until(1)
@@ -302,9 +316,13 @@ contains
 
         do
             if (run%system%wants_rest .or. all(run%integrator%failed)) call change_phase(run)
-            if (all(run%integrator%failed) .or. run%integrator%t >= t) exit
-            call run%integrator%advance(run%system, t, run%y)
-            if (run%integrator%is_paused) return
+            if (all(run%integrator%failed)) exit
+            if (size(run%kink) > 0) then
+                call run%integrator%advance(run%system, t, run%y, run%output, run%kink(1))
+            else
+                call run%integrator%advance(run%system, t, run%y, run%output)
+            end if
+            if (run%integrator%is_paused .or. run%integrator%is_there) return
         end do
     end subroutine advance_to
 
@@ -316,6 +334,9 @@ contains
 
         run%system%wants_rest = .false.
         if (.not. run%system%watch%is_on) return
+        ! Between two steps a coordinate is exchanged once.
+        if (run%integrator%n_step /= run%step_entered) run%n_exchanged = 0
+        if (run%n_exchanged >= run%own%n_q .and. .not. all(run%integrator%failed)) return
         call run%system%look_at(spread(run%integrator%good_until(1), 1, lanes), run%y)
         is_new = .false.
         ! A phase that has failed at its first step is no improvement.
@@ -385,14 +406,16 @@ contains
             call enter_phase(run%own, run%options, run%known(run%phase)%phase, run%y, t, model, phase, y, is_entered, status)
             phase%is_refused = .not. status%is_ok()
             if (.not. is_entered) return
+            run%output = y
             call move_alloc(y, run%y)
             run%model => phase%model
             run%system => phase%system
             run%phase = number
             run%step_entered = run%integrator%n_step
+            run%n_exchanged = run%n_exchanged + 1
             run%later_phase = [run%later_phase, number]
             run%entered_at = [run%entered_at, t]
-            call run%integrator%exchange_system(run%system, status)
+            call run%integrator%exchange_system(run%system, run%y, status)
         end associate
     end subroutine try_phase
 
@@ -436,14 +459,43 @@ contains
         else if (run%system%assembly%map_lost(1) > 0) then
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)
-        else if (run%system%workspace%status(1) /= sample_ok) then
-            reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
-        else if (run%integrator%has_shrunk) then
-            reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
         else
-            reason = reason//"the motion grows without bound"
+            select case (run%integrator%reason)
+            case (stop_growth)
+                reason = reason//"the motion grows without bound"
+            case (stop_roughness)
+                reason = reason//"rounding leaves too few digits of the rates, as it does where two assemblies meet"
+            case (stop_law)
+                reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
+            case (stop_pace)
+                reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
+            case default
+                if (run%system%workspace%status(1) /= sample_ok) then
+                    reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"
+                else
+                    reason = reason//"the steps shrink to nothing, as they do where the equations of motion are singular"
+                end if
+            end select
+            reason = reason//stiffness_in_words(run)
         end if
     end function reason_of_stop
+
+    !> What is too stiff for the steps of a run that cannot go on; blank if nothing is.
+    function stiffness_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text, name
+        real(wp), parameter :: part_of_turn = 1.0e-3_wp    !! [rad] of the fastest motion in the last step
+        real(wp), parameter :: endless = 1.0e8_wp          !! [rad] of it in the run
+        real(wp) :: rate, step
+
+        text = ""
+        if (any([stop_law, stop_roughness] == run%integrator%reason) .or. run%integrator%n_step == run%step_entered) return
+        call find_stiffest(run%model, run%good_until, run%y(1, :), name, rate)
+        step = run%integrator%last_step
+        if (run%options%integrator%method == method_rk4) step = run%options%integrator%step
+        if (rate*step < part_of_turn .and. rate*run%options%integrator%span < endless) return
+        text = ": "//name//" is too stiff (its motion takes "//to_text(two_pi/rate)//" s)"
+    end function stiffness_in_words
 
     !> Coordinates and given driving forces at the instant reached.
     subroutine take_output(run, t, q, qd, qdd, force)
@@ -455,9 +507,15 @@ contains
         logical :: failed(lanes)
 
         instant = t
-        call run%system%evaluate(instant, run%y, rate, failed)
-        force = run%system%workspace%driving_force(1, :)
-        call read_coordinates(run%model, run%system%layout, instant, run%y, run%system%workspace%state, lane_q, lane_qd, lane_qdd)
+        force = ieee_value(1.0_wp, ieee_quiet_nan)
+        if (run%integrator%is_lost) then
+            run%output = ieee_value(1.0_wp, ieee_quiet_nan)
+        else
+            call run%system%evaluate(instant, run%output, rate, failed)
+            force = run%system%workspace%driving_force(1, :)
+        end if
+        call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%workspace%state, lane_q, lane_qd, &
+                              lane_qdd)
         q = lane_q(1, :)
         qd = lane_qd(1, :)
         qdd = lane_qdd(1, :)
@@ -553,8 +611,7 @@ contains
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
                 call run%system%begin(options%t_start, run%y)
-                call collect_kinks(model, run%kink)
-                call run%integrator%start(options%integrator, run%system, options%t_start, status)
+                call start_integrator(run, model, options, status)
                 do i = 1, size(t)
                     call go_on_to(run, t(i))
                     if (is_interrupted()) exit
@@ -575,7 +632,7 @@ contains
             real(wp), parameter :: breath = 0.25_wp    !! [s]
 
             do
-                run%integrator%pause_at = pause_after(breath)
+                call run%integrator%pause%set(breath)
                 call go_to(run, t)
                 if (.not. run%integrator%is_paused .or. is_interrupted()) return
             end do
@@ -588,7 +645,7 @@ contains
             real(wp), dimension(lanes, model%n_q) :: lane_q, lane_qd, lane_qdd
             integer :: lane
 
-            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%y, run%system%workspace%state, &
+            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%output, run%system%workspace%state, &
                                   lane_q, lane_qd, lane_qdd)
             do lane = 1, lanes
                 if (run%integrator%failed(lane)) then

@@ -1,14 +1,16 @@
 !> What forward dynamics integrates: for every free coordinate its value and rate, for every free pose position,
-!> quaternion, velocity and angular velocity; the angles of coordinates that others stand in for, which count their
-!> turns; last the work of the driving forces.
+!> quaternion, velocity and angular velocity, for every free spherical joint quaternion and angular velocity, since three
+!> angles are not regular everywhere; the angles of coordinates that others stand in for, which count their
+!> turns; last the work of the driving forces, and the energy that all forces but gravity supply.
 module linkdyn_forward_state
+    use linkdyn_constants, only: two_pi
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_joint_motion, only: variables_of_relative, is_slide, kind_spherical
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose
+    use linkdyn_model, only: model_type, step_pose, step_joint, gives_attitude, attitude_angles, has_assemblies
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
@@ -18,17 +20,20 @@ module linkdyn_forward_state
     use linkdyn_vec3, only: vec3, identity_mat3, zero_vec3
     implicit none (type, external)
     private
-    public :: state_layout, plan_layout, choose_free, fill_start, unpack_state, pack_rates, read_coordinates, scene_start
+    public :: state_layout, plan_layout, largest_sizes, choose_free, fill_start, unpack_state, pack_rates, read_coordinates, &
+        read_attitudes
+    public :: scene_start
 
     !> Where everything stands in y.
     type :: state_layout
         integer :: n = 0
-        integer, allocatable :: position(:)      !! of a free coordinate; angles of a free pose: 0 (n_q)
-        integer, allocatable :: rate(:)          !! its rate; of a pose the velocity, then the angular velocity; 0: driven (n_q)
-        integer, allocatable :: quaternion(:)    !! w of a free pose, x y z follow; 0: driven (n_pose)
-        integer, allocatable :: pose_step(:)     !! step of the kinematics that places the pose (n_pose)
+        integer, allocatable :: position(:)      !! of a free coordinate; angles of a free attitude: 0 (n_q)
+        integer, allocatable :: rate(:)          !! its rate; of an attitude the angular velocity; 0: driven (n_q)
+        integer, allocatable :: quaternion(:)    !! w of a free attitude, x y z follow; 0: by its angles (n_attitude)
+        integer, allocatable :: attitude_step(:) !! step of the kinematics that gives the attitude (n_attitude)
         integer, allocatable :: counted(:)       !! angle that a coordinate stands in for; 0: none (n_q)
-        integer :: work = 0                      !! 0: not wanted
+        integer :: work = 0                      !! of the driving forces
+        integer :: supplied = 0                  !! energy that all forces but gravity have supplied
     end type state_layout
 
 contains
@@ -65,24 +70,26 @@ contains
         type(state_layout), intent(out) :: layout
         integer :: i, k
 
-        allocate (layout%position(model%n_q), layout%rate(model%n_q), layout%quaternion(model%n_pose), &
-                  layout%pose_step(model%n_pose), layout%counted(model%n_q))
+        allocate (layout%position(model%n_q), layout%rate(model%n_q), layout%quaternion(model%n_attitude), &
+                  layout%attitude_step(model%n_attitude), layout%counted(model%n_q))
         layout%counted = 0
         layout%position = 0
         layout%rate = 0
         layout%quaternion = 0
         do i = 1, size(model%step)
-            associate (step => model%step(i))
-                if (step%kind /= step_pose) cycle
-                layout%pose_step(step%first) = i
-                if (model%is_planar) cycle                    ! its angle is a coordinate like others
-                if (.not. is_free(step%coordinate(1))) cycle
-                do k = 1, 3
+            if (.not. gives_attitude(model, model%step(i))) cycle
+            associate (step => model%step(i), angle => attitude_angles(model%step(i)))
+                layout%attitude_step(step%first) = i
+                if (.not. all(is_free(angle))) cycle
+                ! Iterations follow angles.
+                if (step%kind == step_joint .and. has_assemblies(model)) cycle
+                do k = 1, merge(3, 0, step%kind == step_pose)
                     layout%position(step%coordinate(k)) = layout%n + k
                 end do
-                layout%quaternion(step%first) = layout%n + 4
-                layout%n = layout%n + 7
-                layout%position(step%coordinate(4:6)) = -1    ! taken by the quaternion
+                layout%n = layout%n + merge(3, 0, step%kind == step_pose)
+                layout%quaternion(step%first) = layout%n + 1
+                layout%n = layout%n + 4
+                layout%position(angle) = -1                   ! taken by the quaternion
             end associate
         end do
         do k = 1, model%n_q
@@ -104,9 +111,24 @@ contains
             layout%n = layout%n + 1
             layout%counted(k) = layout%n
         end do
-        layout%n = layout%n + 1
-        layout%work = layout%n
+        layout%work = layout%n + 1
+        layout%supplied = layout%n + 2
+        layout%n = layout%n + 2
     end subroutine plan_layout
+
+    !> What components of y count at most where errors are relative: angles one turn.
+    pure function largest_sizes(model, layout) result(largest)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp) :: largest(layout%n)
+        integer :: k
+
+        largest = huge(1.0_wp)
+        do k = 1, model%n_q
+            if (layout%position(k) > 0 .and. model%scene%coordinate(k)%unit /= "m") largest(layout%position(k)) = two_pi
+            if (layout%counted(k) > 0) largest(layout%counted(k)) = two_pi
+        end do
+    end function largest_sizes
 
     !> Coordinates and rates at the start: as the scene says, or else what the motion law has at t.
     subroutine scene_start(model, t, q, qd)
@@ -145,15 +167,15 @@ contains
             if (layout%rate(k) > 0) y(:, layout%rate(k)) = qd(:, k)
             if (layout%counted(k) > 0 .and. present(counted)) y(:, layout%counted(k)) = counted(k)
         end do
-        do p = 1, model%n_pose
+        do p = 1, model%n_attitude
             if (layout%quaternion(p) == 0) cycle
-            associate (c => model%step(layout%pose_step(p))%coordinate, first => layout%quaternion(p))
-                y(:, first:first + 3) = quaternion_of_rpy(q(:, c(4)), q(:, c(5)), q(:, c(6)))
-                call rotate_rpy(q(:, c(4)), q(:, c(5)), q(:, c(6)), turn)
-                omega = angular_velocity_rpy(turn, qd(:, c(4:6)))
-                y(:, layout%rate(c(4))) = omega%x
-                y(:, layout%rate(c(5))) = omega%y
-                y(:, layout%rate(c(6))) = omega%z
+            associate (c => attitude_angles(model%step(layout%attitude_step(p))), first => layout%quaternion(p))
+                y(:, first:first + 3) = quaternion_of_rpy(q(:, c(1)), q(:, c(2)), q(:, c(3)))
+                call rotate_rpy(q(:, c(1)), q(:, c(2)), q(:, c(3)), turn)
+                omega = angular_velocity_rpy(turn, qd(:, c))
+                y(:, layout%rate(c(1))) = omega%x
+                y(:, layout%rate(c(2))) = omega%y
+                y(:, layout%rate(c(3))) = omega%z
             end associate
         end do
     end subroutine fill_start
@@ -177,13 +199,13 @@ contains
             end if
             if (layout%counted(k) > 0) state%counted(:, k) = y(:, layout%counted(k))
         end do
-        do p = 1, model%n_pose
+        do p = 1, model%n_attitude
             state%by_quaternion(p) = layout%quaternion(p) > 0
             if (state%by_quaternion(p)) state%quaternion(:, :, p) = y(:, layout%quaternion(p):layout%quaternion(p) + 3)
         end do
     end subroutine unpack_state
 
-    !> dy/dt from y and the accelerations; the rate of the work is left alone.
+    !> dy/dt from y and the accelerations; the rates of work and energy are left alone.
     subroutine pack_rates(model, layout, y, acceleration, state, rate)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
@@ -202,14 +224,34 @@ contains
                 rate(:, layout%counted(k)) = joint_rate(model, state, model%scene%coordinate(k)%for_joint, &
                                                         model%scene%coordinate(k)%for_variable, level_velocity)
         end do
-        do p = 1, model%n_pose
+        do p = 1, model%n_attitude
             if (layout%quaternion(p) == 0) cycle
-            associate (c => model%step(layout%pose_step(p))%coordinate, first => layout%quaternion(p))
-                omega = vec3(y(:, layout%rate(c(4))), y(:, layout%rate(c(5))), y(:, layout%rate(c(6))))
+            associate (c => attitude_angles(model%step(layout%attitude_step(p))), first => layout%quaternion(p))
+                omega = vec3(y(:, layout%rate(c(1))), y(:, layout%rate(c(2))), y(:, layout%rate(c(3))))
                 rate(:, first:first + 3) = quaternion_rate(y(:, first:first + 3), omega)
             end associate
         end do
     end subroutine pack_rates
+
+    !> Attitudes of y at an instant as the kinematics takes them, on lane 1: quaternions, and angular rates in place of those
+    !> of angles.
+    pure subroutine read_attitudes(model, layout, y, quaternion, qd)
+        type(model_type), intent(in) :: model
+        type(state_layout), intent(in) :: layout
+        real(wp), intent(in) :: y(:, :)               !! (lane, n)
+        real(wp), intent(out) :: quaternion(:, :)     !! (4, n_attitude); 0: by its angles
+        real(wp), intent(inout) :: qd(:)              !! (n_q)
+        integer :: p
+
+        quaternion = 0
+        do p = 1, model%n_attitude
+            if (layout%quaternion(p) == 0) cycle
+            quaternion(:, p) = y(1, layout%quaternion(p):layout%quaternion(p) + 3)
+            associate (c => attitude_angles(model%step(layout%attitude_step(p))))
+                qd(c) = y(1, layout%rate(c))
+            end associate
+        end do
+    end subroutine read_attitudes
 
     !> Coordinates and rates for output: orientation as roll, pitch, yaw in (-pi, pi].
     subroutine read_coordinates(model, layout, t, y, state, q, qd, qdd)
@@ -227,14 +269,14 @@ contains
         q = state%q
         qd = state%qd
         qdd = state%qdd
-        do p = 1, model%n_pose
+        do p = 1, model%n_attitude
             if (layout%quaternion(p) == 0) cycle
-            associate (c => model%step(layout%pose_step(p))%coordinate)
+            associate (c => attitude_angles(model%step(layout%attitude_step(p))))
                 call variables_of_relative(kind_spherical, identity_mat3(), rotation_of_quaternion(state%quaternion(:, :, p)), &
-                                           zero_vec3(), zero_vec3(), vec3(qd(:, c(4)), qd(:, c(5)), qd(:, c(6))), &
+                                           zero_vec3(), zero_vec3(), vec3(qd(:, c(1)), qd(:, c(2)), qd(:, c(3))), &
                                            angle, angle_rate)
-                q(:, c(4:6)) = angle
-                qd(:, c(4:6)) = angle_rate
+                q(:, c) = angle
+                qd(:, c) = angle_rate
             end associate
         end do
     end subroutine read_coordinates

@@ -1,12 +1,14 @@
 !> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
 module linkdyn_forward_system
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
-    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, is_near_dead_point, dead_coordinate, &
-        may_be_near
+    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, &
+        is_near_dead_point, dead_coordinate
     use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
+    use linkdyn_energy_balance, only: energy_of_motion, applied_power
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, solver_elimination, solver_reduced
-    use linkdyn_forward_state, only: state_layout, plan_layout, choose_free, unpack_state, pack_rates
+    use linkdyn_forward_state, only: state_layout, plan_layout, largest_sizes, choose_free, unpack_state, &
+        pack_rates
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -28,7 +30,11 @@ module linkdyn_forward_system
         type(equation_workspace) :: workspace
         type(carried_assembly) :: assembly
         logical :: wants_work = .true.
+        real(wp) :: surplus(lanes) = 0                 !! energy of the accepted state, less what was supplied [J]
+        real(wp) :: surplus_noise = 0                  !! what rounding makes of it [J]
+        real(wp), private :: surplus_noise_tried = 0   !! the same of the state looked at last
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
+        real(wp), private :: watched_at(2) = 0         !! the last two instants at which it looked [s]
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
         type(model_type), pointer :: motion_model => null()    !! with the coordinates that the law speaks of
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
@@ -39,6 +45,7 @@ module linkdyn_forward_system
     contains
         procedure :: evaluate => evaluate_forward
         procedure :: accept => accept_forward
+        procedure :: broken_law
         procedure :: begin
         procedure :: take_over
         procedure :: look_at
@@ -78,14 +85,19 @@ contains
         call build_equations(model, stage_solver, .false., system%equations, status, unknown)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, system%equations, system%workspace)
+        system%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
         call plan_layout(model, unknown%acceleration, system%layout)
         system%n = system%layout%n
+        system%largest_size = largest_sizes(model, system%layout)
+        allocate (system%is_book(system%n), source=.false.)
+        system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         if (any(system%by_inverse)) then
             call build_equations(system%motion_model, solver_reduced, .false., system%inverse_equations, status)
             if (status%is_ok()) &
                 call prepare_workspace(system%motion_model, system%inverse_equations, system%inverse_workspace)
+                system%inverse_workspace%checks_accuracy = .false.
         end if
     end subroutine build_forward_system
 
@@ -139,8 +151,10 @@ contains
         self%inverse_assembly = other%inverse_assembly
         self%inverse_time = -huge(1.0_wp)
         self%watch%may_exchange = .true.
+        self%watch%is_on = .false.
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
-        self%watch%before = 0
+        self%watch%is_on = .true.
+        call forget_rates(self%watch)
         call look_and_decide(self, spread(t, 1, lanes), y)
     end subroutine take_over
 
@@ -165,6 +179,9 @@ contains
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%assembly%state)
             call accept_assembly(self%model, t, is_accepted, self%assembly)
+            call energy_of_motion(self%model, self%assembly%state, self%surplus)
+            self%surplus = self%surplus - y(:, self%layout%supplied)
+            self%surplus_noise = self%surplus_noise_tried
         end if
         if (self%inverse_assembly%is_needed) then
             call unpack_motion(self%motion_model, t, self%inverse_assembly%state)
@@ -179,9 +196,11 @@ contains
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
 
-        self%watch%before = self%watch%ratio
+        call note_rates(self%watch)
+        self%watch%since = [t(1) - self%watched_at(1), t(1) - self%watched_at(2)]
+        self%watched_at = [t(1), self%watched_at(1)]
         call compare_rates(self%model, self%workspace%state, self%watch)
-        if (may_be_near(self%watch)) call look_and_decide(self, t, y)
+        if (is_near_dead_point(self%watch) .or. dead_coordinate(self%watch, .false.) > 0) call look_and_decide(self, t, y)
     end subroutine watch_coordinates
 
     !> Has the caller to do something about a coordinate?
@@ -236,9 +255,10 @@ contains
                     call evaluate_drive(model, k, t, workspace%state, workspace%driving_force(:, k))
                 end if
             end do
+            workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
             call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
-            call work_rate(self, rate(:, self%layout%work))
+            call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
             failed = workspace%status /= sample_ok
             if (any(self%by_inverse)) failed = failed .or. self%inverse_workspace%status /= sample_ok
             do k = 1, model%n_q
@@ -294,20 +314,75 @@ contains
         self%inverse_time = t
     end subroutine find_inverse_forces
 
-    !> Power of the driving forces, integrated to their work.
-    subroutine work_rate(self, rate)
+    !> Power of the driving forces, and of all forces but gravity.
+    subroutine find_powers(self, driving, supplied)
         class(forward_system), intent(inout) :: self
-        real(wp), intent(out) :: rate(lanes)
+        real(wp), intent(out), dimension(lanes) :: driving, supplied    !! [W]
         real(wp) :: speed(lanes, self%model%n_actuator)
         integer :: i
 
-        rate = 0
+        driving = 0
+        supplied = 0
         if (.not. self%wants_work) return
         call actuator_rates(self%model, self%workspace%state, speed)
+        call applied_power(self%model, self%workspace%state, self%workspace%load, supplied)
         do i = 1, self%model%n_actuator
-            rate = rate + self%workspace%driving_force(:, i)*speed(:, i)
+            driving = driving + self%workspace%driving_force(:, i)*speed(:, i)
+            if (self%equations%unknown%drive(i)) supplied = supplied + self%workspace%driving_force(:, i)*speed(:, i)
         end do
-    end subroutine work_rate
+    end subroutine find_powers
+
+    !> Energy that is there but was not supplied, since the last accepted state, over what the errors allowed and rounding
+    !> would make.
+    function broken_law(self, t, y, nudge, error) result(part)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t, y(:)
+        real(wp), intent(in) :: nudge(:), error(:)
+        real(wp) :: part
+        real(wp), parameter :: many = 10               !! errors in a row, of one sign
+        integer, parameter :: n_nudge = 3
+        real(wp) :: changed(self%n, 0:n_nudge + self%n), surplus(0:n_nudge + self%n), noise
+        integer :: k
+
+        part = 0
+        if (.not. (self%assembly%is_needed .and. self%wants_work)) return
+        changed = spread(y, 2, size(surplus))
+        do k = 1, n_nudge
+            changed(:, k) = y + (k - 2.5_wp)*nudge
+        end do
+        do k = 1, self%n
+            changed(k, n_nudge + k) = y(k) + error(k)
+        end do
+        call find_surplus(self, t, changed, surplus)
+        noise = maxval(abs(surplus(1:n_nudge) - surplus(0)))
+        part = abs(surplus(0) - self%surplus(1)) &
+               /max(many*(sum(abs(surplus(n_nudge + 1:) - surplus(0))) + noise + self%surplus_noise), tiny(1.0_wp))
+        if (.not. part <= huge(1.0_wp)) part = huge(1.0_wp)
+        self%surplus_noise_tried = noise
+    end function broken_law
+
+    !> Energy of states on the accepted assembly, less what was supplied.
+    subroutine find_surplus(self, t, y, surplus)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t, y(:, :)             !! (n, state)
+        real(wp), intent(out) :: surplus(:)            !! [J] (state)
+        real(wp) :: lane_y(lanes, self%n), energy(lanes), instant(lanes)
+        integer :: first, lane
+
+        instant = t
+        do first = 1, size(surplus), lanes
+            do lane = 1, lanes
+                lane_y(lane, :) = y(:, min(first + lane - 1, size(surplus)))
+            end do
+            call unpack_state(self%model, self%layout, instant, lane_y, self%assembly%state)
+            call evaluate_on_assembly(self%model, instant, self%assembly, self%assembly%state)
+            call energy_of_motion(self%model, self%assembly%state, energy)
+            energy = energy - lane_y(:, self%layout%supplied)
+            do lane = 1, min(lanes, size(surplus) - first + 1)
+                surplus(first + lane - 1) = energy(lane)
+            end do
+        end do
+    end subroutine find_surplus
 
     subroutine release(self)
         class(forward_system), intent(inout) :: self

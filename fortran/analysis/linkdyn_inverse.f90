@@ -20,18 +20,18 @@ module linkdyn_inverse
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies
+    use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies, gives_attitude, attitude_angles
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_planar_motion, only: level_given
     use linkdyn_planar_pass, only: map_placed
-    use linkdyn_pose, only: rates_of_rpy
+    use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_roads, only: road_counts
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
     use linkdyn_status, only: status_type, sample_ok, sample_undefined, message_len
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count, count_turns
-    use linkdyn_vec3, only: vec3
+    use linkdyn_vec3, only: vec3, operator(-)
     implicit none (type, external)
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
@@ -175,7 +175,7 @@ contains
     !> told of that one's coordinates and dyads.
     !>
     !> When the process is told to stop the batch is left unfinished: ask `is_interrupted`.
-    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, turns)
+    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, turns, quaternion)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
@@ -187,6 +187,8 @@ contains
         type(sample_assembly), intent(in), optional :: known
         type(model_type), intent(in), optional :: own           !! that other model; absent: no coordinate stands in
         type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
+        real(wp), intent(in), optional :: quaternion(:, :, :)   !! (4, n_attitude, n), 0 where an attitude is given by its angles;
+                                                                !! the others' rates are angular velocities
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
         integer :: n, n_block, n_thread, share, block, n_dense
@@ -286,12 +288,15 @@ contains
             type(equation_workspace), intent(inout) :: workspace
             integer :: lane, sample
 
+            workspace%state%by_quaternion = .false.
+            if (present(quaternion)) workspace%state%by_quaternion = any(quaternion(:, :, (block - 1)*lanes + 1) /= 0, dim=1)
             do lane = 1, lanes
                 sample = min((block - 1)*lanes + lane, n)
                 workspace%state%q(lane, :) = q(:, sample)
                 workspace%state%qd(lane, :) = qd(:, sample)
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
+                if (present(quaternion)) workspace%state%quaternion(lane, :, :) = quaternion(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
                 if (has_assemblies(model) .or. has_stand_ins) &
                     call place_sample(model, assembly, min(sample, size(assembly%branch, 2)), lane, workspace%state)
@@ -536,19 +541,31 @@ contains
         if (associated(whole%rotation)) part%rotation => whole%rotation(:, :, :, first:last)
     end function part_of_results
 
-    !> Angular accelerations found for a pose become second derivatives of roll, pitch, yaw. What their rates alone
-    !> give is in column 0 already, so the map is that of the rates.
+    !> Angular accelerations found for an attitude become second derivatives of roll, pitch, yaw. What the rates of angles
+    !> give is in column 0 already; what those of a quaternion's are not is taken away.
     subroutine turn_to_rpy(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
+        type(rpy_rotation) :: turn
+        type(vec3) :: alpha
+        real(wp) :: rate(lanes, 3)
         integer :: i
 
         do i = 1, size(model%step)
-            if (model%step(i)%kind /= step_pose .or. model%is_planar) cycle
-            associate (c => model%step(i)%coordinate, a => workspace%acceleration, q => workspace%state%q)
-                if (.not. equations%unknown%acceleration(c(4))) cycle
-                a(:, c(4:6)) = rates_of_rpy(q(:, c(4)), q(:, c(5)), vec3(a(:, c(4)), a(:, c(5)), a(:, c(6))))
+            if (.not. gives_attitude(model, model%step(i))) cycle
+            associate (c => attitude_angles(model%step(i)), a => workspace%acceleration, state => workspace%state)
+                if (.not. equations%unknown%acceleration(c(1))) cycle
+                alpha = vec3(a(:, c(1)), a(:, c(2)), a(:, c(3)))
+                if (state%by_quaternion(model%step(i)%first)) then
+                    rate = rates_of_rpy(state%q(:, c(1)), state%q(:, c(2)), &
+                                        vec3(state%qd(:, c(1)), state%qd(:, c(2)), state%qd(:, c(3))))
+                    call rotate_rpy(state%q(:, c(1)), state%q(:, c(2)), state%q(:, c(3)), turn)
+                    alpha = alpha - angular_acceleration_rpy(turn, rate, 0*rate)
+                else if (model%step(i)%kind /= step_pose) then
+                    cycle                              ! columns of a joint are those of its angles
+                end if
+                a(:, c) = rates_of_rpy(state%q(:, c(1)), state%q(:, c(2)), alpha)
             end associate
         end do
     end subroutine turn_to_rpy

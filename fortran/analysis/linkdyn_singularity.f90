@@ -1,29 +1,38 @@
-!> How far the mechanism may move, to first order, before its equations become singular.
+!> How far the mechanism may move, to first order, before its equations become singular or its reach ends.
 !>
 !> With u and v the singular vectors of the smallest singular value, sigma = u^T A v of the scaled equations (see
 !> `linkdyn_condition`), the distance is sigma over its gradient. The gradient needs no elimination: sigma changes with A alone, and A
 !> with the links' rotations and slides, which move along the acceleration columns, the velocities for unit rates of the
 !> coordinates. So no position beyond a dead point is ever asked for, however near it is.
 !>
+!> Where the links of a planar dyad come into line, the mechanism comes to the end of its reach. The equations may be regular
+!> there, as those of an arm led by its tool are; so the determinant of each dyad's map has a distance of its own,
+!> and the shortest counts.
+!>
 !> The distance is one of the coordinates, angles times a characteristic length.
 module linkdyn_singularity
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly, only: assemble_matrix
     use linkdyn_condition, only: condition_type, condition_space, singular_vectors, is_posed
+    use linkdyn_dyad_map, only: dyad_map
     use linkdyn_force_map, only: typical_length
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, step_pose, step_joint, step_ups
+    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, is_dyad
+    use linkdyn_planar_pass, only: map_placed
     use linkdyn_scene, only: joint_prismatic, joint_cylindrical
     use linkdyn_slots, only: slot_store, make_slots
-    use linkdyn_vec2, only: rot2
+    use linkdyn_vec2, only: rot2, operator(+), operator(*)
     use linkdyn_vec3, only: operator(+), operator(*), operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
     public :: singularity_space, prepare_singularity, find_singularity_distance
+
+    !> [rad] of a central difference: its error of second order is as small as rounding
+    real(wp), parameter :: largest_turn = epsilon(1.0_wp)**(1.0_wp/3)
 
     !> Scratch of one thread.
     type :: singularity_space
@@ -53,7 +62,7 @@ contains
         allocate (space%gradient(lanes, model%n_q), space%slide(lanes, model%n_joint))
         space%unit = merge(1.0_wp, typical_length(model), model%scene%coordinate%unit == "m")
         space%may_fold = any(model%step%kind /= step_pose .and. model%step%kind /= step_joint .and. model%step%kind /= step_ups) &
-                         .and. (model%is_planar .or. model%n_pose == 0)
+                         .and. (model%is_planar .or. all(model%step%kind /= step_pose))
     end subroutine prepare_singularity
 
     subroutine free_singularity(self)
@@ -87,10 +96,61 @@ contains
         steepness = sqrt(steepness)
         distance = abs(sigma)/steepness
         if (space%may_fold) call shorten_at_folds(model, state, sigma, steepness, space, distance)
+        if (model%n_dyad > 0) call look_at_reach(model, state, space, distance)
         do lane = 1, lanes
             if (.not. is_posed(state, lane)) distance(lane) = ieee_value(1.0_wp, ieee_quiet_nan)
         end do
     end subroutine find_singularity_distance
+
+    !> The way until the links of some dyad are in line, if it is shorter.
+    subroutine look_at_reach(model, state, space, distance)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(singularity_space), intent(inout) :: space
+        real(wp), intent(inout) :: distance(lanes)
+        type(dyad_map) :: map
+        real(wp), dimension(lanes) :: steepness, way
+        integer :: i, k
+
+        do i = 1, size(model%step)
+            if (.not. is_dyad(model%step(i)%kind)) cycle
+            map = map_placed(model, model%step(i), state%plane)
+            steepness = 0
+            do k = 1, model%n_q
+                call change_of_determinant(model, state, model%step(i), k, space, space%gradient(:, k))
+                space%gradient(:, k) = space%gradient(:, k)/space%unit(k)
+                steepness = steepness + space%gradient(:, k)**2
+            end do
+            steepness = sqrt(steepness)
+            way = abs(map%determinant)/steepness
+            call shorten_at_folds(model, state, map%determinant, steepness, space, way)
+            where (way < distance) distance = way
+        end do
+    end subroutine look_at_reach
+
+    !> Derivative of the determinant of a dyad's map for a unit rate of a coordinate: a product of two vectors that turn, or
+    !> become longer, along the links' velocities, so the central difference is exact but for the third order.
+    subroutine change_of_determinant(model, state, step, k, space, change)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        type(step_type), intent(in) :: step
+        integer, intent(in) :: k
+        type(singularity_space), intent(inout) :: space
+        real(wp), intent(out) :: change(lanes)
+        type(dyad_map) :: map
+        real(wp) :: speed(lanes), part(lanes)
+        integer :: way
+
+        call largest_speed(model, state, k, space%slide, speed)
+        part = merge(largest_turn/max(speed, tiny(1.0_wp)), 0.0_wp, speed > 0)
+        change = 0
+        do way = -1, 1, 2
+            call move(model, state, k, way*part, space)
+            map = map_placed(model, step, space%moved%plane)
+            change = change + way*map%determinant
+        end do
+        change = merge(change/(2*part), 0.0_wp, part > 0)
+    end subroutine change_of_determinant
 
     !> Derivative of u^T A v for a unit rate of a coordinate: a central difference along the links' velocities. The entries of A are
     !> products of up to three rotations and slides, so all but the third order drops out.
@@ -101,7 +161,6 @@ contains
         integer, intent(in) :: k
         type(singularity_space), intent(inout) :: space
         real(wp), intent(out) :: change(lanes)
-        real(wp), parameter :: largest_turn = epsilon(1.0_wp)**(1.0_wp/3)
         real(wp) :: speed(lanes), step(lanes)
         integer :: i, way
 
@@ -155,7 +214,7 @@ contains
         end do
     end subroutine largest_speed
 
-    !> Rotations and slides after a small step of a coordinate, to first order.
+    !> Rotations and slides after a small step of a coordinate, to first order; in the plane places too.
     subroutine move(model, state, k, step, space)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -163,9 +222,14 @@ contains
         real(wp), intent(in) :: step(lanes)
         type(singularity_space), intent(inout) :: space
         real(wp) :: angle(lanes)
-        integer :: o, j
+        integer :: o, j, l
 
         associate (moved => space%moved)
+            if (model%is_planar) then
+                do l = 1, model%n_link
+                    moved%plane%position(l) = state%plane%position(l) + step*state%plane%linear(k, l)
+                end do
+            end if
             do o = 1, model%n_orientation
                 if (model%is_planar) then
                     associate (r => state%plane%rotation(o))

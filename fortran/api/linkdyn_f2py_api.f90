@@ -414,7 +414,7 @@ contains
     end subroutine api_inverse
 
     !> Start a forward run. It goes on by api_advance and must be ended by api_finish.
-    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, switches, want, has_errors, t_start, &
+    subroutine api_forward(handle, method, solver, threads, step, rtol, atol, switches, want, has_errors, t_start, t_end, &
             run_handle, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle
@@ -424,7 +424,7 @@ contains
         integer(c_int), intent(in) :: switches             ! 1: coordinates are exchanged at their dead points
         character(len=*), intent(in) :: want               ! "all" or names with commas
         integer(c_int), intent(in) :: has_errors           ! 1: error estimates are wanted
-        real(c_double), intent(in) :: t_start              ! [s]
+        real(c_double), intent(in) :: t_start, t_end       ! [s]
         integer(c_int), intent(out) :: run_handle
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
@@ -447,6 +447,7 @@ contains
             options%integrator%rtol = rtol
             options%integrator%atol = atol
             options%t_start = t_start
+            options%integrator%span = t_end - t_start
             options%switches = switches == 1
             options%threads = threads
             options%wants_reactions = wanted%reaction
@@ -652,6 +653,7 @@ contains
             options%integrator%method = method_rk4
             options%integrator%step = step
             options%t_start = t(1)
+            options%integrator%span = t(n_t) - t(1)
             options%threads = threads
             call run_ensemble(model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, status)
         end if

@@ -18,13 +18,13 @@ module linkdyn_carried_assembly
     use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)
     private
-    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_accepted
+    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_evaluated
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
         real(wp) :: t(lanes) = 0                       !! accepted [s]
         real(wp), allocatable :: q(:, :)               !! there                          (lane, n_q)
-        real(wp), allocatable :: quaternion(:, :, :)   !! of poses given by one          (lane, 4, n_pose)
+        real(wp), allocatable :: quaternion(:, :, :)   !! of attitudes given by one      (lane, 4, n_attitude)
         real(wp), allocatable :: branch(:, :)          !!                                (lane, n_branch)
         real(wp), allocatable :: margin(:, :)          !! of the maps                    (lane, n_map)
         real(wp), allocatable :: drift(:, :)           !! its rate [1/s]                 (lane, n_map)
@@ -188,7 +188,7 @@ contains
             do k = 1, model%n_q
                 where (goes) assembly%q(:, k) = state%q(:, k)
             end do
-            do k = 1, model%n_pose
+            do k = 1, model%n_attitude
                 assembly%quaternion(:, :, k) = merge(state%quaternion(:, :, k), assembly%quaternion(:, :, k), &
                                                      spread(goes, 2, 4))
             end do
@@ -265,17 +265,18 @@ contains
         if (before*now > 0 .and. duration /= 0) rate = (now - before)/duration
     end function secant
 
-    !> The accepted assembly of lane 1, for a sample; and whether change points have been passed since the one before.
-    subroutine keep_accepted(model, assembly, sample, samples, n_crossed)
+    !> The assembly of lane 1 of a state evaluated, for a sample; and whether change points have been passed since the one before.
+    subroutine keep_evaluated(model, assembly, state, sample, samples, n_crossed)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
+        type(kinematic_state), intent(in) :: state
         integer, intent(in) :: sample
         type(sample_assembly), intent(inout) :: samples
         integer, intent(inout) :: n_crossed            !! change points, up to the sample before, to this one
 
         if (.not. assembly%is_needed) return
-        call keep_lane(model, assembly%state, 1, sample, samples)
+        call keep_lane(model, state, 1, sample, samples)
         if (assembly%n_crossed(1) /= n_crossed) samples%reached(sample) = reached_crossing
         n_crossed = assembly%n_crossed(1)
-    end subroutine keep_accepted
+    end subroutine keep_evaluated
 end module linkdyn_carried_assembly

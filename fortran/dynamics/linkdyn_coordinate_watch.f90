@@ -3,7 +3,11 @@
 !> At a dead point of a coordinate the mechanism moves on while the coordinate stands still: the rates that a unit rate of
 !> the coordinate gives to other joint variables grow without bound. They are compared as speeds: a slide has its own, an
 !> angle that of the pins that it moves. The ratio of two such speeds has no size and no unit, and it is near one where
-!> both coordinates are good.
+!> both coordinates are good, but for how the mechanism is built: a short crank may move a slide far. What tells a dead
+!> point is therefore that a ratio grows: to ten times what it was at best, or, where steps are not cut by their error, as
+!> it would if a dead point lay some steps ahead. The reciprocal goes through zero there as time goes on; so the time that
+!> is left by its slope becomes less by as much as passes, where a ratio that grows for another reason keeps it
+!> (exponentially), gains (from zero), or loses half as much (towards a peak that is passed).
 !>
 !> At a change point rates stay finite, though the dyad's map is singular there: it is no dead point of the coordinate.
 module linkdyn_coordinate_watch
@@ -16,13 +20,17 @@ module linkdyn_coordinate_watch
     use linkdyn_scene, only: coordinate_joint, joint_n_variable, joint_revolute, joint_prismatic, joint_cylindrical, frame_link
     implicit none (type, external)
     private
-    public :: coordinate_watch, prepare_watch, compare_rates, is_near_dead_point, dead_coordinate, may_be_near
+    public :: coordinate_watch, prepare_watch, compare_rates, note_rates, forget_rates, grows, is_near_dead_point, &
+        dead_coordinate
 
-    real(wp), parameter :: largest_ratio = 10       !! that a coordinate in use may have
-    real(wp), parameter :: largest_equal = 5        !! the same where steps are not cut by their error
-    real(wp), parameter :: dead_ratio = 1000        !! beyond it the coordinate says too little of the motion
-    real(wp), parameter :: good_ratio = 3           !! no dead point is near
-    integer, parameter :: least_steps = 50          !! before a dead point, where steps are not cut
+    ! Of ratios, to what they were at best.
+    real(wp), parameter :: largest_growth = 10      !! that a coordinate in use may have
+    real(wp), parameter :: dead_growth = 1000       !! beyond it the coordinate says too little of the motion
+    real(wp), parameter :: good_growth = 3          !! no dead point is near
+    real(wp), parameter :: best_ratio = 1, worst_ratio = 10    !! at best, of what is counted as good
+    ! Where steps are not cut by their error: a method of order 4 errs by the fourth power of the step over the time left.
+    integer, parameter :: least_steps = 50          !! before a dead point
+    real(wp), parameter :: least_loss = 0.7_wp      !! of the time left to a dead point, per time that passes
 
     !> Joint variables are numbered as in the results.
     type :: coordinate_watch
@@ -35,7 +43,9 @@ module linkdyn_coordinate_watch
         real(wp), allocatable :: arm(:)             !! what makes a rate a speed: 1 for a slide [m] (n_variable)
         integer, allocatable :: variable(:)         !! that is a coordinate which may be exchanged; 0 (n_q)
         real(wp), allocatable :: ratio(:, :)        !! speed of a variable over that of a coordinate alone (n_variable, n_q)
-        real(wp), allocatable :: before(:, :)       !! the same one step before; 0: not known
+        real(wp), allocatable :: past(:, :, :)      !! the same one and two steps before; 0: not known (n_variable, n_q, 2)
+        real(wp) :: since(2) = 0                    !! time since then [s]
+        real(wp), allocatable :: least(:)           !! smallest of the largest ratios of a coordinate so far (n_q)
         type(kinematic_state) :: state              !! at the position looked at
     end type coordinate_watch
 
@@ -49,9 +59,10 @@ contains
 
         allocate (watch%joint(model%n_variable), watch%place(model%n_variable), watch%is_candidate(model%n_variable), &
                   watch%arm(model%n_variable), watch%variable(model%n_q))
-        allocate (watch%ratio(model%n_variable, model%n_q), watch%before(model%n_variable, model%n_q))
+        allocate (watch%ratio(model%n_variable, model%n_q), watch%past(model%n_variable, model%n_q, 2), &
+                  watch%least(model%n_q))
         watch%ratio = 0
-        watch%before = 0
+        call forget_rates(watch)
         do j = 1, model%n_joint
             associate (joint => model%joint(j))
                 do k = 1, joint_n_variable(joint%kind)
@@ -175,32 +186,79 @@ contains
         end do
     end subroutine compare_rates
 
-    !> Is it worth while to look more closely?
-    pure logical function may_be_near(watch)
-        type(coordinate_watch), intent(in) :: watch
+    !> Ratios compared before are not those of the way ahead.
+    pure subroutine forget_rates(watch)
+        type(coordinate_watch), intent(inout) :: watch
 
-        may_be_near = any(abs(watch%ratio) > good_ratio)
-    end function may_be_near
+        watch%past = 0
+        watch%since = 0
+        watch%least = worst_ratio
+    end subroutine forget_rates
+
+    !> The ratios at hand are those of an accepted state; the next ones come later.
+    pure subroutine note_rates(watch)
+        type(coordinate_watch), intent(inout) :: watch
+
+        watch%least = min(watch%least, maxval(abs(watch%ratio), dim=1))
+        watch%past(:, :, 2) = watch%past(:, :, 1)
+        watch%past(:, :, 1) = watch%ratio
+    end subroutine note_rates
+
+    !> Is a ratio larger than one step before, or nothing known of that?
+    pure elemental logical function grows(now, before)
+        real(wp), intent(in) :: now, before
+
+        grows = abs(now) > abs(before)
+    end function grows
+
+    !> What counts as good for a coordinate: the best so far, within bounds.
+    pure function good_ratios(watch) result(good)
+        type(coordinate_watch), intent(in) :: watch
+        real(wp) :: good(size(watch%least))
+
+        good = max(best_ratio, min(watch%least, worst_ratio))
+    end function good_ratios
 
     !> The coordinate that is at its dead point, for all that it can be used; 0: none.
     pure integer function dead_coordinate(watch, has_failed) result(k)
         type(coordinate_watch), intent(in) :: watch
         logical, intent(in) :: has_failed           !! the run cannot go on: near is enough
+        real(wp) :: good(size(watch%least))
 
+        good = good_ratios(watch)
         do k = size(watch%variable), 1, -1
-            if (any(abs(watch%ratio(:, k)) > merge(good_ratio, dead_ratio, has_failed))) return
+            if (any(abs(watch%ratio(:, k)) > merge(good_growth, dead_growth, has_failed)*good(k))) return
         end do
     end function dead_coordinate
 
-    !> Does any joint move much faster than a coordinate, or will it, before some more steps are done?
+    !> Has the ratio of any joint to a coordinate grown by much, or will it, before some more steps are done?
     pure logical function is_near_dead_point(watch) result(is_near)
         type(coordinate_watch), intent(in) :: watch
+        real(wp) :: good(size(watch%least))
+        integer :: v, k
 
-        is_near = any(abs(watch%ratio) > merge(largest_equal, largest_ratio, watch%has_equal_steps))
-        if (.not. watch%has_equal_steps .or. is_near) return
-        ! The coordinate's own speed, in that of the other, goes through zero at a dead point.
-        is_near = any(abs(watch%ratio) > good_ratio .and. watch%before /= 0 &
-                      .and. least_steps*(abs(watch%ratio) - abs(watch%before)) > abs(watch%before) &
-                      .and. watch%ratio*watch%before > 0)
+        good = good_ratios(watch)
+        is_near = .false.
+        do k = 1, size(watch%variable)
+            do v = 1, size(watch%joint)
+                associate (now => watch%ratio(v, k), past => watch%past(v, k, :))
+                    is_near = is_near .or. (grows(now, past(1)) .and. abs(now) > largest_growth*good(k))
+                    if (watch%has_equal_steps) is_near = is_near .or. leads_to_dead_point(now, past, watch%since)
+                end associate
+            end do
+        end do
     end function is_near_dead_point
+
+    !> Does the reciprocal of a ratio go through zero within some steps?
+    pure logical function leads_to_dead_point(now, past, since) result(leads)
+        real(wp), intent(in) :: now, past(2)        !! one and two steps before
+        real(wp), intent(in) :: since(2)            !! [s]
+        real(wp) :: left, left_before
+
+        leads = now*past(1) > 0 .and. past(1)*past(2) > 0 .and. abs(now) > abs(past(1)) .and. abs(past(1)) > abs(past(2))
+        if (.not. leads) return
+        left = since(1)*past(1)/(now - past(1))
+        left_before = (since(2) - since(1))*past(2)/(past(1) - past(2))
+        leads = left < least_steps*since(1) .and. left_before - left > least_loss*since(1)
+    end function leads_to_dead_point
 end module linkdyn_coordinate_watch

@@ -89,7 +89,9 @@ contains
 
         reference = near
         k = coordinate_of(model, j, variable)
-        if (k > 0) then
+        if (k > 0 .and. is_by_quaternion(model, state, j)) then
+            call measure_in_space(model, state, j, variable, value, rate)
+        else if (k > 0) then
             value = state%q(:, k)
             rate = state%qd(:, k)
             if (model%scene%coordinate(k)%for_joint == 0) return
@@ -105,6 +107,16 @@ contains
         if (k > 0) reference = state%counted(:, k)
         if (.not. is_slide(model%joint(j)%kind, variable)) value = value - two_pi*anint((value - reference)/two_pi)
     end subroutine measure_variable
+
+    !> Has a joint an attitude that comes as quaternion? Then its coordinates do not tell its angles.
+    pure logical function is_by_quaternion(model, state, j)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+
+        is_by_quaternion = .false.
+        if (model%joint(j)%attitude > 0) is_by_quaternion = state%by_quaternion(model%joint(j)%attitude)
+    end function is_by_quaternion
 
     subroutine measure_in_space(model, state, j, variable, value, rate)
         type(model_type), intent(in) :: model

@@ -5,7 +5,8 @@
 module linkdyn_kinematic_pass
     use linkdyn_csp_step, only: close_csp
     use linkdyn_kinds, only: wp
-    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, is_slide
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, relative_by_quaternion, turn_frame, &
+        turn_frame_back, is_slide
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_group, orientation_of
@@ -96,6 +97,15 @@ contains
         end select
     end subroutine run_step
 
+    !> Does the attitude that a step gives come as quaternion?
+    pure logical function is_by_quaternion(state, step)
+        type(kinematic_state), intent(in) :: state
+        type(step_type), intent(in) :: step
+
+        is_by_quaternion = .false.
+        if (step%first > 0) is_by_quaternion = state%by_quaternion(step%first)
+    end function is_by_quaternion
+
     !> A link whose pose is given by six coordinates.
     subroutine take_pose(model, step, state)
         type(model_type), intent(in) :: model
@@ -108,7 +118,7 @@ contains
         link = step%link(1)
         o = model%link(link)%orientation
         associate (c => step%coordinate)
-            if (state%by_quaternion(step%first)) then
+            if (is_by_quaternion(state, step)) then
                 state%rotation(o) = rotation_of_quaternion(state%quaternion(:, :, step%first))
                 state%omega(o) = from_components(state%qd(:, c(4:6)))
                 state%alpha(0, o) = from_components(state%qdd(:, c(4:6)))
@@ -164,7 +174,12 @@ contains
                 qdd(:, i) = sense*state%qdd(:, step%coordinate(i))
             end do
             first = turn_frame(state%rotation(o_known), joint%frame(:, :, from))
-            call relative_by_variables(joint%kind, first, q, qd, qdd, motion)
+            if (is_by_quaternion(state, step)) then
+                call relative_by_quaternion(first, state%quaternion(:, :, step%first), from_components(qd), &
+                                            from_components(qdd), motion)
+            else
+                call relative_by_variables(joint%kind, first, q, qd, qdd, motion)
+            end if
             state%slide(:, step%joint(1)) = sense*(motion%slide.dot.first%z)
 
             ! Angular motion: seen from the known link, so its own rotation turns the relative rates as well.

@@ -15,7 +15,7 @@ module linkdyn_led_mechanism
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, orientation_of, &
-        link_freedom, place_size, is_length
+        link_freedom, place_size, is_length, gives_attitude, attitude_angles
     use linkdyn_newton_group, only: shifted, least_group_margin
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
@@ -36,8 +36,8 @@ module linkdyn_led_mechanism
         logical :: goes(lanes) = .false.
         real(wp) :: at(lanes) = 0, tried(lanes) = 0  !! parts of the way
         real(wp), allocatable :: from(:, :), to(:, :)        !! coordinates                      (lane, n_q)
-        real(wp), allocatable :: turn(:, :, :)       !! of the poses given by quaternion         (lane, 3, n_pose)
-        real(wp), allocatable :: quaternion(:, :, :) !! at the way's beginning                   (lane, 4, n_pose)
+        real(wp), allocatable :: turn(:, :, :)       !! of the attitudes given by quaternion     (lane, 3, n_attitude)
+        real(wp), allocatable :: quaternion(:, :, :) !! at the way's beginning                   (lane, 4, n_attitude)
         real(wp), allocatable :: branch(:, :)        !!                                          (lane, n_branch)
         real(wp), allocatable :: place(:, :, :), rate(:, :, :)    !! of the groups' links, per whole way
                                                      !! (lane, place_size, n_link), (lane, link_freedom, n_link)
@@ -119,11 +119,11 @@ contains
         logical, intent(in) :: follows_branches              !! else those of the closed forms stay as they are
         type(kinematic_state), intent(inout), target :: state
         type(way_report), intent(out) :: report
-        real(wp), intent(in), optional :: quaternion(:, :, :)    !! at the beginning (lane, 4, n_pose)
+        real(wp), intent(in), optional :: quaternion(:, :, :)    !! at the beginning (lane, 4, n_attitude)
         logical, intent(in), optional :: is_hasty            !! a way that is not smooth is given up at once; absent: false
         type(led_mechanism) :: led
         real(wp), dimension(lanes, model%n_q) :: qd, qdd, span
-        real(wp) :: target_quaternion(lanes, 4, model%n_pose)
+        real(wp) :: target_quaternion(lanes, 4, model%n_attitude)
         real(wp), dimension(lanes) :: length
         logical :: is_short(lanes)
         integer :: n_column, k, spare_tries
@@ -138,13 +138,13 @@ contains
         led%to = state%q
         led%branch = state%branch
         led%least_margin = least_margins(model)
-        allocate (led%turn(lanes, 3, model%n_pose))
+        allocate (led%turn(lanes, 3, model%n_attitude))
         led%turn = 0
         target_quaternion = state%quaternion
         led%quaternion = state%quaternion
         if (present(quaternion)) then
             led%quaternion = quaternion
-            do k = 1, model%n_pose
+            do k = 1, model%n_attitude
                 if (state%by_quaternion(k)) led%turn(:, :, k) = turn_between(quaternion(:, :, k), state%quaternion(:, :, k))
             end do
         end if
@@ -197,7 +197,7 @@ contains
                 state%qd(:, k) = self%to(:, k) - self%from(:, k)
                 state%q(:, k) = merge(self%to(:, k), self%from(:, k) + part*state%qd(:, k), part >= 1)
             end do
-            call turn_poses(self, part)
+            call turn_attitudes(self, part)
             if (self%follows_branches) then
                 state%branch = merge(-self%branch, self%branch, is_crossing(:, :model%n_branch))
             end if
@@ -222,22 +222,22 @@ contains
     end subroutine try_on_way
 
     !> Orientations given by quaternions, on the way.
-    subroutine turn_poses(self, part)
+    subroutine turn_attitudes(self, part)
         class(led_mechanism), intent(inout) :: self
         real(wp), intent(in) :: part(lanes)
         integer :: i
 
         associate (model => self%model, state => self%state)
             do i = 1, size(model%step)
-                if (model%step(i)%kind /= step_pose .or. model%is_planar) cycle
-                associate (p => model%step(i)%first, c => model%step(i)%coordinate)
+                if (.not. gives_attitude(model, model%step(i))) cycle
+                associate (p => model%step(i)%first)
                     if (.not. state%by_quaternion(p)) cycle
                     state%quaternion(:, :, p) = turned_by(self%quaternion(:, :, p), spread(part, 2, 3)*self%turn(:, :, p))
-                    state%qd(:, c(4:6)) = self%turn(:, :, p)
+                    state%qd(:, attitude_angles(model%step(i))) = self%turn(:, :, p)
                 end associate
             end do
         end associate
-    end subroutine turn_poses
+    end subroutine turn_attitudes
 
     !> Where the mechanism was tried it stands from now on, with its rates there.
     subroutine take_on_way(self, is_taken)
@@ -297,24 +297,24 @@ contains
         components(:, 3) = v%z
     end function components
 
-    !> How far the coordinates of the state are from others, as the columns of rates count them: a free link's orientation
-    !> by the turn between both, in world axes.
+    !> How far the coordinates of the state are from others, as the columns of rates count them: an attitude given by a
+    !> quaternion, and any of a free link, by the turn between both, in the axes of its rates.
     function span_of(model, state, from, quaternion) result(span)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(in) :: from(:, :)               !! (lane, n_q)
-        real(wp), intent(in) :: quaternion(:, :, :)      !! of poses that are given by one (lane, 4, n_pose)
+        real(wp), intent(in) :: quaternion(:, :, :)      !! of poses that are given by one (lane, 4, n_attitude)
         real(wp) :: span(lanes, model%n_q)
-        integer :: i
+        integer :: c(3), i
 
         span = state%q - from
-        if (model%is_planar) return
         do i = 1, size(model%step)
-            if (model%step(i)%kind /= step_pose) cycle
-            associate (p => model%step(i)%first, c => model%step(i)%coordinate(4:6))
+            if (.not. gives_attitude(model, model%step(i))) cycle
+            c = attitude_angles(model%step(i))
+            associate (p => model%step(i)%first)
                 if (state%by_quaternion(p)) then
                     span(:, c) = turn_between(quaternion(:, :, p), state%quaternion(:, :, p))
-                else
+                else if (model%step(i)%kind == step_pose) then
                     span(:, c) = turn_between(quaternion_of_rpy(from(:, c(1)), from(:, c(2)), from(:, c(3))), &
                                               quaternion_of_rpy(state%q(:, c(1)), state%q(:, c(2)), state%q(:, c(3))))
                 end if

@@ -14,7 +14,8 @@ module linkdyn_planar_assembly
         vec2_of, zero_vec2
     implicit none (type, external)
     private
-    public :: assemble_planar_matrix, assemble_planar_right, planar_link_wrench, planar_inertia
+    public :: assemble_planar_matrix, assemble_planar_right, planar_link_wrench, planar_inertia, &
+        subtract_planar_applied
 
 contains
 
@@ -113,7 +114,6 @@ contains
         real(wp), intent(in) :: load(:, :, :)
         type(vec2), intent(out) :: force              !! world axes [N]
         real(wp), intent(out) :: moment(lanes)        !! [N m]
-        integer :: i
 
         if (model%link(l)%is_massless) then
             force = zero_vec2()
@@ -121,6 +121,20 @@ contains
         else
             call planar_inertia(model, l, point, level_given, state%plane, force, moment)
         end if
+        call subtract_planar_applied(model, l, point, state, load, force, moment)
+    end subroutine planar_link_wrench
+
+    !> Take off what acts on a link besides joints and gravity: loads, springs, given driving forces.
+    subroutine subtract_planar_applied(model, l, point, state, load, force, moment)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: l
+        real(wp), intent(in) :: point(2)              !! moment point, link axes [m]
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: load(:, :, :)
+        type(vec2), intent(inout) :: force            !! world axes [N]
+        real(wp), intent(inout) :: moment(lanes)      !! [N m]
+        integer :: i
+
         do i = 1, model%n_load
             if (model%scene%load(i)%link == l) call subtract_load(model, i, point, state, load, force, moment)
         end do
@@ -131,7 +145,7 @@ contains
                          + ((plane%rotation(model%link(l)%orientation).rotate.point).cross.plane%applied_force(l))
             end associate
         end if
-    end subroutine planar_link_wrench
+    end subroutine subtract_planar_applied
 
     subroutine subtract_load(model, i, point, state, load, force, moment)
         type(model_type), intent(in) :: model

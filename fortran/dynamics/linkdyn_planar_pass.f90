@@ -3,7 +3,7 @@
 !> Every moving link hangs on a joint, by a hinge whose angular rate is known or on a slide whose rate is known. An open
 !> chain gives that rate; a dyad's 2x2 map yields it for both its links; so one procedure moves any link.
 module linkdyn_planar_pass
-    use linkdyn_dyad_map, only: dyad_map, solve_dyad
+    use linkdyn_dyad_map, only: dyad_map, solve_dyad, uncertainty_of_motion
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -15,12 +15,12 @@ module linkdyn_planar_pass
     use linkdyn_rrr_dyad, only: locate_rrr, map_rrr, bias_rrr, drift_rrr
     use linkdyn_scene, only: joint_prismatic
     use linkdyn_slide_dyads, only: map_prp, map_ppr, bias_prp, bias_ppr
-    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.rotate.), perp, rot2_by_angle, &
+    use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.rotate.), perp, rot2_by_angle, &
         rot2_of_directions
     use linkdyn_planar_point, only: carried, carry
     implicit none (type, external)
     private
-    public :: run_planar_step, map_placed, hang_planar_link
+    public :: run_planar_step, map_placed, hang_planar_link, uncertainty_of_dyad
 
     !> A link hanging on a known link by a joint.
     type :: hanger
@@ -291,6 +291,7 @@ contains
                 gap = carried(plane, level, h2%known, h2%o_known, h2%hold) - carried(plane, level, h1%known, h1%o_known, h1%hold)
                 if (level == level_given) gap = gap + bias_rrr(arm1, arm2, rate1, rate2)
                 call solve_dyad(map, gap, rate1, rate2)
+                if (level <= level_given) call keep_rates(step%first, level, rate1, rate2, plane)
                 if (level == level_velocity) plane%drift(:, step%first) = drift_rrr(arm1, arm2, rate1, rate2)
                 call move_link(h1, level, rate1, plane)
                 call move_link(h2, level, rate2, plane)
@@ -331,6 +332,7 @@ contains
                 omega = plane%angular(:, level_velocity, h2%o_known)
                 if (level == level_given) gap = gap + bias_rrp(arm, u, rate1, omega, rate2)
                 call solve_dyad(map, gap, rate1, rate2)
+                if (level <= level_given) call keep_rates(step%first, level, rate1, rate2, plane)
                 if (level == level_velocity) plane%drift(:, step%first) = drift_rrp(arm, u, rate1, omega)
                 call move_link(h1, level, rate1, plane)
                 call move_link(h2, level, rate2, plane)
@@ -369,6 +371,7 @@ contains
                 gap = carried(plane, level, h2%known, h2%o_known, h2%hold) - carried(plane, level, h1%known, h1%o_known, h1%hold)
                 if (level == level_given) gap = gap + bias_rpr(d, u, rate1, rate2)
                 call solve_dyad(map, gap, rate1, rate2)
+                if (level <= level_given) call keep_rates(step%first, level, rate1, rate2, plane)
                 if (level == level_velocity) plane%drift(:, step%first) = rate2
                 call move_link(h1, level, rate1, plane)
                 call move_link(h2, level, rate1, plane)
@@ -434,6 +437,7 @@ contains
                     gap = gap + bias
                 end if
                 call solve_dyad(map, gap, rate1, rate2)
+                if (level <= level_given) call keep_rates(step%first, level, rate1, rate2, plane)
                 call move_link(h1, level, rate1, plane)
                 if (is_prp) then
                     call move_link(h2, level, rate2, plane)
@@ -501,6 +505,31 @@ contains
 
         c = [v(1)*axis(1) + v(2)*axis(2), axis(1)*v(2) - axis(2)*v(1)]
     end function in_slide_axes
+
+    pure subroutine keep_rates(dyad, level, rate1, rate2, plane)
+        integer, intent(in) :: dyad, level
+        real(wp), intent(in) :: rate1(lanes), rate2(lanes)
+        type(planar_motion), intent(inout) :: plane
+
+        plane%rate(:, 1, level, dyad) = rate1
+        plane%rate(:, 2, level, dyad) = rate2
+    end subroutine keep_rates
+
+    !> Relative uncertainty of the motion behind a dyad, and of forces.
+    pure function uncertainty_of_dyad(model, step, plane) result(part)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step            !! the dyad
+        type(planar_motion), intent(in) :: plane
+        real(wp) :: part(lanes)
+        real(wp) :: reach(lanes)
+
+        associate (map => plane%dyad(step%first), rate => plane%rate(:, :, :, step%first))
+            reach = huge(1.0_wp)
+            if (any(step%kind == [step_rrr, step_rrp, step_rpr])) reach = sqrt(map%first.dot.map%first)
+            if (step%kind == step_rrr) reach = min(reach, sqrt(map%second.dot.map%second))
+            part = uncertainty_of_motion(map, reach, rate(:, 1, 1), rate(:, 2, 1), rate(:, 1, 2), rate(:, 2, 2))
+        end associate
+    end function uncertainty_of_dyad
 
     !> At a dead point itself rates are not determined.
     pure subroutine watch_dead_point(map, is_reachable, state)

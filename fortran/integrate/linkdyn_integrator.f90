@@ -5,14 +5,17 @@ module linkdyn_integrator
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
-    use linkdyn_ode_gsl, only: ode_gsl
+    use linkdyn_ode_gsl, only: ode_gsl, runge_kutta_gsl
+    use linkdyn_pause, only: pause_type
     use linkdyn_rk4, only: rk4_workspace, rk4_step
+    use linkdyn_step_control, only: step_control, step_accepted, step_paused, step_too_rough, step_breaks_law
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
     public :: integrator_type, integrator_options, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
     public :: method_name, choose_method, check_options
+    public :: stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law
 
     integer, parameter :: method_rk4 = 1       !! order 4, fixed step; all lanes
     integer, parameter :: method_rkf45 = 2     !! order 4(5), adaptive
@@ -21,34 +24,51 @@ module linkdyn_integrator
     integer, parameter :: method_gbs = 5       !! extrapolation, order and step adaptive, columns on lanes
     character(len=5), parameter :: method_name(5) = [character(len=5) :: "rk4", "rkf45", "rk8pd", "msbdf", "gbs"]
 
+    !> Steps that a run may take at most: hours, whatever the mechanism.
+    real(wp), parameter :: most_steps = 1.0e9_wp
+
+    ! Why a run stops.
+    integer, parameter :: stop_none = 0
+    integer, parameter :: stop_no_rates = 1        !! the right-hand side cannot be evaluated ahead
+    integer, parameter :: stop_growth = 2          !! the solution grows without bound
+    integer, parameter :: stop_roughness = 3       !! rounding leaves too few digits
+    integer, parameter :: stop_pace = 4            !! more steps are needed than anyone would wait for
+    integer, parameter :: stop_law = 5             !! the solution would break the law of the system
+
     type :: integrator_options
         integer :: method = method_rk8pd
         real(wp) :: step = 1.0e-3_wp           !! fixed step (no longer than this); first step tried by the adaptive ones
         real(wp) :: rtol = 1.0e-9_wp           !! local error allowed, relative to y
         real(wp) :: atol = 1.0e-9_wp           !! and absolute
+        real(wp) :: span = 0                   !! how long the run is to be; 0: not known
     end type integrator_options
 
     !> A run under way, and its statistics.
     type :: integrator_type
         type(integrator_options) :: options
-        real(wp) :: t = 0                      !! reached
+        real(wp) :: t = 0                      !! reached by the steps
         real(wp) :: next_step = 0              !! proposed
+        logical :: is_there = .false.          !! the instant asked for has been reached, or lost
+        logical :: is_lost = .false.           !! no solution can be had there, though the run goes on
         logical :: failed(lanes) = .false.     !! stopped for good
+        integer :: reason = stop_none          !! why
         real(wp) :: good_until(lanes) = 0      !! instant of the last good y
         integer :: n_step = 0                  !! accepted
         integer :: n_rejected = 0
         integer :: n_evaluation = 0            !! right-hand sides (blocks)
-        integer :: n_short = 0                 !! steps in a row that were very short
-        logical :: has_shrunk = .false.        !! stopped since its steps shrank to nothing
+        integer :: n_rough = 0                 !! steps that rounding left with more than the error allowed
+        real(wp) :: roughest = 0               !! largest error of these, relative
         logical :: is_paused = .false.         !! `advance` came back before its end: call it again
-        integer(int64) :: pause_at = huge(1_int64)    !! count of the system clock
+        type(pause_type) :: pause
         real(wp) :: last_step = 0, shortest_step = huge(1.0_wp), longest_step = 0
+        integer, private :: n_short = 0        !! steps in a row at which the run would not come to its end
         integer, private :: rejected_before = 0, evaluated_before = 0    !! by the systems exchanged
+        integer, private :: rough_before = 0
         integer(int64), private :: i_step = 0, n_span = 0    !! rk4: steps done, and in all, of the span under way
         real(wp), private :: span_start = 0
         type(rk4_workspace), private :: work
         type(ode_gsl), private :: gsl
-        type(gbs_method), private :: gbs
+        type(step_control), private :: control
     contains
         procedure :: start, advance, reset, exchange_system, finish
     end type integrator_type
@@ -79,15 +99,19 @@ contains
             call fail(status, status_bad_input, "rtol = "//to_text(options%rtol)//" (expected a number between 0 and 1)")
         else if (.not. (options%atol > 0 .and. options%atol <= huge(1.0_wp))) then
             call fail(status, status_bad_input, "atol = "//to_text(options%atol)//" (expected a positive number)")
+        else if (options%method == method_rk4 .and. options%span > most_steps*options%step) then
+            call fail(status, status_bad_input, "step = "//to_text(options%step)//" s makes more than " &
+                      //to_text(most_steps)//" steps of "//to_text(options%span)//" s (expected a longer step)")
         end if
     end subroutine check_options
 
-    !> Begin at t. The adaptive methods integrate lane 1 and copy it to the others.
-    subroutine start(self, options, system, t, status)
+    !> Begin at t with y. The adaptive methods integrate lane 1 and copy it to the others.
+    subroutine start(self, options, system, t, y, status)
         class(integrator_type), intent(inout) :: self
         type(integrator_options), intent(in) :: options
         class(lane_system), intent(inout), target :: system     !! must outlive the run
         real(wp), intent(in) :: t
+        real(wp), intent(in) :: y(:, :)                         !! (lane, n)
         type(status_type), intent(inout) :: status
 
         call check_options(options, status)
@@ -96,44 +120,63 @@ contains
         self%t = t
         self%good_until = t
         self%next_step = options%step
-        call prepare_method(self, system, status)
+        call prepare_method(self, system, y, status)
     end subroutine start
 
-    subroutine prepare_method(self, system, status)
+    subroutine prepare_method(self, system, y, status)
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout), target :: system
+        real(wp), intent(in) :: y(:, :)
         type(status_type), intent(inout) :: status
+        type(gbs_method), allocatable :: gbs
+        type(runge_kutta_gsl), allocatable :: runge_kutta
 
-        associate (options => self%options)
-            if (options%method == method_rk4) then
+        if (allocated(self%control%method)) then
+            call self%control%method%release()
+            deallocate (self%control%method)
+        end if
+        associate (options => self%options, control => self%control)
+            select case (options%method)
+            case (method_rk4)
                 call self%work%prepare(system%n)
-            else if (options%method == method_gbs) then
-                call self%gbs%start(system%n, options%rtol, options%atol)
-            else
-                call self%gsl%start(trim(method_name(options%method)), system, self%next_step, options%rtol, options%atol, status)
-            end if
+                return
+            case (method_msbdf)
+                call self%gsl%start(system, self%next_step, options%rtol, options%atol, status)
+                return
+            case (method_gbs)
+                allocate (gbs)
+                call gbs%start(system%n, options%rtol)
+                call move_alloc(gbs, control%method)
+            case default
+                allocate (runge_kutta)
+                call runge_kutta%start(trim(method_name(options%method)), system, status)
+                call move_alloc(runge_kutta, control%method)
+            end select
+            call control%start(self%t, y(1, :), self%next_step, options%rtol, options%atol)
         end associate
     end subroutine prepare_method
 
-    !> Go on with another system from the last good instant, where the old one may have failed. Equal steps stay those
-    !> that they were.
-    subroutine exchange_system(self, system, status)
+    !> Go on with another system and y at the last good instant, where the old one may have failed. Equal steps stay
+    !> those that they were.
+    subroutine exchange_system(self, system, y, status)
         class(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout), target :: system     !! must outlive the run
+        real(wp), intent(in) :: y(:, :)                         !! (lane, n)
         type(status_type), intent(inout) :: status
 
         call count_work(self)
         self%rejected_before = self%n_rejected
         self%evaluated_before = self%n_evaluation
+        self%rough_before = self%n_rough
         if (all(self%failed)) then
             if (self%options%method == method_rk4) self%i_step = self%i_step - 1
             self%t = self%good_until(1)
         end if
         self%failed = .false.
-        self%has_shrunk = .false.
+        self%reason = stop_none
         self%n_short = 0
         if (.not. (self%next_step > 0 .and. self%next_step <= huge(1.0_wp))) self%next_step = self%options%step
-        call prepare_method(self, system, status)
+        call prepare_method(self, system, y, status)
     end subroutine exchange_system
 
     !> Rejected steps and right-hand sides, which the adaptive methods count themselves.
@@ -142,30 +185,44 @@ contains
 
         select case (self%options%method)
         case (method_rk4)
-        case (method_gbs)
-            self%n_rejected = self%rejected_before + self%gbs%n_rejected
-            self%n_evaluation = self%evaluated_before + self%gbs%n_evaluation
-        case default
+        case (method_msbdf)
             self%n_rejected = self%rejected_before + self%gsl%n_rejected()
             self%n_evaluation = self%evaluated_before + self%gsl%n_evaluation()
+        case default
+            self%n_rejected = self%rejected_before + self%control%n_rejected
+            self%n_evaluation = self%evaluated_before + self%control%count_evaluations()
+            self%n_rough = self%rough_before + self%control%n_rough
+            self%roughest = max(self%roughest, self%control%roughest)
         end select
     end subroutine count_work
 
-    !> Go on to t_end exactly. A lane that cannot keeps its last good y. Where the clock says so, or the system wants a
-    !> rest, the way there is interrupted between two steps; that changes nothing in the result.
-    subroutine advance(self, system, t_end, y)
+    !> Go on to t_end; a lane that cannot keeps its last good y. Methods of one step that choose its length stop short of
+    !> t_end, where it is in reach of their next step, and only look at it: so instants of output, however many, do not
+    !> change the way. Where the clock says so, or the system wants a rest, the call comes back before it is there.
+    subroutine advance(self, system, t_end, y, y_end, t_kink)
         class(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
-        real(wp), intent(inout) :: y(:, :)                      !! (lane, n)
+        real(wp), intent(inout) :: y(:, :)                      !! at self%t (lane, n)
+        real(wp), intent(inout) :: y_end(:, :)                  !! at t_end, if it is there and not lost (lane, n)
+        real(wp), intent(in), optional :: t_kink                !! t_end or later: steps end there and do not pass it
 
         self%is_paused = .false.
-        if (all(self%failed) .or. t_end <= self%t) return
-        if (self%options%method == method_rk4) then
-            call advance_rk4(self, system, t_end, y)
-        else
-            call advance_adaptive(self, system, t_end, y)
-        end if
+        self%is_there = .false.
+        self%is_lost = .false.
+        if (all(self%failed)) return
+        select case (self%options%method)
+        case (method_rk4)
+            if (t_end > self%t) call advance_rk4(self, system, t_end, y)
+            self%is_there = self%t >= t_end
+            y_end = y
+        case (method_msbdf)
+            call advance_multistep(self, system, t_end, y)
+            self%is_there = self%t >= t_end
+            y_end = y
+        case default
+            call advance_controlled(self, system, t_end, y, y_end, t_kink)
+        end select
     end subroutine advance
 
     !> Equal steps no longer than the one asked for.
@@ -202,6 +259,7 @@ contains
             self%t = self%span_start + self%i_step*h
             if (self%i_step == self%n_span) self%t = t_end
             where (.not. self%failed) self%good_until = self%t
+            if (all(self%failed)) self%reason = reason_of_solution(y(1, :))
             if (all(self%failed)) return
             call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
             call note_step(self, h)
@@ -209,60 +267,118 @@ contains
         end do
     end subroutine advance_rk4
 
-    subroutine advance_adaptive(self, system, t_end, y)
+    !> Steps of a method that controls them itself, each cut where it would lead beyond t_end.
+    subroutine advance_multistep(self, system, t_end, y)
         type(integrator_type), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
-        real(wp), parameter :: short = 1.0e-5_wp        !! step, of the longest so far
-        integer, parameter :: most_short = 200          !! in a row
         real(wp) :: h, t_before, solution(size(y, 2))
         logical :: ok
-        integer :: k
 
         solution = y(1, :)
         do while (self%t < t_end)
             if (must_pause(self)) exit
             h = self%next_step
             t_before = self%t
-            if (self%options%method == method_gbs) then
-                call self%gbs%take_step(system, self%t, t_end, h, solution, ok)
-            else
-                call self%gsl%take_step(self%t, t_end, h, solution, ok)
-            end if
-            ! Steps that shrink without end lead nowhere: at a singular position, say.
-            self%n_short = merge(self%n_short + 1, 0, self%t < t_end .and. self%t - t_before < short*self%longest_step)
-            if (ok .and. self%n_short > most_short) then
-                self%has_shrunk = .true.
-                ok = .false.
-            end if
+            call self%gsl%take_step(self%t, t_end, h, solution, ok)
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then
+                self%t = t_before
                 self%failed = .true.
+                self%reason = reason_of_solution(y(1, :))
                 exit
             end if
-            do k = 1, size(solution)
-                y(:, k) = solution(k)
-            end do
-            call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
-            self%good_until = self%t
-            call note_step(self, self%t - t_before)
+            call go_on(self, system, solution, self%t - t_before, y)
             ! A step cut short by t_end says nothing against the longer one proposed before.
             if (self%t >= t_end .and. self%last_step < self%next_step) h = max(h, self%next_step)
             self%next_step = h
-            if (system%wants_rest) exit
+            if (system%wants_rest .or. all(self%failed)) exit
         end do
         call count_work(self)
-    end subroutine advance_adaptive
+    end subroutine advance_multistep
+
+    !> Steps as long as their error allows, until the next one would reach t_end.
+    subroutine advance_controlled(self, system, t_end, y, y_end, t_kink)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t_end
+        real(wp), intent(inout) :: y(:, :), y_end(:, :)
+        real(wp), intent(in), optional :: t_kink
+        real(wp) :: limit, t_before, solution(size(y, 2))
+        logical :: is_good, is_kink
+        integer :: outcome
+
+        limit = huge(limit)
+        if (present(t_kink)) limit = t_kink
+        is_kink = limit <= t_end
+        do
+            if (must_pause(self)) exit
+            if (self%t == t_end) then
+                solution = self%control%y
+                self%is_there = .true.
+            else if (self%t > t_end .or. (.not. is_kink .and. t_end - self%t <= self%control%next)) then
+                call self%control%look_ahead(system, t_end, solution, is_good)
+                self%is_there = is_good .or. self%t > t_end
+                self%is_lost = .not. is_good
+            end if
+            if (self%is_there) then
+                y_end = spread(solution, 1, lanes)
+                exit
+            end if
+            t_before = self%t
+            call self%control%take_step(system, t_end, limit, self%pause, outcome)
+            self%is_paused = outcome == step_paused
+            if (self%is_paused) exit
+            if (outcome /= step_accepted) then
+                self%failed = .true.
+                self%reason = reason_of_solution(y(1, :))
+                if (outcome == step_too_rough) self%reason = stop_roughness
+                if (outcome == step_breaks_law) self%reason = stop_law
+                exit
+            end if
+            self%t = self%control%t
+            self%next_step = self%control%next
+            call go_on(self, system, self%control%y, self%t - t_before, y)
+            if (system%wants_rest .or. all(self%failed)) exit
+        end do
+        call count_work(self)
+    end subroutine advance_controlled
+
+    !> From an accepted step to the next.
+    subroutine go_on(self, system, solution, h, y)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: solution(:)
+        real(wp), intent(in) :: h                               !! the step
+        real(wp), intent(inout) :: y(:, :)
+        integer, parameter :: most_short = 100                  !! in a row: more than a peak takes
+        integer :: k
+
+        do k = 1, size(solution)
+            y(:, k) = solution(k)
+        end do
+        call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
+        self%good_until = self%t
+        call note_step(self, h)
+        self%n_short = merge(self%n_short + 1, 0, h*most_steps < self%options%span)
+        if (self%n_short <= most_short) return
+        self%failed = .true.
+        self%reason = stop_pace
+    end subroutine go_on
+
+    !> No step, however short, leads on from a solution: because of its size?
+    pure integer function reason_of_solution(solution) result(reason)
+        real(wp), intent(in) :: solution(:)
+        real(wp), parameter :: beyond_measure = 1.0e30_wp
+
+        reason = merge(stop_growth, stop_no_rates, any(abs(solution) > beyond_measure))
+    end function reason_of_solution
 
     !> Has the caller's time run out?
     logical function must_pause(self)
         type(integrator_type), intent(inout) :: self
-        integer(int64) :: now
 
-        if (self%pause_at < huge(now)) then
-            call system_clock(now)
-            self%is_paused = now >= self%pause_at
-        end if
+        self%is_paused = self%pause%is_due()
         must_pause = self%is_paused
     end function must_pause
 
@@ -282,10 +398,10 @@ contains
 
         select case (self%options%method)
         case (method_rk4)
-        case (method_gbs)
-            call self%gbs%reset()
-        case default
+        case (method_msbdf)
             call self%gsl%reset()
+        case default
+            call self%control%forget()
         end select
     end subroutine reset
 
@@ -293,5 +409,6 @@ contains
         class(integrator_type), intent(inout) :: self
 
         call self%gsl%release()
+        if (allocated(self%control%method)) call self%control%method%release()
     end subroutine finish
 end module linkdyn_integrator

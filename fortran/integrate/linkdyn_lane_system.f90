@@ -9,9 +9,16 @@ module linkdyn_lane_system
     !> dy/dt = f(t, y), `lanes` solutions side by side.
     type, abstract :: lane_system
         integer :: n = 0                                  !! components of y
+        integer :: n_used = lanes                         !! lanes that the caller of `evaluate` looks at; the others are copies
         logical :: wants_rest = .false.                   !! the integrator comes back to its caller after the step accepted
+        real(wp), allocatable :: largest_size(:)          !! what |y| counts at most where errors are relative: an angle grows
+                                                          !! turn by turn, and is asked for no worse; not allocated: as it is (n)
+        logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
+                                                          !! do not heed their errors; not allocated: none (n)
     contains
         procedure(evaluate_rates), deferred :: evaluate
+        procedure :: evaluate_alone
+        procedure :: broken_law
         procedure :: accept
     end type lane_system
 
@@ -28,6 +35,34 @@ module linkdyn_lane_system
     end interface
 
 contains
+
+    !> f of one solution, the same on all lanes.
+    subroutine evaluate_alone(self, t, y, rate, failed)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t, y(:)                   !! (n)
+        real(wp), intent(out) :: rate(:)                  !! (n)
+        logical, intent(out) :: failed
+        real(wp) :: rates(lanes, size(y))
+        logical :: lane_failed(lanes)
+
+        self%n_used = 1
+        call self%evaluate(spread(t, 1, lanes), spread(y, 1, lanes), rates, lane_failed)
+        self%n_used = lanes
+        rate = rates(1, :)
+        failed = lane_failed(1) .or. .not. all(abs(rate) <= huge(1.0_wp))
+    end subroutine evaluate_alone
+
+    !> How far y breaks a law that every solution keeps, energy's say, over what the errors allowed would; 0 if none is known.
+    !> An error estimate knows only of the places that a step has looked at.
+    function broken_law(self, t, y, nudge, error) result(part)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t, y(:)                   !! (n)
+        real(wp), intent(in) :: nudge(:)                  !! a very little further on: what differs there is rounding (n)
+        real(wp), intent(in) :: error(:)                  !! allowed since the last accepted y (n)
+        real(wp) :: part
+
+        part = 0
+    end function broken_law
 
     !> The integrator goes on from y: for systems that remember where they are. Rates tried before count no more.
     subroutine accept(self, t, y, is_accepted)

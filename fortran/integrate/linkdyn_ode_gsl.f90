@@ -1,25 +1,41 @@
-!> GSL's adaptive steppers on a lane system. One solution is integrated; the lanes serve the Jacobian of the implicit
-!> stepper, whose differences are taken side by side.
+!> GSL's steppers on a lane system: explicit Runge-Kutta methods, step by step, and the multistep method msbdf, which
+!> controls its steps itself. One solution is integrated; the lanes serve the Jacobian of msbdf, whose differences are
+!> taken side by side.
 module linkdyn_ode_gsl
     use, intrinsic :: iso_c_binding, only: c_double, c_int, c_size_t, c_long, c_char, c_ptr, c_funptr, c_null_char, &
         c_null_ptr, c_associated, c_loc, c_funloc, c_f_pointer
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
+    use linkdyn_one_step, only: one_step_method
     use linkdyn_status, only: status_type, fail, status_internal
     use linkdyn_text, only: quoted
     implicit none (type, external)
     private
-    public :: ode_gsl
+    public :: ode_gsl, runge_kutta_gsl
 
     !> What the callbacks need; its address travels through GSL.
     type :: callback_frame
         class(lane_system), pointer :: system => null()
         real(wp), allocatable :: y(:, :), rate(:, :)      !! (lane, n)
+        real(wp), allocatable :: base(:)                  !! what GSL's y counts from (n)
         integer :: n_evaluation = 0                       !! blocks evaluated
     end type callback_frame
 
-    !> One run of an adaptive stepper.
+    !> An explicit method with an error estimate, by its steps.
+    type, extends(one_step_method) :: runge_kutta_gsl
+        type(c_ptr), private :: handle = c_null_ptr
+        type(callback_frame), pointer, private :: frame => null()
+        integer, private :: order = 0
+        real(wp), allocatable, private :: error(:)        !! of the step tried last
+    contains
+        procedure :: start => start_runge_kutta
+        procedure :: try_step => try_runge_kutta
+        procedure :: propose => propose_runge_kutta
+        procedure :: release => release_runge_kutta
+    end type runge_kutta_gsl
+
+    !> One run of msbdf.
     type :: ode_gsl
         private
         type(c_ptr) :: handle = c_null_ptr
@@ -30,13 +46,39 @@ module linkdyn_ode_gsl
     end type ode_gsl
 
     interface
-        function linkdyn_gsl_ode_new(stepper, n, rates, jacobian, context, first_step, rtol, atol) bind(c) result(handle)
-            import :: c_char, c_size_t, c_funptr, c_ptr, c_double
-            character(kind=c_char), intent(in) :: stepper(*)
+        function linkdyn_gsl_stepper_new(name, n, rates, context) bind(c) result(handle)
+            import :: c_char, c_size_t, c_funptr, c_ptr
+            character(kind=c_char), intent(in) :: name(*)
+            integer(c_size_t), value :: n
+            type(c_funptr), value :: rates
+            type(c_ptr), value :: context
+            type(c_ptr) :: handle
+        end function linkdyn_gsl_stepper_new
+        function linkdyn_gsl_stepper_order(handle) bind(c) result(order)
+            import :: c_ptr, c_int
+            type(c_ptr), value :: handle
+            integer(c_int) :: order
+        end function linkdyn_gsl_stepper_order
+        function linkdyn_gsl_stepper_step(handle, t, h, y, error, rate) bind(c) result(code)
+            import :: c_ptr, c_double, c_int
+            type(c_ptr), value :: handle
+            real(c_double), value :: t, h
+            real(c_double), intent(inout) :: y(*)
+            real(c_double), intent(out) :: error(*)
+            real(c_double), intent(in) :: rate(*)
+            integer(c_int) :: code
+        end function linkdyn_gsl_stepper_step
+        subroutine linkdyn_gsl_stepper_free(handle) bind(c)
+            import :: c_ptr
+            type(c_ptr), value :: handle
+        end subroutine linkdyn_gsl_stepper_free
+        function linkdyn_gsl_ode_new(n, rates, jacobian, context, first_step, rtol, atol, largest) bind(c) result(handle)
+            import :: c_size_t, c_funptr, c_ptr, c_double
             integer(c_size_t), value :: n
             type(c_funptr), value :: rates, jacobian
             type(c_ptr), value :: context
             real(c_double), value :: first_step, rtol, atol
+            real(c_double), intent(in) :: largest(*)
             type(c_ptr) :: handle
         end function linkdyn_gsl_ode_new
         function linkdyn_gsl_ode_step(handle, t, t_end, h, y) bind(c) result(code)
@@ -64,21 +106,86 @@ module linkdyn_ode_gsl
 
 contains
 
-    !> Prepare a run of the stepper named (rkf45, rk8pd, msbdf).
-    subroutine start(self, stepper, system, first_step, rtol, atol, status)
-        class(ode_gsl), intent(inout) :: self
-        character(len=*), intent(in) :: stepper
-        class(lane_system), intent(inout), target :: system   !! must outlive the run
-        real(wp), intent(in) :: first_step, rtol, atol
+    ! ---------------------------------------------------------------- explicit methods
+
+    !> Prepare a method by its name (rkf45, rk8pd).
+    subroutine start_runge_kutta(self, name, system, status)
+        class(runge_kutta_gsl), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        class(lane_system), intent(inout), target :: system   !! must outlive the method
         type(status_type), intent(inout) :: status
 
         call self%release()
-        allocate (self%frame)
-        self%frame%system => system
-        allocate (self%frame%y(lanes, system%n), self%frame%rate(lanes, system%n))
-        self%handle = linkdyn_gsl_ode_new(stepper//c_null_char, int(system%n, c_size_t), c_funloc(rates), &
-                                          c_funloc(jacobian), c_loc(self%frame), first_step, rtol, atol)
-        if (.not. c_associated(self%handle)) call fail(status, status_internal, "GSL has no stepper "//quoted(stepper))
+        call make_frame(system, self%frame)
+        allocate (self%error(system%n))
+        self%handle = linkdyn_gsl_stepper_new(name//c_null_char, int(system%n, c_size_t), c_funloc(rates), c_loc(self%frame))
+        if (c_associated(self%handle)) then
+            self%order = linkdyn_gsl_stepper_order(self%handle)
+        else
+            call fail(status, status_internal, "GSL has no stepper "//quoted(name))
+        end if
+    end subroutine start_runge_kutta
+
+    !> One step of the solution counted from where it starts.
+    subroutine try_runge_kutta(self, system, t, step, y, rate, way, error, failed, again)
+        class(runge_kutta_gsl), intent(inout) :: self
+        class(lane_system), intent(inout) :: system           !! that of the start
+        real(wp), intent(in) :: t, step
+        real(wp), intent(in) :: y(:), rate(:)
+        real(wp), intent(out) :: way(:), error(:)
+        logical, intent(out) :: failed
+        logical, intent(in) :: again
+
+        self%frame%base = y
+        way = 0
+        error = 0
+        failed = linkdyn_gsl_stepper_step(self%handle, t, step, way, error, rate) /= 0
+        self%n_evaluation = self%frame%n_evaluation
+        if (.not. again) self%error = error
+    end subroutine try_runge_kutta
+
+    !> The error goes as the step to the method's order.
+    subroutine propose_runge_kutta(self, step, allowed, is_accepted, next)
+        class(runge_kutta_gsl), intent(inout) :: self
+        real(wp), intent(in) :: step
+        real(wp), intent(in) :: allowed(:)
+        logical, intent(in) :: is_accepted
+        real(wp), intent(out) :: next
+        real(wp), parameter :: safety = 0.9_wp, least = 0.2_wp, largest = 5.0_wp
+        real(wp) :: part
+
+        part = maxval(abs(self%error)/allowed)
+        next = step*min(merge(largest, safety, is_accepted), &
+                        max(least, safety*max(part, tiny(1.0_wp))**(-1/real(self%order, wp))))
+    end subroutine propose_runge_kutta
+
+    subroutine release_runge_kutta(self)
+        class(runge_kutta_gsl), intent(inout) :: self
+
+        if (c_associated(self%handle)) call linkdyn_gsl_stepper_free(self%handle)
+        self%handle = c_null_ptr
+        if (associated(self%frame)) deallocate (self%frame)
+        if (allocated(self%error)) deallocate (self%error)
+    end subroutine release_runge_kutta
+
+    ! ---------------------------------------------------------------- msbdf
+
+    !> Prepare a run.
+    subroutine start(self, system, first_step, rtol, atol, status)
+        class(ode_gsl), intent(inout) :: self
+        class(lane_system), intent(inout), target :: system   !! must outlive the run
+        real(wp), intent(in) :: first_step, rtol, atol
+        type(status_type), intent(inout) :: status
+        real(wp) :: largest(system%n)
+
+        call self%release()
+        call make_frame(system, self%frame)
+        largest = huge(1.0_wp)
+        if (allocated(system%largest_size)) largest = system%largest_size
+        if (allocated(system%is_book)) where (system%is_book) largest = -1
+        self%handle = linkdyn_gsl_ode_new(int(system%n, c_size_t), c_funloc(rates), c_funloc(jacobian), c_loc(self%frame), &
+                                          first_step, rtol, atol, largest)
+        if (.not. c_associated(self%handle)) call fail(status, status_internal, "no memory for method 'msbdf'")
     end subroutine start
 
     !> One accepted step towards t_end, never beyond.
@@ -123,6 +230,16 @@ contains
 
     ! ---------------------------------------------------------------- callbacks
 
+    subroutine make_frame(system, frame)
+        class(lane_system), intent(inout), target :: system
+        type(callback_frame), pointer, intent(out) :: frame
+
+        allocate (frame)
+        frame%system => system
+        allocate (frame%y(lanes, system%n), frame%rate(lanes, system%n))
+        allocate (frame%base(system%n), source=0.0_wp)
+    end subroutine make_frame
+
     function rates(t, y, rate, context) bind(c) result(code)
         real(c_double), value :: t
         real(c_double), intent(in) :: y(*)
@@ -130,19 +247,14 @@ contains
         type(c_ptr), value :: context
         integer(c_int) :: code
         type(callback_frame), pointer :: frame
-        real(wp) :: instant(lanes)
-        logical :: failed(lanes)
-        integer :: k
+        logical :: failed
 
         call c_f_pointer(context, frame)
-        do k = 1, frame%system%n
-            frame%y(:, k) = y(k)
-        end do
-        instant = t
-        call frame%system%evaluate(instant, frame%y, frame%rate, failed)
+        associate (n => frame%system%n)
+            call frame%system%evaluate_alone(t, frame%base + y(:n), rate(:n), failed)
+        end associate
         frame%n_evaluation = frame%n_evaluation + 1
-        rate(:frame%system%n) = frame%rate(1, :)
-        code = merge(1_c_int, 0_c_int, failed(1))
+        code = merge(1_c_int, 0_c_int, failed)
     end function rates
 
     !> Central differences, two lanes a column; the last pair is the derivative in time.

@@ -26,9 +26,10 @@ module linkdyn_kinematic_state
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :) !! coordinates, rates, accelerations    (lane, n_q)
         real(wp), allocatable :: counted(:, :)                !! about what a coordinate stands in for: an angle knows its turns
                                                               !!                                      (lane, n_q)
-        logical, allocatable :: by_quaternion(:)              !! a pose comes as quaternion: its last three q are not read, (n_pose)
-                                                              !! of qd and qdd they are angular rates in world axes
-        real(wp), allocatable :: quaternion(:, :, :)          !! w x y z of such a pose               (lane, 4, n_pose)
+        logical, allocatable :: by_quaternion(:)              !! an attitude comes as quaternion: its angles q are not read,
+                                                              !! of qd and qdd they are angular rates, of a pose in world axes,
+                                                              !! of a joint in those of its first marker (n_attitude)
+        real(wp), allocatable :: quaternion(:, :, :)          !! w x y z of such an attitude          (lane, 4, n_attitude)
         real(wp), allocatable :: branch(:, :)                 !! of the closed forms, +1 or -1        (lane, n_branch)
         ! ---- POSITION
         type(mat3), allocatable :: rotation(:)                !! link axes to world                   (0:n_orientation)
@@ -69,7 +70,7 @@ contains
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
             allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), state%slide(lanes, model%n_joint), &
                       state%counted(lanes, n_q))
-            allocate (state%by_quaternion(model%n_pose), state%quaternion(lanes, 4, model%n_pose), &
+            allocate (state%by_quaternion(model%n_attitude), state%quaternion(lanes, 4, model%n_attitude), &
                       state%branch(lanes, model%n_branch))
             state%by_quaternion = .false.
             state%q = 0

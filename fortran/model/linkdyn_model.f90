@@ -2,12 +2,13 @@
 module linkdyn_model
     use linkdyn_joint_motion, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, name_len, coordinate_joint
+    use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical
     implicit none (type, external)
     private
     public :: model_type, link_type, joint_type, step_type, leg_type, group_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: n_probe, by_branch, by_start, by_markers, by_nothing
+    public :: gives_attitude, attitude_angles, number_attitudes
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies, is_length, scene_size
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
@@ -54,6 +55,7 @@ module linkdyn_model
         real(wp) :: frame(3, 3, 2) = 0        !! marker frames in link axes, columns x, y, z
         integer :: first_variable = 0         !! its variables are first_variable + 1, ...
         integer :: leg = 0                    !! the leg whose length is its slide
+        integer :: attitude = 0               !! that its three angles give
     end type joint_type
 
     !> One step of the kinematic program.
@@ -63,7 +65,7 @@ module linkdyn_model
         integer :: link(2) = 0                !! links that the step determines
         integer :: joint(3) = 0               !! joints that it uses
         integer :: coordinate(6) = 0          !! coordinates that it uses, in the order of the components
-        integer :: first = 0                  !! index of its own state in the workspace (poses, legs, dyads, CSP groups, groups)
+        integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, CSP groups, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
     end type step_type
@@ -104,7 +106,7 @@ module linkdyn_model
         integer :: n_load = 0
         integer :: n_variable = 0             !! joint variables
         integer :: n_orientation = 0
-        integer :: n_pose = 0                 !! links whose pose is given by coordinates
+        integer :: n_attitude = 0             !! links turned by three angles: of a pose, or of a spherical joint
         integer :: n_leg = 0
         integer :: n_dyad = 0
         integer :: n_branch = 0               !! closed forms that have a branch: the dyads, in space the CSP groups
@@ -183,6 +185,39 @@ contains
             scene_size = max(scene_size, maxval(abs(model%joint(j)%point)))
         end do
     end function scene_size
+
+    !> Does a step turn its link by three angles that are coordinates?
+    pure logical function gives_attitude(model, step)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+
+        gives_attitude = .false.
+        if (model%is_planar) return
+        gives_attitude = step%kind == step_pose
+        if (step%kind == step_joint) gives_attitude = model%joint(step%joint(1))%kind == joint_spherical
+    end function gives_attitude
+
+    !> These coordinates: roll, pitch and yaw.
+    pure function attitude_angles(step) result(coordinate)
+        type(step_type), intent(in) :: step
+        integer :: coordinate(3)
+
+        coordinate = merge(step%coordinate(4:6), step%coordinate(1:3), step%kind == step_pose)
+    end function attitude_angles
+
+    !> Steps that turn their links by three angles have a place for the attitude in the workspace.
+    pure subroutine number_attitudes(model)
+        type(model_type), intent(inout) :: model
+        integer :: i
+
+        model%n_attitude = 0
+        do i = 1, size(model%step)
+            if (.not. gives_attitude(model, model%step(i))) cycle
+            model%n_attitude = model%n_attitude + 1
+            model%step(i)%first = model%n_attitude
+            if (model%step(i)%kind == step_joint) model%joint(model%step(i)%joint(1))%attitude = model%n_attitude
+        end do
+    end subroutine number_attitudes
 
     !> Has the mechanism more than one assembly at given coordinates, so that it matters where it comes from?
     pure logical function has_assemblies(model)

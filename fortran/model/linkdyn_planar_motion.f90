@@ -22,6 +22,7 @@ module linkdyn_planar_motion
         type(vec2), allocatable :: linear(:, :)          !! of the origin                    (-1:n_column, 0:n_link)
         type(dyad_map), allocatable :: dyad(:)           !!                                  (n_dyad)
         real(wp), allocatable :: drift(:, :)             !! rate of the map's determinant    (lane, n_dyad)
+        real(wp), allocatable :: rate(:, :, :, :)        !! found by the map, of velocity and column 0 (lane, 2, -1:0, n_dyad)
         type(vec2), allocatable :: applied_force(:)      !! of springs and given drives [N]  (n_link)
         real(wp), allocatable :: applied_moment(:, :)    !! about the origin [N m]           (lane, n_link)
     end type planar_motion
@@ -37,7 +38,7 @@ contains
         associate (n_o => model%n_orientation, n_link => model%n_link)
             allocate (motion%rotation(0:n_o), motion%position(0:n_link), motion%angular(lanes, -1:n_column, 0:n_o), &
                       motion%linear(-1:n_column, 0:n_link))
-            allocate (motion%dyad(model%n_dyad), motion%drift(lanes, model%n_dyad))
+            allocate (motion%dyad(model%n_dyad), motion%drift(lanes, model%n_dyad), motion%rate(lanes, 2, -1:0, model%n_dyad))
             allocate (motion%applied_force(n_link), motion%applied_moment(lanes, n_link))
             motion%angular = 0
             do i = 0, n_o
@@ -51,5 +52,6 @@ contains
             end do
         end associate
         motion%drift = 0
+        motion%rate = 0
     end subroutine prepare_planar_motion
 end module linkdyn_planar_motion

@@ -8,8 +8,8 @@ module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
-    use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, step_rpr, &
-        step_prp, step_ppr, step_group, side_of, link_freedom, place_size
+    use linkdyn_model, only: model_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, &
+        step_rpr, step_prp, step_ppr, step_group, side_of, link_freedom, place_size
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_prismatic, joint_cylindrical, &
         joint_universal, joint_spherical
@@ -84,6 +84,7 @@ contains
         if (.not. status%is_ok()) return
         model%step = plan%step(:plan%n_step)
         model%group = model%group(:plan%n_group)
+        call number_attitudes(model)
         call mark_moved_links(model)
     end subroutine plan_steps
 
@@ -120,8 +121,6 @@ contains
                 return
             end if
             step = step_type(kind=step_pose, n_link=1, link=[i, 0], coordinate=given(:, i))
-            model%n_pose = model%n_pose + 1
-            step%first = model%n_pose
             call add_step(plan, step)
         end do
     end subroutine take_poses

@@ -244,7 +244,7 @@ class Run:
         Exchange coordinates at their dead points.
     error
         Estimate errors too.
-    t_start
+    t_start, t_end
         [s].
     """
 
@@ -259,9 +259,10 @@ class Run:
         want: str,
         error: bool,
         t_start: float,
+        t_end: float,
     ) -> None:
         self._handle, code, message = _api.api_forward(
-            handle, method, solver, threads, *settings, int(switch), want, int(error), t_start
+            handle, method, solver, threads, *settings, int(switch), want, int(error), t_start, t_end
         )
         check(code, message)
         self.statistics = np.zeros(3, dtype=np.intc)

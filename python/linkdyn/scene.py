@@ -382,7 +382,8 @@ class Scene:
         settings = (as_real("step", step), as_real("rtol", rtol), as_real("atol", atol))
         kind = (method, solver, as_count("threads", threads))
         schema = _bind.describe_results(self._handle, solver, wanted, True, is_forward=True, error=has_errors)
-        run = _bind.Run(self._handle, *kind, settings, as_flag("switch", switch), wanted, has_errors, float(instants[0]))
+        span = (float(instants[0]), float(instants[-1]))
+        run = _bind.Run(self._handle, *kind, settings, as_flag("switch", switch), wanted, has_errors, *span)
         try:
             return self._follow(run, instants, schema, method, solver, shows)
         finally:

@@ -1,10 +1,12 @@
-!> Extrapolation on lanes by itself: an orbit that closes, and a system that ends.
+!> Extrapolation on lanes, its steps controlled: an orbit that closes, and a system that ends.
 module test_gbs
+    use linkdyn_constants, only: two_pi
     use linkdyn_gbs, only: gbs_method
     use linkdyn_kinds, only: wp
-    use linkdyn_constants, only: two_pi
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
+    use linkdyn_pause, only: pause_type
+    use linkdyn_step_control, only: step_control, step_accepted, step_too_short
     use linkdyn_testing, only: test_error, unit_test, new_test, check
     implicit none (type, external)
     private
@@ -51,27 +53,34 @@ contains
         real(wp), intent(out) :: gap
         integer, intent(out) :: n_evaluation
         type(orbit) :: system
-        type(gbs_method) :: method
-        real(wp) :: start(4), y(4), t, h
-        logical :: ok
-        integer :: i
+        type(step_control) :: control
+        real(wp) :: start(4)
+        integer :: i, outcome
 
         system%n = 4
         start = [0.5_wp, 0.0_wp, 0.0_wp, sqrt(3.0_wp)]
-        y = start
-        t = 0
-        h = 0.1_wp
-        call method%start(4, tolerance, tolerance)
+        call prepare(control, start, tolerance)
         gap = huge(1.0_wp)
         do i = 1, n_piece
-            do while (t < two_pi*i/n_piece)
-                call method%take_step(system, t, two_pi*i/n_piece, h, y, ok)
-                if (.not. ok) return
+            do while (control%t < two_pi*i/n_piece)
+                call control%take_step(system, two_pi*i/n_piece, two_pi*i/n_piece, pause_type(), outcome)
+                if (outcome /= step_accepted) return
             end do
         end do
-        gap = norm2(y - start)
-        n_evaluation = method%n_evaluation
+        gap = norm2(control%y - start)
+        n_evaluation = control%count_evaluations()
     end subroutine go_round
+
+    subroutine prepare(control, start, tolerance)
+        type(step_control), intent(out) :: control
+        real(wp), intent(in) :: start(:), tolerance
+        type(gbs_method), allocatable :: method
+
+        allocate (method)
+        call method%start(size(start), tolerance)
+        call move_alloc(method, control%method)
+        call control%start(0.0_wp, start, 0.1_wp, tolerance, tolerance)
+    end subroutine prepare
 
     !> The error of a step counts; over a round of this orbit it grows by some hundred.
     subroutine test_orbit(error)
@@ -107,29 +116,24 @@ contains
 
         call go_round(1.0e-9_wp, 200, gap, n)
         call check(error, gap <= 300*1.0e-9_wp, "the orbit closes")
-        call check(error, n <= 200*8, "three columns, seven right-hand sides, are enough for most intervals")
+        call check(error, n <= 200*9, "three columns, eight right-hand sides, are enough for most intervals")
     end subroutine test_intervals
 
     subroutine test_end(error)
         type(test_error), intent(inout) :: error
         type(orbit) :: system
-        type(gbs_method) :: method
-        real(wp) :: y(4), t, h
-        logical :: ok
-        integer :: i
+        type(step_control) :: control
+        integer :: i, outcome
 
         system%n = 4
         system%ends_at = 1
-        y = [1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp]
-        t = 0
-        h = 0.1_wp
-        call method%start(4, 1.0e-8_wp, 1.0e-8_wp)
+        call prepare(control, [1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], 1.0e-8_wp)
         do i = 1, 1000
-            call method%take_step(system, t, 3.0_wp, h, y, ok)
-            if (.not. ok) exit
+            call control%take_step(system, 3.0_wp, huge(1.0_wp), pause_type(), outcome)
+            if (outcome /= step_accepted) exit
         end do
-        call check(error, .not. ok, "no step leads beyond the end")
-        call check(error, t <= 1 .and. t > 1 - 1.0e-6_wp, "steps shorten up to the end")
-        call check(error, abs(norm2(y(1:2)) - 1) < 1.0e-6_wp, "the last good solution is kept")
+        call check(error, outcome == step_too_short, "no step leads beyond the end")
+        call check(error, control%t <= 1 .and. control%t > 1 - 1.0e-6_wp, "steps shorten up to the end")
+        call check(error, abs(norm2(control%y(1:2)) - 1) < 1.0e-6_wp, "the last good solution is kept")
     end subroutine test_end
 end module test_gbs

@@ -189,7 +189,7 @@ import linkdyn, sys
 scene = linkdyn.load({scene!r})
 print("begin", flush=True)
 try:
-    scene.forward(1e6, method="rk4", step=1e-4)
+    scene.forward(1e5, method="rk4", step=1e-4)
 except linkdyn.Interrupted as interrupted:
     run = interrupted.result
     print(len(run.time), float(run.time[-1]), run.attrs["stopped"])

@@ -148,3 +148,16 @@ def test_forward_runs_refuse_it() -> None:
     scene = ROOT / "examples" / "fourbar_start" / "scene.toml"
     run = subprocess.run([program, "forward", scene, "--want", "singularity_distance"], capture_output=True, text=True, check=False)
     assert run.returncode == 2 and "singularity_distance" in run.stderr
+
+
+@pytest.mark.parametrize("exponent", range(2, 9))
+def test_end_of_reach(exponent: int) -> None:
+    """A five-bar led by its tool: the equations are regular where an arm is stretched, but nothing goes on there."""
+    scene = linkdyn.load(Path(__file__).with_name("scenes") / "fivebar_stretched.toml")
+    gap = 10.0**-exponent
+    height = 0.1
+    q = np.array([[np.sqrt((0.6 - gap) ** 2 - height**2) - 0.05, height]])
+    run = scene.inverse(q=q, want="singularity_distance")
+    exact = 0.6 - np.hypot(q[0, 0] + 0.05, height)
+    # Beside the first order, rounding of the reach.
+    assert abs(run.singularity_distance.values[0] / exact - 1) < 20 * gap + 1e-13 / gap

@@ -1,0 +1,167 @@
+!> The spring or drive whose motion is the fastest, by name: what makes the steps of a run as short as they are.
+!>
+!> A unit force of the part alone, no other spring or drive acting, accelerates the mechanism by M^-1 a, where a is how the
+!> part's length changes with the coordinates. By a.M^-1 a, the mass that it moves, inverted, and its stiffness k or damping
+!> d its motion has the rate sqrt(k a.M^-1 a) or d a.M^-1 a.
+module linkdyn_stiffest_part
+    use linkdyn_applied_wrenches, only: spring_energy
+    use linkdyn_energy_balance, only: applied_power
+    use linkdyn_forward_system, only: forward_system, build_forward_system
+    use linkdyn_joint_rates, only: actuator_rates
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: drive_spec, drive_constant, drive_spring_damper, drive_dc_motor, drive_pd, drive_inverse
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: quoted
+    implicit none (type, external)
+    private
+    public :: find_stiffest
+
+contains
+
+    !> Name and rate of the stiffest part at a state; blank and 0 if there is none.
+    subroutine find_stiffest(model, t, y, name, rate)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: y(:)                   !! as a run of the model has it
+        character(len=:), allocatable, intent(out) :: name    !! "spring 'S'"
+        real(wp), intent(out) :: rate                  !! [rad/s]
+        type(model_type), target :: bare
+        type(forward_system) :: system
+        type(status_type) :: status
+        real(wp) :: of_part
+        integer :: i
+
+        name = ""
+        rate = 0
+        bare = model
+        bare%scene%spring%stiffness = 0
+        bare%scene%spring%damping = 0
+        do i = 1, bare%n_actuator
+            if (bare%scene%actuator(i)%drive%kind /= drive_inverse) bare%scene%actuator(i)%drive = drive_spec(kind=drive_constant)
+        end do
+        call build_forward_system(bare, 0, system, status)
+        if (.not. status%is_ok()) return
+        call system%begin(t, spread(y, 1, lanes))
+        do i = 1, size(model%scene%spring)
+            associate (spring => model%scene%spring(i))
+                of_part = rate_of(spring%stiffness, spring%damping, mobility_at_spring(bare, system, t, y, i))
+                if (of_part > rate) name = "spring "//quoted(spring%name)
+                rate = max(rate, of_part)
+            end associate
+        end do
+        do i = 1, model%n_actuator
+            associate (actuator => model%scene%actuator(i))
+                of_part = rate_of(stiffness_of(actuator%drive), damping_of(actuator%drive), &
+                                  mobility_at_drive(bare, system, t, y, i))
+                if (of_part > rate) name = "actuator "//quoted(actuator%name)
+                rate = max(rate, of_part)
+            end associate
+        end do
+        call system%release()
+    end subroutine find_stiffest
+
+    pure real(wp) function rate_of(stiffness, damping, mobility) result(rate)
+        real(wp), intent(in) :: stiffness, damping, mobility
+
+        rate = 0
+        if (.not. (mobility > 0 .and. mobility <= huge(mobility))) return
+        rate = max(sqrt(max(stiffness, 0.0_wp))*sqrt(mobility), damping*mobility)
+    end function rate_of
+
+    pure real(wp) function stiffness_of(drive)
+        type(drive_spec), intent(in) :: drive
+
+        stiffness_of = 0
+        select case (drive%kind)
+        case (drive_spring_damper, drive_pd)
+            stiffness_of = drive%value(1)
+        case (drive_dc_motor)
+            stiffness_of = drive%value(1)*drive%value(2)*drive%value(3)*drive%value(5)/drive%value(6)
+        end select
+    end function stiffness_of
+
+    pure real(wp) function damping_of(drive)
+        type(drive_spec), intent(in) :: drive
+
+        damping_of = 0
+        select case (drive%kind)
+        case (drive_spring_damper, drive_pd)
+            damping_of = drive%value(2)
+        case (drive_dc_motor)
+            damping_of = drive%value(1)**2*drive%value(2)*drive%value(3)*drive%value(4)/drive%value(6)
+        end select
+    end function damping_of
+
+    !> a.M^-1 a of a spring: of unit stiffness and rest -1 it has the tension T = length + 1, which makes the acceleration
+    !> -T M^-1 a; at that velocity its power is T**2 a.M^-1 a, and its energy T**2/2.
+    real(wp) function mobility_at_spring(bare, system, t, y, i) result(mobility)
+        type(model_type), intent(inout) :: bare
+        type(forward_system), intent(inout) :: system
+        real(wp), intent(in) :: t, y(:)
+        integer, intent(in) :: i
+        real(wp), dimension(lanes) :: power, energy
+        real(wp) :: acceleration(bare%n_q)
+
+        acceleration = acceleration_at(system, t, y)
+        associate (spring => bare%scene%spring(i))
+            spring%stiffness = 1
+            spring%rest = -1
+            acceleration = acceleration_at(system, t, y) - acceleration
+            call move(system, t, y, acceleration)
+            call applied_power(bare, system%workspace%state, 0*system%workspace%load, power)
+            call spring_energy(bare, system%workspace%state, energy)
+            spring%stiffness = 0
+        end associate
+        mobility = power(1)/(2*energy(1))
+    end function mobility_at_spring
+
+    !> The same of a drive: its speed at the acceleration that a unit force makes.
+    real(wp) function mobility_at_drive(bare, system, t, y, i) result(mobility)
+        type(model_type), intent(inout) :: bare
+        type(forward_system), intent(inout) :: system
+        real(wp), intent(in) :: t, y(:)
+        integer, intent(in) :: i
+        real(wp) :: acceleration(bare%n_q), speed(lanes, bare%n_actuator)
+
+        mobility = 0
+        associate (drive => bare%scene%actuator(i)%drive)
+            if (drive%kind /= drive_constant) return
+            acceleration = acceleration_at(system, t, y)
+            drive%value(1) = 1
+            acceleration = acceleration_at(system, t, y) - acceleration
+            call move(system, t, y, acceleration)
+            call actuator_rates(bare, system%workspace%state, speed)
+            drive%value(1) = 0
+        end associate
+        mobility = speed(1, i)
+    end function mobility_at_drive
+
+    !> Accelerations of the coordinates from rest, of a free pose those of velocity and angular velocity.
+    function acceleration_at(system, t, y) result(acceleration)
+        type(forward_system), intent(inout) :: system
+        real(wp), intent(in) :: t, y(:)
+        real(wp) :: acceleration(system%model%n_q)
+
+        acceleration = 0
+        call move(system, t, y, acceleration)
+        acceleration = system%workspace%acceleration(1, :)
+    end function acceleration_at
+
+    !> The mechanism at the same position with other velocities.
+    subroutine move(system, t, y, velocity)
+        type(forward_system), intent(inout) :: system
+        real(wp), intent(in) :: t, y(:)
+        real(wp), intent(in) :: velocity(:)            !! (n_q)
+        real(wp) :: moving(size(y)), rate(size(y))
+        logical :: has_failed
+        integer :: k
+
+        moving = y
+        do k = 1, size(velocity)
+            if (system%layout%rate(k) > 0) moving(system%layout%rate(k)) = velocity(k)
+        end do
+        call system%evaluate_alone(t, moving, rate, has_failed)
+    end subroutine move
+end module linkdyn_stiffest_part

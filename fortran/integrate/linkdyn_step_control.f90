@@ -1,0 +1,466 @@
+!> The steps of a one-step method: how long they may be for the error allowed, and what to do where rounding, not the method,
+!> makes the error.
+!>
+!> An error above the one allowed has one of two causes. If the method is the cause, as it is in a peak of the rates however
+!> narrow, a shorter step is right. If rounding is, as it is near a change point, where rates lose digits, shorter steps gain
+!> nothing and lead into the place where it is worst. Errors cannot tell: both may fall slowly or not at all with the step.
+!> So the step is taken again a millionth of it sooner and later. What its error estimate then differs by *is* rounding; what
+!> it has in common is not. Where rounding explains an error, longer and shorter steps are tried, and the one
+!> with the least is taken, if it leaves the result the digits that every result must have. As long as rates
+!> are as rough as there, what rounding makes of a step is allowed.
+!>
+!> Rates must be known where a step ends, since the next one begins with them. What rounding takes from the solution at a
+!> step is added at the next.
+module linkdyn_step_control
+    use linkdyn_constants, only: least_accuracy
+    use linkdyn_exact_sum, only: add_exactly
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_system, only: lane_system
+    use linkdyn_one_step, only: one_step_method
+    use linkdyn_pause, only: pause_type
+    implicit none (type, external)
+    private
+    public :: step_control, step_accepted, step_paused, step_too_short, step_too_rough, step_breaks_law
+
+    integer, parameter :: step_accepted = 0
+    integer, parameter :: step_paused = 1          !! come back: the step is under way
+    integer, parameter :: step_too_short = 2       !! no step, however short, can be taken
+    integer, parameter :: step_too_rough = 3       !! rounding leaves too few digits
+    integer, parameter :: step_breaks_law = 4      !! no step, however short, keeps the law of the system
+
+    real(wp), parameter :: cut = 0.25_wp           !! of a step that failed
+    !> Other lengths for a step that rounding or a failure stands against. Longer ones first, in half tones: whoever comes
+    !> nearer to a rough place in short steps has it worse before him, and each length has its stages elsewhere.
+    real(wp), parameter :: stretch(18) = [1.0_wp, 1.12_wp, 1.26_wp, 1.41_wp, 1.58_wp, 1.78_wp, 2.0_wp, 2.24_wp, 2.52_wp, 2.83_wp, &
+                                          3.2_wp, 4.0_wp, 5.0_wp, 6.4_wp, 0.8_wp, 0.6_wp, 0.45_wp, 0.3_wp]
+    integer, parameter :: n_longer = 14
+    !> An error is rounding if copies that round otherwise differ from it by a third of it.
+    real(wp), parameter :: explained = 3
+    !> Error over the allowed one that a step has hardly ever if it is as long as the last one's error said it might be.
+    real(wp), parameter :: unexpected = 4
+    !> Steps that much shorter than the longest so far are looked at more closely.
+    real(wp), parameter :: suspicious = 1.0e-3_wp
+    !> Part of a step over which what differs is rounding. A place that rounds to the same values is much shorter, and one that
+    !> makes errors by itself longer, or no step would ever have met it.
+    real(wp), parameter :: little = 1.0e-6_wp
+    integer, parameter :: most_unseen = 4          !! steps on rough ground before it is measured again
+
+    !> A step tried.
+    type :: trial_type
+        real(wp) :: step = 0
+        real(wp), allocatable :: way(:), error(:)      !! to its end, and the estimate for it (n)
+        real(wp), allocatable :: strict(:), allowed(:) !! error by the tolerances; with what rounding makes (n)
+        real(wp), allocatable :: y(:), rest(:)         !! solution at the end, and what it lacks (n)
+        real(wp), allocatable :: rate(:)               !! there (n)
+        logical :: has_failed = .false.
+        logical :: breaks_law = .false.                !! of the system
+        real(wp) :: part = 0                           !! error over the allowed one
+    end type trial_type
+
+    !> A solution on its way.
+    type :: step_control
+        class(one_step_method), allocatable :: method
+        real(wp) :: t = 0                              !! reached
+        real(wp), allocatable :: y(:)                  !! there (n)
+        real(wp) :: next = 0                           !! length of the next step, proposed
+        integer :: n_rejected = 0
+        integer :: n_rough = 0                         !! steps that rounding left with more than the error allowed
+        real(wp) :: roughest = 0                       !! largest error of these, relative
+        integer, private :: n_evaluation = 0           !! besides those of the method
+        real(wp), private :: rtol = 0, atol = 0
+        real(wp), allocatable, private :: rest(:)      !! to be added to y, less than its last place (n)
+        real(wp), allocatable, private :: rate(:)      !! at t (n)
+        logical, private :: knows_rate = .false.
+        real(wp), allocatable, private :: roughness(:) !! error that rounding makes a second (n)
+        integer, private :: n_unseen = 0               !! steps since it was measured
+        real(wp), private :: longest = 0               !! step so far
+        ! ---- THE STEP UNDER WAY
+        logical, private :: is_under_way = .false.
+        real(wp), private :: wished = 0                !! length that was tried first
+        real(wp), private :: step = 0                  !! length to try now
+        integer, private :: n_refused = 0              !! trials in a row
+        integer, private :: i_stretch = 0              !! of other lengths, the one tried now; 0: none
+        logical, private :: is_rough = .false.         !! an error was rounding
+        logical, private :: has_broken_law = .false.   !! the last trial
+        real(wp), private :: best_score = 0            !! least error
+        type(trial_type), private :: best              !! with it
+        real(wp), allocatable, private :: best_rough(:)    !! what rounding makes of that (n)
+    contains
+        procedure :: start, take_step, look_ahead, forget, count_evaluations
+    end type step_control
+
+contains
+
+    !> Begin at t with y; the method has been prepared.
+    subroutine start(self, t, y, first_step, rtol, atol)
+        class(step_control), intent(inout) :: self
+        real(wp), intent(in) :: t, y(:)
+        real(wp), intent(in) :: first_step             !! to try
+        real(wp), intent(in) :: rtol, atol             !! local error allowed
+
+        self%t = t
+        self%y = y
+        self%next = first_step
+        self%rtol = rtol
+        self%atol = atol
+        self%rest = 0*y
+        self%rate = 0*y
+        self%roughness = 0*y
+        self%n_rejected = 0
+        self%n_evaluation = 0
+        call self%forget()
+    end subroutine start
+
+    !> The right-hand side has a kink here: rates before are not those beyond.
+    subroutine forget(self)
+        class(step_control), intent(inout) :: self
+
+        self%knows_rate = .false.
+        self%is_under_way = .false.
+        call self%method%forget()
+    end subroutine forget
+
+    !> Right-hand sides so far (blocks).
+    integer function count_evaluations(self) result(n)
+        class(step_control), intent(in) :: self
+
+        n = self%n_evaluation + self%method%n_evaluation
+    end function count_evaluations
+
+    !> One accepted step. It ends at t_end or before, unless it has to pass a place where rates are rough.
+    subroutine take_step(self, system, t_end, t_kink, pause, outcome)
+        class(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t_end
+        real(wp), intent(in) :: t_kink                 !! never beyond; not before t_end
+        type(pause_type), intent(in) :: pause          !! looked at before every trial; nothing in the results changes
+        integer, intent(out) :: outcome                !! one of `step_*`; t and y are as before if not accepted
+        type(trial_type) :: trial
+
+        outcome = step_too_short
+        if (.not. self%is_under_way) call begin_step(self, system, t_end)
+        if (.not. self%knows_rate) return
+        do
+            outcome = step_paused
+            if (pause%is_due()) return
+            outcome = step_too_short
+            if (self%has_broken_law) outcome = step_breaks_law
+            if (self%t + self%step == self%t .or. .not. self%step > 0) exit
+            call try_length(self, system, self%step, t_end, trial)
+            if (trial%part <= 1) call look_at_end(self, system, trial)
+            if (trial%part <= 1 .and. .not. trial%has_failed) then
+                if (any(self%roughness > 0)) call watch_roughness(self, system, trial)
+                call keep(self, trial)
+                outcome = step_accepted
+                exit
+            end if
+            self%n_rejected = self%n_rejected + 1
+            call refuse(self, system, trial, t_kink - self%t, outcome)
+            if (outcome == step_accepted .or. outcome == step_too_rough) exit
+            self%has_broken_law = trial%breaks_law
+        end do
+        self%is_under_way = .false.
+    end subroutine take_step
+
+    subroutine begin_step(self, system, t_end)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t_end
+
+        call find_rates(self, system)
+        self%is_under_way = .true.
+        if (self%longest == 0) self%next = min(self%next, time_of_change(self, system))
+        self%wished = min(self%next, t_end - self%t)
+        self%step = self%wished
+        self%n_refused = 0
+        self%i_stretch = 0
+        self%is_rough = .false.
+        self%has_broken_law = .false.
+    end subroutine begin_step
+
+    !> Rates where the solution has got to.
+    subroutine find_rates(self, system)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        logical :: has_failed
+
+        if (self%knows_rate) return
+        call system%evaluate_alone(self%t, self%y, self%rate, has_failed)
+        self%n_evaluation = self%n_evaluation + 1
+        self%knows_rate = .not. has_failed
+    end subroutine find_rates
+
+    !> How long until some component has changed by its own size: longer first steps would try places far beyond.
+    pure real(wp) function time_of_change(self, system) result(time)
+        type(step_control), intent(in) :: self
+        class(lane_system), intent(in) :: system
+        real(wp) :: size_of(size(self%y))
+
+        size_of = abs(self%y) + self%atol/self%rtol
+        if (allocated(system%is_book)) where (system%is_book) size_of = huge(1.0_wp)
+        time = minval(size_of/max(abs(self%rate), tiny(1.0_wp)))
+    end function time_of_change
+
+    !> The step of a length, and its error.
+    subroutine try_length(self, system, length, t_end, trial)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: length, t_end
+        type(trial_type), intent(inout) :: trial
+        real(wp) :: t_next
+
+        t_next = self%t + length
+        if (abs(t_next - t_end) <= epsilon(t_end)*abs(t_end)) t_next = t_end
+        ! What the clock makes of the step: it would lose time otherwise.
+        trial%step = t_next - self%t
+        call take_room(trial, size(self%y))
+        call self%method%try_step(system, self%t, trial%step, self%y, self%rate, trial%way, trial%error, trial%has_failed, &
+                                  .false.)
+        trial%has_failed = trial%has_failed .or. .not. all(abs(trial%way) <= huge(1.0_wp))
+        trial%part = huge(1.0_wp)
+        trial%breaks_law = .false.
+        if (trial%has_failed) return
+        trial%y = self%y
+        trial%rest = 0
+        call add_exactly(trial%way + self%rest, trial%y, trial%rest)
+        trial%strict = error_allowed(self, system, trial)
+        trial%allowed = max(trial%strict, explained*self%roughness*abs(trial%step))
+        trial%part = maxval(abs(trial%error)/trial%allowed)
+        if (.not. trial%part <= huge(1.0_wp)) trial%part = huge(1.0_wp)
+    end subroutine try_length
+
+    subroutine take_room(trial, n)
+        type(trial_type), intent(inout) :: trial
+        integer, intent(in) :: n
+
+        if (allocated(trial%way)) return
+        allocate (trial%way(n), trial%error(n), trial%allowed(n), trial%y(n), trial%rest(n), trial%rate(n))
+    end subroutine take_room
+
+    !> No step ends where rates cannot be had, nor where the law of the system is broken.
+    subroutine look_at_end(self, system, trial)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(trial_type), intent(inout) :: trial
+        real(wp) :: error(size(self%y))
+
+        call system%evaluate_alone(self%t + trial%step, trial%y, trial%rate, trial%has_failed)
+        self%n_evaluation = self%n_evaluation + 1
+        if (trial%has_failed) return
+        error = trial%allowed
+        if (allocated(system%is_book)) where (system%is_book) error = trial%error
+        trial%breaks_law = system%broken_law(self%t + trial%step, trial%y, (little*trial%step)*trial%rate, error) > 1
+        trial%has_failed = trial%breaks_law
+    end subroutine look_at_end
+
+    !> The tolerances, but no less than what the many sums of an error estimate round off.
+    pure function error_allowed(self, system, trial) result(allowed)
+        type(step_control), intent(in) :: self
+        class(lane_system), intent(in) :: system
+        type(trial_type), intent(in) :: trial
+        real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
+        real(wp) :: allowed(size(self%y))
+
+        allowed = max(abs(self%y), abs(trial%y))
+        if (allocated(system%largest_size)) allowed = min(allowed, system%largest_size)
+        allowed = max(self%atol + self%rtol*allowed, rounding*allowed, &
+                      rounding*max(abs(trial%way), abs(trial%step*self%rate)))
+        if (allocated(system%is_book)) where (system%is_book) allowed = huge(1.0_wp)
+    end function error_allowed
+
+    !> Go on from the end of a step.
+    subroutine keep(self, trial)
+        type(step_control), intent(inout) :: self
+        type(trial_type), intent(in) :: trial
+
+        real(wp) :: before, relative
+
+        before = self%next
+        self%next = trial%step
+        if (self%i_stretch == 0) call self%method%propose(trial%step, trial%allowed, .true., self%next)
+        ! A step that was cut short by where it had to end says nothing against a longer one.
+        if (self%n_refused == 0 .and. trial%step < before) self%next = max(self%next, before)
+        relative = maxval(abs(trial%error)/trial%strict)*self%rtol
+        if (relative > self%rtol) then
+            self%n_rough = self%n_rough + 1
+            self%roughest = max(self%roughest, relative)
+        end if
+        self%longest = max(self%longest, trial%step)
+        self%t = self%t + trial%step
+        self%y = trial%y
+        self%rest = trial%rest
+        self%rate = trial%rate
+    end subroutine keep
+
+    !> What to try next; or a step that cannot be had better.
+    subroutine refuse(self, system, trial, longest, outcome)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(trial_type), intent(inout) :: trial
+        real(wp), intent(in) :: longest                !! that a step may be
+        integer, intent(out) :: outcome
+
+        outcome = step_paused                          ! go on
+        if (self%i_stretch == 0) then
+            self%n_refused = self%n_refused + 1
+            self%step = cut*trial%step
+            if (.not. trial%has_failed) call self%method%propose(trial%step, trial%allowed, .false., self%step)
+            ! A peak that no stage has met: shorter steps will.
+            if (trial%breaks_law) return
+            if (self%n_refused > 1) self%step = min(self%step, trial%step/2)
+            ! An error a little too large is daily bread.
+            if (trial%part < unexpected .and. trial%step > suspicious*self%longest) return
+            if (.not. trial%has_failed) then
+                self%is_rough = is_rounding(trial, rounding_of(self, system, trial))
+                if (.not. self%is_rough) return
+            end if
+            self%best_score = huge(1.0_wp)
+        else
+            call consider(self, system, trial)
+        end if
+        if (self%is_rough .and. (self%best_score <= unexpected &
+                                 .or. (self%i_stretch >= n_longer .and. self%best_score < huge(1.0_wp)))) then
+            call keep_best(self, outcome)
+            return
+        end if
+        do while (self%i_stretch < size(stretch))
+            self%i_stretch = self%i_stretch + 1
+            self%step = stretch(self%i_stretch)*self%wished
+            if (self%step <= longest) return
+        end do
+        ! Not rounding: shorter steps, and in the end the same search again.
+        self%i_stretch = 0
+        self%n_refused = 0
+        self%wished = cut*minval(stretch)*self%wished
+        self%step = self%wished
+    end subroutine refuse
+
+    !> Is a step better than the others tried?
+    subroutine consider(self, system, trial)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(trial_type), intent(inout) :: trial
+        real(wp) :: rough(size(self%y)), score
+
+        if (trial%has_failed) return
+        rough = rounding_of(self, system, trial)
+        self%is_rough = self%is_rough .or. is_rounding(trial, rough)
+        score = max(trial%part, maxval(rough/trial%allowed))
+        if (.not. score < self%best_score) return
+        call look_at_end(self, system, trial)
+        if (trial%has_failed) return
+        self%best_score = score
+        self%best = trial
+        self%best_rough = rough
+    end subroutine consider
+
+    !> Does rounding explain the error of a step?
+    pure logical function is_rounding(trial, rough)
+        type(trial_type), intent(in) :: trial
+        real(wp), intent(in) :: rough(:)               !! what rounding makes of it (n)
+
+        is_rounding = all(abs(trial%error) <= trial%allowed .or. abs(trial%error) <= explained*rough)
+    end function is_rounding
+
+    !> Take the best step, if it is good enough. The ground is rough from here on.
+    subroutine keep_best(self, outcome)
+        type(step_control), intent(inout) :: self
+        integer, intent(out) :: outcome
+
+        outcome = step_too_rough
+        if (.not. is_good_enough(self, self%best)) return
+        call keep(self, self%best)
+        self%roughness = self%best_rough/self%best%step
+        self%n_unseen = most_unseen
+        outcome = step_accepted
+    end subroutine keep_best
+
+    !> Does rounding leave the digits that a result must have?
+    pure logical function is_good_enough(self, trial)
+        type(step_control), intent(in) :: self
+        type(trial_type), intent(in) :: trial
+
+        is_good_enough = maxval(abs(trial%error)/trial%strict)*self%rtol <= max(least_accuracy, 10*self%rtol)
+    end function is_good_enough
+
+    !> Is the ground still rough, on a step that is good enough?
+    subroutine watch_roughness(self, system, trial)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(trial_type), intent(in) :: trial
+        real(wp) :: rough(size(self%y))
+
+        self%n_unseen = self%n_unseen + 1
+        if (self%n_unseen <= most_unseen) return
+        self%n_unseen = 0
+        rough = rounding_of(self, system, trial)
+        self%roughness = merge(0.0_wp, 1.0_wp, all(explained*rough <= trial%strict))*rough/trial%step
+    end subroutine watch_roughness
+
+    !> How much of the error estimate rounding makes: its scatter among steps that begin a very little sooner or later, and in
+    !> the last place elsewhere.
+    function rounding_of(self, system, trial) result(rough)
+        type(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(trial_type), intent(in) :: trial
+        real(wp) :: rough(size(self%y))
+        real(wp), parameter :: shift(2) = [-0.9_wp, 0.7_wp]*little
+        real(wp), dimension(size(self%y)) :: y, rate, way, error
+        real(wp) :: t
+        logical :: has_failed
+        integer :: copy
+
+        rough = 0
+        do copy = 1, size(shift)
+            t = self%t + shift(copy)*trial%step
+            y = changed_in_last_place(self%y + (shift(copy)*trial%step)*self%rate, copy)
+            call system%evaluate_alone(t, y, rate, has_failed)
+            self%n_evaluation = self%n_evaluation + 1
+            if (.not. has_failed) &
+                call self%method%try_step(system, t, trial%step, y, rate, way, error, has_failed, .true.)
+            if (has_failed) then
+                rough = huge(1.0_wp)
+            else
+                rough = max(rough, abs(error - trial%error))
+            end if
+        end do
+    end function rounding_of
+
+    !> By one or two units in the last place, up or down, as chance has it.
+    pure function changed_in_last_place(y, copy) result(changed)
+        real(wp), intent(in) :: y(:)
+        integer, intent(in) :: copy
+        real(wp) :: changed(size(y))
+        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp
+        real(wp) :: part
+        integer :: i
+
+        do i = 1, size(y)
+            part = modulo((17*copy + i)*golden, 1.0_wp) - 0.5_wp
+            changed(i) = y(i) + sign(1 + anint(abs(2*part)), part)*spacing(y(i))
+        end do
+    end function changed_in_last_place
+
+    !> The solution at another instant: ahead of where the steps have got to, as far as the next one may lead, or behind,
+    !> where the last one has passed. The steps themselves do not take notice.
+    subroutine look_ahead(self, system, t, y, is_good)
+        class(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t
+        real(wp), intent(out) :: y(:)                  !! there
+        logical, intent(out) :: is_good                !! its error is not larger than that of a step
+        type(trial_type) :: trial
+
+        y = self%y
+        is_good = .true.
+        if (t == self%t) return
+        call find_rates(self, system)
+        is_good = self%knows_rate
+        if (.not. is_good) return
+        call try_length(self, system, t - self%t, t, trial)
+        is_good = trial%part <= 1 .and. .not. trial%has_failed
+        ! A place that only steps with errors above those allowed could pass has no better ones behind.
+        if (t < self%t .and. .not. trial%has_failed) is_good = is_good_enough(self, trial)
+        if (is_good) y = trial%y
+    end subroutine look_ahead
+end module linkdyn_step_control
