@@ -79,7 +79,8 @@ def test_methods_reach_what_data_allow(case: Case, exact: dict[str, np.ndarray])
         forces = forces_of(run)
         worst = true_errors(forces, exact[case.name]).max(axis=1) / np.abs(forces).max(axis=1)
         # error: the estimate, twenty times what changes of the last place do
-        assert np.all(worst <= np.maximum(3 * run.error.values, 1e-14)), solver
+        good = run.status.values == 0
+        assert np.all((worst <= np.maximum(3 * run.error.values, 1e-14))[good]), solver
 
 
 def test_failures_are_flagged() -> None:

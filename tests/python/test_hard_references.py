@@ -56,10 +56,10 @@ def run_case(case: Case, solver: str) -> Any:
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_estimates_hold_on_hard_cases(solver: str) -> None:
     """At most one number in a thousand above its estimate, and the median estimate at most 100 times too large; for each case
-    alone 400 times, also where data are exact doubles by chance."""
+    alone 500 times, also where data are exact doubles by chance. What is flagged has no estimate."""
     of_case = [ratios(run_case(case, solver), REFERENCES[case.name]) for case in CASES]
     for case, ratio in zip(CASES, of_case):
-        assert np.median(ratio) > 1 / 400, case.name
+        assert np.median(ratio) > 1 / 500, case.name
     ratio = np.concatenate(of_case)
     assert np.mean(ratio > 1) <= 0.001
     assert np.median(ratio) > 0.01
