@@ -241,24 +241,25 @@ contains
         is_near = .false.
         do k = 1, size(watch%variable)
             do v = 1, size(watch%joint)
-                associate (now => watch%ratio(v, k), past => watch%past(v, k, :))
-                    is_near = is_near .or. (grows(now, past(1)) .and. abs(now) > largest_growth*good(k))
-                    if (watch%has_equal_steps) is_near = is_near .or. leads_to_dead_point(now, past, watch%since)
+                associate (now => watch%ratio(v, k), before => watch%past(v, k, 1))
+                    is_near = is_near .or. (grows(now, before) .and. abs(now) > largest_growth*good(k))
+                    if (watch%has_equal_steps) &
+                        is_near = is_near .or. leads_to_dead_point(now, before, watch%past(v, k, 2), watch%since)
                 end associate
             end do
         end do
     end function is_near_dead_point
 
     !> Does the reciprocal of a ratio go through zero within some steps?
-    pure logical function leads_to_dead_point(now, past, since) result(leads)
-        real(wp), intent(in) :: now, past(2)        !! one and two steps before
-        real(wp), intent(in) :: since(2)            !! [s]
+    pure logical function leads_to_dead_point(now, before, earlier, since) result(leads)
+        real(wp), intent(in) :: now, before, earlier    !! one and two steps before
+        real(wp), intent(in) :: since(2)                !! [s]
         real(wp) :: left, left_before
 
-        leads = now*past(1) > 0 .and. past(1)*past(2) > 0 .and. abs(now) > abs(past(1)) .and. abs(past(1)) > abs(past(2))
+        leads = now*before > 0 .and. before*earlier > 0 .and. abs(now) > abs(before) .and. abs(before) > abs(earlier)
         if (.not. leads) return
-        left = since(1)*past(1)/(now - past(1))
-        left_before = (since(2) - since(1))*past(2)/(past(1) - past(2))
+        left = since(1)*before/(now - before)
+        left_before = (since(2) - since(1))*earlier/(before - earlier)
         leads = left < least_steps*since(1) .and. left_before - left > least_loss*since(1)
     end function leads_to_dead_point
 end module linkdyn_coordinate_watch

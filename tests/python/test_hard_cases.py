@@ -73,7 +73,8 @@ def test_methods_reach_what_data_allow(case: Case, exact: dict[str, np.ndarray])
         run = run_case(case, solver)
         forces = forces_of(run)
         worst = true_errors(forces, exact[case.name]).max(axis=1) / np.abs(forces).max(axis=1)
-        out = worst > np.maximum(run.error.values, forces.shape[1] * EPS)
+        good = run.status.values == 0
+        out = worst[good] > np.maximum(run.error.values, forces.shape[1] * EPS)[good]
         assert np.sum(out) <= most(len(out), exceed(1.0)), solver
 
 
