@@ -119,6 +119,7 @@ contains
         known%q = spread(direct%start_q, 1, lanes)
         call evaluate_kinematics(direct, known)
         call start_there(direct, known, scene, started)
+        started%joint%branch = 0                       ! of closed forms only; the starts of the links say it
         call build_model(started, iterated, status, closed_forms=.false.)
         call check(error, status%is_ok(), trim(status%message))
         if (allocated(error%message)) return
