@@ -38,8 +38,8 @@ contains
         bar = max(least_ratio, near_best*maxval(merit))
         where (.not. (merit >= bar .and. merit <= huge(bar))) merit = 0
         ! A joint that does not grow faster with the others will soon be at a dead point of its own.
-        if (any(merit > 0 .and. grows(watch%ratio, watch%past(:, :, 1)))) then
-            where (.not. grows(watch%ratio, watch%past(:, :, 1))) merit = 0
+        if (any(merit > 0 .and. grows(watch%ratio, watch%before))) then
+            where (.not. grows(watch%ratio, watch%before)) merit = 0
         end if
         bar = 2*maxval(merit)
         do v = 1, size(merit, 1)

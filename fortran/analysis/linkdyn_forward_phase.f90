@@ -6,7 +6,7 @@ module linkdyn_forward_phase
     use linkdyn_exchange, only: coordinate_now, is_same_place
     use linkdyn_forward_state, only: fill_start
     use linkdyn_forward_system, only: forward_system, build_forward_system, choose_unknowns
-    use linkdyn_integrator, only: integrator_options, method_rk4
+    use linkdyn_integrator, only: integrator_options
     use linkdyn_inverse, only: inverse_solver
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -62,7 +62,6 @@ contains
         if (.not. status%is_ok()) return
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
         phase%system%watch%may_exchange = options%switches
-        phase%system%watch%has_equal_steps = options%integrator%method == method_rk4
     end subroutine plan_phase
 
     !> Bring a phase to where another one stands, by a model planned for that place.

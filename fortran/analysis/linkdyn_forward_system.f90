@@ -34,7 +34,6 @@ module linkdyn_forward_system
         real(wp) :: surplus_noise = 0                  !! what rounding makes of it [J]
         real(wp), private :: surplus_noise_tried = 0   !! the same of the state looked at last
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
-        real(wp), private :: watched_at(2) = 0         !! the last two instants at which it looked [s]
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
         type(model_type), pointer :: motion_model => null()    !! with the coordinates that the law speaks of
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
@@ -197,8 +196,6 @@ contains
         real(wp), intent(in) :: y(:, :)
 
         call note_rates(self%watch)
-        self%watch%since = [t(1) - self%watched_at(1), t(1) - self%watched_at(2)]
-        self%watched_at = [t(1), self%watched_at(1)]
         call compare_rates(self%model, self%workspace%state, self%watch)
         if (is_near_dead_point(self%watch) .or. dead_coordinate(self%watch, .false.) > 0) call look_and_decide(self, t, y)
     end subroutine watch_coordinates

@@ -4,10 +4,7 @@
 !> the coordinate gives to other joint variables grow without bound. They are compared as speeds: a slide has its own, an
 !> angle that of the pins that it moves. The ratio of two such speeds has no size and no unit, and it is near one where
 !> both coordinates are good, but for how the mechanism is built: a short crank may move a slide far. What tells a dead
-!> point is therefore that a ratio grows: to ten times what it was at best, or, where steps are not cut by their error, as
-!> it would if a dead point lay some steps ahead. The reciprocal goes through zero there as time goes on; so the time that
-!> is left by its slope becomes less by as much as passes, where a ratio that grows for another reason keeps it
-!> (exponentially), gains (from zero), or loses half as much (towards a peak that is passed).
+!> point is therefore that a ratio grows, to ten times what it was at best.
 !>
 !> At a change point rates stay finite, though the dyad's map is singular there: it is no dead point of the coordinate.
 module linkdyn_coordinate_watch
@@ -28,23 +25,18 @@ module linkdyn_coordinate_watch
     real(wp), parameter :: dead_growth = 1000       !! beyond it the coordinate says too little of the motion
     real(wp), parameter :: good_growth = 3          !! no dead point is near
     real(wp), parameter :: best_ratio = 1, worst_ratio = 10    !! at best, of what is counted as good
-    ! Where steps are not cut by their error: a method of order 4 errs by the fourth power of the step over the time left.
-    integer, parameter :: least_steps = 50          !! before a dead point
-    real(wp), parameter :: least_loss = 0.7_wp      !! of the time left to a dead point, per time that passes
 
     !> Joint variables are numbered as in the results.
     type :: coordinate_watch
         logical :: is_on = .false.
         logical :: may_exchange = .true.            !! false: it is only seen whether a coordinate is at its dead point
-        logical :: has_equal_steps = .false.        !! a dead point is looked for some steps ahead
         integer, allocatable :: joint(:)            !! of a variable (n_variable)
         integer, allocatable :: place(:)            !! of a variable among those of its joint (n_variable)
         logical, allocatable :: is_candidate(:)     !! the variable may become a coordinate (n_variable)
         real(wp), allocatable :: arm(:)             !! what makes a rate a speed: 1 for a slide [m] (n_variable)
         integer, allocatable :: variable(:)         !! that is a coordinate which may be exchanged; 0 (n_q)
         real(wp), allocatable :: ratio(:, :)        !! speed of a variable over that of a coordinate alone (n_variable, n_q)
-        real(wp), allocatable :: past(:, :, :)      !! the same one and two steps before; 0: not known (n_variable, n_q, 2)
-        real(wp) :: since(2) = 0                    !! time since then [s]
+        real(wp), allocatable :: before(:, :)       !! the same one step before; 0: not known (n_variable, n_q)
         real(wp), allocatable :: least(:)           !! smallest of the largest ratios of a coordinate so far (n_q)
         type(kinematic_state) :: state              !! at the position looked at
     end type coordinate_watch
@@ -59,7 +51,7 @@ contains
 
         allocate (watch%joint(model%n_variable), watch%place(model%n_variable), watch%is_candidate(model%n_variable), &
                   watch%arm(model%n_variable), watch%variable(model%n_q))
-        allocate (watch%ratio(model%n_variable, model%n_q), watch%past(model%n_variable, model%n_q, 2), &
+        allocate (watch%ratio(model%n_variable, model%n_q), watch%before(model%n_variable, model%n_q), &
                   watch%least(model%n_q))
         watch%ratio = 0
         call forget_rates(watch)
@@ -190,8 +182,7 @@ contains
     pure subroutine forget_rates(watch)
         type(coordinate_watch), intent(inout) :: watch
 
-        watch%past = 0
-        watch%since = 0
+        watch%before = 0
         watch%least = worst_ratio
     end subroutine forget_rates
 
@@ -200,8 +191,7 @@ contains
         type(coordinate_watch), intent(inout) :: watch
 
         watch%least = min(watch%least, maxval(abs(watch%ratio), dim=1))
-        watch%past(:, :, 2) = watch%past(:, :, 1)
-        watch%past(:, :, 1) = watch%ratio
+        watch%before = watch%ratio
     end subroutine note_rates
 
     !> Is a ratio larger than one step before, or nothing known of that?
@@ -241,25 +231,10 @@ contains
         is_near = .false.
         do k = 1, size(watch%variable)
             do v = 1, size(watch%joint)
-                associate (now => watch%ratio(v, k), before => watch%past(v, k, 1))
+                associate (now => watch%ratio(v, k), before => watch%before(v, k))
                     is_near = is_near .or. (grows(now, before) .and. abs(now) > largest_growth*good(k))
-                    if (watch%has_equal_steps) &
-                        is_near = is_near .or. leads_to_dead_point(now, before, watch%past(v, k, 2), watch%since)
                 end associate
             end do
         end do
     end function is_near_dead_point
-
-    !> Does the reciprocal of a ratio go through zero within some steps?
-    pure logical function leads_to_dead_point(now, before, earlier, since) result(leads)
-        real(wp), intent(in) :: now, before, earlier    !! one and two steps before
-        real(wp), intent(in) :: since(2)                !! [s]
-        real(wp) :: left, left_before
-
-        leads = now*before > 0 .and. before*earlier > 0 .and. abs(now) > abs(before) .and. abs(before) > abs(earlier)
-        if (.not. leads) return
-        left = since(1)*before/(now - before)
-        left_before = (since(2) - since(1))*earlier/(before - earlier)
-        leads = left < least_steps*since(1) .and. left_before - left > least_loss*since(1)
-    end function leads_to_dead_point
 end module linkdyn_coordinate_watch

@@ -1,7 +1,7 @@
 !> Dead points of coordinates are told by ratios of speeds that have no size and no unit.
 module test_coordinate_watch
     use linkdyn_builder, only: build_model
-    use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch, compare_rates, note_rates, is_near_dead_point, &
+    use linkdyn_coordinate_watch, only: coordinate_watch, prepare_watch, compare_rates, is_near_dead_point, &
         dead_coordinate
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -25,7 +25,6 @@ contains
 
         tests = [ &
             new_test("slider-crank by its slider, of any size", test_slider_crank), &
-            new_test("equal steps look ahead", test_equal_steps), &
             new_test("change points are none", test_change_point), &
             new_test("pose coordinates are not watched", test_pose)]
     end subroutine collect_coordinate_watch
@@ -92,50 +91,6 @@ contains
         call slider_crank(1.0_wp, 0.06_wp, model, watch, error)
         call check(error, .not. is_near_dead_point(watch), "no better before: it is built like that")
     end subroutine test_slider_crank
-
-    !> A dead point is told from other growth by three steps, whatever the ratio's size.
-    subroutine test_equal_steps(error)
-        type(test_error), intent(inout) :: error
-        real(wp), parameter :: h = 0.01_wp, scale(3) = [0.01_wp, 1.0_wp, 30.0_wp]
-        type(coordinate_watch) :: watch
-        integer :: i
-
-        do i = 1, 3
-            call see([1/(42*h), 1/(41*h), 1/(40*h)])
-            call check(error, is_near_dead_point(watch), "40 steps ahead")
-            call see([1/(82*h), 1/(81*h), 1/(80*h)])
-            call check(error, .not. is_near_dead_point(watch), "80 steps ahead")
-            call see([1/(40*h), 1/(41*h), 1/(42*h)])
-            call check(error, .not. is_near_dead_point(watch), "behind")
-            call see([10*h, 11*h, 12*h])
-            call check(error, .not. is_near_dead_point(watch), "up from zero")
-            call see([exp(0.0_wp), exp(0.1_wp), exp(0.2_wp)])
-            call check(error, .not. is_near_dead_point(watch), "exponential growth")
-            call see([1/(1 + 0.44_wp**2), 1/(1 + 0.42_wp**2), 1/(1 + 0.40_wp**2)])
-            call check(error, .not. is_near_dead_point(watch), "a peak to be passed")
-            call see([1/(0.01_wp + 0.44_wp**2), 1/(0.01_wp + 0.42_wp**2), 1/(0.01_wp + 0.40_wp**2)])
-            call check(error, .not. is_near_dead_point(watch), "a high peak to be passed")
-        end do
-
-    contains
-
-        !> Ratios at three instants.
-        subroutine see(ratio)
-            real(wp), intent(in) :: ratio(3)
-            type(model_type) :: model
-            integer :: k
-
-            call slider_crank(1.0_wp, 1.5_wp, model, watch, error)
-            watch%has_equal_steps = .true.
-            do k = 1, 3
-                if (k > 1) call note_rates(watch)
-                watch%ratio = 0
-                watch%ratio(1, 1) = scale(i)*ratio(k)
-            end do
-            watch%least = 10
-            watch%since = [h, 2*h]
-        end subroutine see
-    end subroutine test_equal_steps
 
     !> A parallelogram nearly flat: its follower still turns as its crank does.
     subroutine test_change_point(error)
