@@ -12,7 +12,7 @@ module linkdyn_forward
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_builder, only: build_model
-    use linkdyn_carried_assembly, only: keep_evaluated
+    use linkdyn_carried_assembly, only: keep_evaluated, count_passed
     use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
@@ -205,7 +205,7 @@ contains
         type(sample_assembly) :: assembly
         real(wp) :: work
         logical :: is_lost(size(t))
-        integer :: i, first, phase
+        integer :: i, first, phase, n_found
 
         associate (m => run%own, n => size(t))
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n), &
@@ -222,6 +222,7 @@ contains
         call run%integrator%pause%set(seconds)
         results%forces%roads = road_counts()
         n_done = 0
+        n_found = 0
         first = 0
         do i = 1, size(t)
             if (.not. run%has_stopped) call go_to(run, t(i))
@@ -250,10 +251,11 @@ contains
             n_done = i
         end do
         if (first > 0) call find_forces(first, n_done)
+        n_done = n_found
 
     contains
 
-        !> The forces of samples of one phase.
+        !> The forces of samples of one phase. An interrupt leaves them unfinished: these samples are not given.
         subroutine find_forces(first, last)
             integer, intent(in) :: first, last
             type(inverse_results) :: part
@@ -266,6 +268,7 @@ contains
             end associate
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
+            if (.not. is_interrupted()) n_found = last
         end subroutine find_forces
     end subroutine advance_forward
 
@@ -600,7 +603,7 @@ contains
             integer, intent(in) :: block
             type(status_type), intent(inout) :: status
             type(forward_run) :: run
-            integer :: member(lanes), i
+            integer :: member(lanes), passed(lanes), i
 
             member = [(min((block - 1)*lanes + i, size(q_start, 2)), i=1, lanes)]
             run%model => model
@@ -617,13 +620,29 @@ contains
                     if (is_interrupted()) exit
                     call store(run, member, t(i), i)
                 end do
+                call count_change_points(run, t(size(t)), passed)
                 do i = 1, lanes
                     good_until(member(i)) = run%integrator%good_until(i)
-                    n_crossed(member(i)) = run%system%assembly%n_crossed(i)
+                    n_crossed(member(i)) = passed(i)
                 end do
             end if
             call finish_forward(run)
         end subroutine run_block
+
+        !> Those that each lane has passed up to the last instant of output, or up to where it failed.
+        subroutine count_change_points(run, instant, passed)
+            type(forward_run), intent(inout) :: run
+            real(wp), intent(in) :: instant
+            integer, intent(out) :: passed(lanes)
+            real(wp) :: rate(lanes, run%system%n)
+            logical :: failed(lanes)
+
+            passed = 0
+            if (.not. run%system%assembly%is_needed) return
+            call run%system%evaluate(spread(instant, 1, lanes), run%output, rate, failed)
+            passed = merge(run%system%assembly%n_crossed, count_passed(model, run%system%assembly, run%system%workspace%state), &
+                           failed .or. run%integrator%failed)
+        end subroutine count_change_points
 
         !> With a pause now and then to hear whether to stop.
         subroutine go_on_to(run, t)

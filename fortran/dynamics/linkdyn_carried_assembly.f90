@@ -18,7 +18,7 @@ module linkdyn_carried_assembly
     use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)
     private
-    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_evaluated
+    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_evaluated, count_passed
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
@@ -216,26 +216,53 @@ contains
         end associate
     end subroutine accept_assembly
 
-    !> Change points passed by a step: those of the way to its end, or, where it set out from too near one to tell, those
-    !> seen by the sides on which the mechanism was and is.
+    !> Change points passed by an accepted step.
     subroutine count_crossings(model, margin, goes, assembly)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
         logical, intent(in) :: goes(lanes)
         type(carried_assembly), intent(inout) :: assembly
         real(wp) :: least(n_map(model))
-        integer :: seen(lanes), m
+        integer :: m
+
+        where (goes) assembly%n_crossed = assembly%n_crossed + crossed(model, assembly, margin)
+        least = least_margins(model)
+        do m = 1, size(least)
+            where (goes .and. abs(margin(:, m)) > least(m)) assembly%side(:, m) = margin(:, m)
+        end do
+    end subroutine count_crossings
+
+    !> Change points between the accepted state and the one evaluated last: those of the way to it, or, where it set out from
+    !> too near one to tell, those seen by the sides on which the mechanism was and is.
+    pure function crossed(model, assembly, margin) result(n)
+        type(model_type), intent(in) :: model
+        type(carried_assembly), intent(in) :: assembly
+        real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
+        integer :: n(lanes)
+        real(wp) :: least(n_map(model))
+        integer :: m
 
         least = least_margins(model)
-        seen = 0
+        n = 0
         do m = 1, size(least)
-            where (goes .and. abs(margin(:, m)) > least(m))
-                seen = seen + merge(1, 0, assembly%side(:, m)*margin(:, m) < 0)
-                assembly%side(:, m) = margin(:, m)
-            end where
+            where (abs(margin(:, m)) > least(m)) n = n + merge(1, 0, assembly%side(:, m)*margin(:, m) < 0)
         end do
-        where (goes) assembly%n_crossed = assembly%n_crossed + max(assembly%n_crossed_tried, seen)
-    end subroutine count_crossings
+        n = max(n, assembly%n_crossed_tried)
+    end function crossed
+
+    !> Change points passed since the start up to the state evaluated last.
+    function count_passed(model, assembly, state) result(n)
+        type(model_type), intent(in) :: model
+        type(carried_assembly), intent(in) :: assembly
+        type(kinematic_state), intent(in) :: state
+        integer :: n(lanes)
+        real(wp), dimension(lanes, n_map(model)) :: margin, drift
+
+        n = assembly%n_crossed
+        if (.not. assembly%is_needed) return
+        call measure_margins(model, state, margin, drift)
+        n = n + crossed(model, assembly, margin)
+    end function count_passed
 
     !> A change point that was tried counts until the mechanism has got away from it.
     subroutine forget_map_lost(model, margin, goes, map_lost)
@@ -273,10 +300,12 @@ contains
         integer, intent(in) :: sample
         type(sample_assembly), intent(inout) :: samples
         integer, intent(inout) :: n_crossed            !! change points, up to the sample before, to this one
+        integer :: passed(lanes)
 
         if (.not. assembly%is_needed) return
         call keep_lane(model, state, 1, sample, samples)
-        if (assembly%n_crossed(1) /= n_crossed) samples%reached(sample) = reached_crossing
-        n_crossed = assembly%n_crossed(1)
+        passed = count_passed(model, assembly, state)
+        if (passed(1) /= n_crossed) samples%reached(sample) = reached_crossing
+        n_crossed = passed(1)
     end subroutine keep_evaluated
 end module linkdyn_carried_assembly

@@ -23,10 +23,6 @@ from twin import run_states  # noqa: E402
 
 pytestmark = pytest.mark.lanes
 
-AWAITED = frozenset({"turns", "boom_by_stroke", "excavator", "hexaglide", "rsur", "rusr_parallelogram", "scissor_by_stroke"})
-"""What the engine cannot do yet, and the tests below therefore leave out: scenes of tests/scenes whose assemblies jump or are
-not found, and `turns`, joint angles that go on past half a turn along a motion. An engine that follows assemblies by
-their tangents does all of it: this set is then empty, and goes with the two places that ask it."""
 NOT_DRIVEN = frozenset({"ball_joint"})
 """Inverse dynamics needs an actuator for each coordinate, which the angles of a spherical joint cannot have."""
 
@@ -38,7 +34,7 @@ def names(file: Path) -> str:
 SCENES = sorted(
     file
     for file in (*ROOT.glob("examples/*/scene.toml"), *ROOT.glob("tests/scenes/*.toml"))
-    if names(file) not in AWAITED | NOT_DRIVEN
+    if names(file) not in NOT_DRIVEN
 )
 REACH = {"near": (0.02, 0.02), "middle": (0.3, 0.3), "far": (1.2, 1.2), "round": (4.0, 0.5)}
 """How far a path goes: in radians, and in a third of the mechanism's size."""
@@ -140,8 +136,6 @@ def jumps(motion: Motion) -> Iterator[str]:
     around = np.stack([behind[:-1], rate[:-1], rate[1:], ahead[1:]])
     middle, spread = around[1:3].mean(axis=0), np.fmax.reduce(around) - np.fmin.reduce(around)
     gone = np.diff(motion.variable, axis=0) - step * middle
-    if "turns" in AWAITED:
-        gone = motion.less_turns(gone)
     unexplained = np.abs(gone) - 2 * step * spread
     for i, k in np.argwhere(unexplained > ROUNDING):     # not beside a failed sample, which is NaN
         yield f"variable {k} from {motion.variable[i, k]:.9g} to {motion.variable[i + 1, k]:.9g} between samples {i} and {i + 1}"
