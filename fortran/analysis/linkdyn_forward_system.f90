@@ -1,7 +1,7 @@
 !> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
 module linkdyn_forward_system
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
-    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, &
+    use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
     use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
     use linkdyn_energy_balance, only: energy_of_motion, applied_power
@@ -45,6 +45,7 @@ module linkdyn_forward_system
         procedure :: evaluate => evaluate_forward
         procedure :: accept => accept_forward
         procedure :: broken_law
+        procedure :: leads_too_far
         procedure :: begin
         procedure :: take_over
         procedure :: look_at
@@ -357,6 +358,19 @@ contains
         if (.not. part <= huge(1.0_wp)) part = huge(1.0_wp)
         self%surplus_noise_tried = noise
     end function broken_law
+
+    !> Has a coordinate come past where it should be exchanged?
+    logical function leads_too_far(self)
+        class(forward_system), intent(inout) :: self
+        real(wp), allocatable :: accepted(:, :)
+
+        leads_too_far = .false.
+        if (.not. (self%watch%is_on .and. self%watch%may_exchange)) return
+        accepted = self%watch%ratio
+        call compare_rates(self%model, self%workspace%state, self%watch)
+        leads_too_far = is_well_past(self%watch, accepted)
+        self%watch%ratio = accepted
+    end function leads_too_far
 
     !> Energy of states on the accepted assembly, less what was supplied.
     subroutine find_surplus(self, t, y, surplus)

@@ -18,10 +18,11 @@ module linkdyn_coordinate_watch
     implicit none (type, external)
     private
     public :: coordinate_watch, prepare_watch, compare_rates, note_rates, forget_rates, grows, is_near_dead_point, &
-        dead_coordinate
+        is_well_past, dead_coordinate
 
     ! Of ratios, to what they were at best.
     real(wp), parameter :: largest_growth = 10      !! that a coordinate in use may have
+    real(wp), parameter :: jump = 1.5               !! in one step, of a ratio that ends beyond that
     real(wp), parameter :: dead_growth = 1000       !! beyond it the coordinate says too little of the motion
     real(wp), parameter :: good_growth = 3          !! no dead point is near
     real(wp), parameter :: best_ratio = 1, worst_ratio = 10    !! at best, of what is counted as good
@@ -237,4 +238,15 @@ contains
             end do
         end do
     end function is_near_dead_point
+
+    !> Is a state so far past where a coordinate should be exchanged, seen from the accepted one, that the coordinate has said
+    !> too little of the step? Errors of the coordinate are errors of the motion times the ratio.
+    pure logical function is_well_past(watch, accepted)
+        type(coordinate_watch), intent(in) :: watch
+        real(wp), intent(in) :: accepted(:, :)      !! ratios there (n_variable, n_q)
+        real(wp) :: bound(size(watch%least))
+
+        bound = jump*max(largest_growth*good_ratios(watch), maxval(abs(accepted), dim=1))
+        is_well_past = any(maxval(abs(watch%ratio), dim=1) > bound)
+    end function is_well_past
 end module linkdyn_coordinate_watch

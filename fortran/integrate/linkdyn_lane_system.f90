@@ -19,6 +19,7 @@ module linkdyn_lane_system
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
         procedure :: broken_law
+        procedure :: leads_too_far
         procedure :: accept
     end type lane_system
 
@@ -63,6 +64,13 @@ contains
 
         part = 0
     end function broken_law
+
+    !> Does the state evaluated last lie beyond where the caller would have come to rest? A shorter step gets there.
+    logical function leads_too_far(self)
+        class(lane_system), intent(inout) :: self
+
+        leads_too_far = .false.
+    end function leads_too_far
 
     !> The integrator goes on from y: for systems that remember where they are. Rates tried before count no more.
     subroutine accept(self, t, y, is_accepted)

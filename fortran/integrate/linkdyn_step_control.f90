@@ -54,6 +54,7 @@ module linkdyn_step_control
         real(wp), allocatable :: rate(:)               !! there (n)
         logical :: has_failed = .false.
         logical :: breaks_law = .false.                !! of the system
+        logical :: is_too_far = .false.                !! past where the system would rest
         real(wp) :: part = 0                           !! error over the allowed one
     end type trial_type
 
@@ -219,6 +220,7 @@ contains
         trial%has_failed = trial%has_failed .or. .not. all(abs(trial%way) <= huge(1.0_wp))
         trial%part = huge(1.0_wp)
         trial%breaks_law = .false.
+        trial%is_too_far = .false.
         if (trial%has_failed) return
         trial%y = self%y
         trial%rest = 0
@@ -247,10 +249,11 @@ contains
         call system%evaluate_alone(self%t + trial%step, trial%y, trial%rate, trial%has_failed)
         self%n_evaluation = self%n_evaluation + 1
         if (trial%has_failed) return
+        trial%is_too_far = system%leads_too_far()
         error = trial%allowed
         if (allocated(system%is_book)) where (system%is_book) error = trial%error
         trial%breaks_law = system%broken_law(self%t + trial%step, trial%y, (little*trial%step)*trial%rate, error) > 1
-        trial%has_failed = trial%breaks_law
+        trial%has_failed = trial%breaks_law .or. trial%is_too_far
     end subroutine look_at_end
 
     !> The tolerances, but no less than what the many sums of an error estimate round off.
@@ -305,8 +308,8 @@ contains
             self%n_refused = self%n_refused + 1
             self%step = cut*trial%step
             if (.not. trial%has_failed) call self%method%propose(trial%step, trial%allowed, .false., self%step)
-            ! A peak that no stage has met: shorter steps will.
-            if (trial%breaks_law) return
+            ! A peak that no stage has met, or a place to stop before: shorter steps will.
+            if (trial%breaks_law .or. trial%is_too_far) return
             if (self%n_refused > 1) self%step = min(self%step, trial%step/2)
             ! An error a little too large is daily bread.
             if (trial%part < unexpected .and. trial%step > suspicious*self%longest) return
