@@ -1,0 +1,37 @@
+// The live view of a notebook (anywidget): sliders move the coordinates, the kernel answers with poses and forces.
+
+import { element } from "./charts.js";
+import { withArrays } from "./data.js";
+import { plain } from "./numbers.js";
+import { Viewer } from "./viewer.js";
+
+export function render({ model, el }) {
+  const host = element("div");
+  host.style.height = `${model.get("height")}px`;
+  el.append(host);
+  const read = () => withArrays(model.get("description"), model.get("block").buffer.slice(model.get("block").byteOffset, model.get("block").byteOffset + model.get("block").byteLength));
+  const viewer = new Viewer(host, read());
+  host.viewer = viewer;
+  viewer.page.append(sliders(model));
+  model.on("change:block", () => viewer.replace(read().arrays));
+}
+
+function sliders(model) {
+  const panel = element("div", "sliders");
+  model.get("coordinates").forEach(({ name, unit, factor, low, high }, i) => {
+    const value = element("output");
+    const input = Object.assign(element("input"), { type: "range", min: low, max: high, step: (high - low) / 1000, value: model.get("q")[i] });
+    input.setAttribute("aria-label", name);
+    const tell = () => (value.textContent = `${plain(Number(input.value) * factor)} ${unit}`);
+    input.oninput = () => {
+      const q = [...model.get("q")];
+      q[i] = Number(input.value);
+      model.set("q", q);
+      model.save_changes();
+      tell();
+    };
+    tell();
+    panel.append(element("span", "", name), input, value);
+  });
+  return panel;
+}
