@@ -28,6 +28,7 @@ __all__ = [
     "load",
     "plot",
     "sheet",
+    "view",
 ]
 __version__ = _version()
 
@@ -41,4 +42,8 @@ def __getattr__(name: str) -> Any:
         from ._sheet import sheet
 
         return sheet
+    if name == "view":
+        from ._view import view
+
+        return view
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

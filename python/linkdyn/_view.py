@@ -107,8 +107,8 @@ def view(
     plots
         Results that are plotted at first, "driving_force", "reaction", "q", ...; the reader can choose others.
     traces
-        Markers ("coupler.tool") whose ways are drawn; default: the moving joints of a planar mechanism, and markers
-        that hold no joint.
+        Markers ("coupler.tool") whose ways are drawn; default: those that hold no joint, of a small planar
+        mechanism the joints too.
     meshes
         Link to STL file that shows its body, in the link's axes, in place of what is drawn for it.
     mesh_unit
@@ -137,7 +137,7 @@ def view(
     description, block = describe(
         run,
         mechanism,
-        kinds=force_kinds("view", forces, mechanism.planar),
+        kinds=force_kinds("view", "all" if forces is None and "driving_force" not in run else forces, mechanism.planar),
         plots=plots,
         traces=traces,
         meshes=meshes,
@@ -164,11 +164,12 @@ def bundle() -> str:
 
 
 def run_of(scene: Scene) -> xr.Dataset:
-    """The run that a scene itself asks for: by its motion; by its drives if no coordinate has one."""
+    """The run that a scene itself asks for: by its motion; by its drives if no coordinate has one or actuators are missing."""
     content = tomllib.loads(scene.text)
     moves = any("motion" in entry for entry in content.get("coordinate", []))
     drives = any("law" in entry for entry in content.get("actuator", []))
-    return scene.forward() if drives and not moves else scene.inverse()
+    is_inverse = len(scene.actuators) == len(scene.coordinates) and (moves or not drives)
+    return scene.inverse() if is_inverse else scene.forward()
 
 
 def has_browser() -> bool:

@@ -22,11 +22,16 @@ MOST_FRAMES = 2000
 """Of a view: at 25 a second over a minute, and a file that browsers open at once."""
 TURN = 32767
 """A component of a direction is sent as an integer of 16 bit: 3e-5 rad, less than a pixel."""
+ROOM = 0.1
+"""Round a planar mechanism, for arrows; of its extent."""
 SLIDING = ("prismatic", "cylindrical")
 FEW = 12
 """Joints whose names do not hide the picture."""
+CLEAR = 8
+"""Joints whose ways may all be drawn."""
 BASE_UNIT = {"N": "m", "N m": "rad"}
 """Of the joint variable that an actuator of this unit drives."""
+TITLES = {"q": "coordinates", "qd": "rates of the coordinates", "qdd": "accelerations of the coordinates"}
 ENERGIES = ("kinetic_energy", "potential_energy", "work")
 Values = NDArray[np.float64]
 
@@ -42,6 +47,8 @@ class Block:
     def add(self, name: str, values: ArrayLike, dtype: str) -> str:
         """Put an array in; its name."""
         array = np.ascontiguousarray(values, dtype=np.dtype(dtype).newbyteorder("<"))
+        if dtype == "float32":
+            array = _short(array)
         self.entries.append({"name": name, "dtype": dtype, "shape": array.shape, "offset": self._size})
         part = array.tobytes()
         part += bytes(-len(part) % 8)  # each begins where the widest numbers may
@@ -51,6 +58,13 @@ class Block:
 
     def __bytes__(self) -> bytes:
         return b"".join(self._parts)
+
+
+def _short(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Rounded to 16 binary digits, a relative 1e-5, finer than any screen: the zeros behind them take no room."""
+    bits = values.view(np.uint32)
+    finite = np.isfinite(values)
+    return np.where(finite, (bits + np.uint32(0x80)) & np.uint32(0xFFFFFF00), bits).view(np.float32)
 
 
 def describe(
@@ -76,7 +90,7 @@ def describe(
     plots
         Names of two results at most; default: driving forces, and joint forces.
     traces
-        Markers ("coupler.tool"); default: all that move and hold no joint, and in the plane the moving joints.
+        Markers ("coupler.tool"); default: those that move and hold no joint, of a small planar mechanism the joints too.
     meshes
         Link to STL file, in the link's axes.
     mesh_unit
@@ -98,7 +112,9 @@ def describe(
     block.add("status", np.where(assembled[kept], frames.status.values, np.maximum(frames.status.values, 1)), "uint8")
     block.add("position", poses.position[held], "float32")
     block.add("axes", TURN * poses.rotation[held][..., :2].swapaxes(-1, -2), "int16")
-    ground = float((postures.points[held] @ up).min()) - 0.02 * extent
+    ground = float((postures.points[held] @ up).min()) - 0.032 * extent
+    some = held[:: max(1, len(held) // 20)]
+    block.add("cloud", postures.points[some].reshape(-1, 3), "float32")
     charts = _charts(frames, block)
     description = {
         "title": scene.title,
@@ -109,7 +125,7 @@ def describe(
         "up": up.tolist(),
         "ground": ground,
         "extent": extent,
-        "box": _box(low, high, extent, scene, up, ground),
+        "box": [(low - ROOM * extent).tolist(), (high + ROOM * extent).tolist()],
         "eye": [best_azimuth(postures.points[held[0]] @ _level(up)), ELEVATION],
         "palette": COLOURS[:-1],
         "links": scene.description["links"],
@@ -146,16 +162,6 @@ def _level(up: Values) -> Values:
     """(3, 3) columns: two directions across ``up``, as viewer/src/stage.js has them, and ``up``."""
     side = np.array([0.0, 1.0, 0.0] if abs(up[0]) > 0.9 else [1.0, 0.0, 0.0])
     return np.stack([side, np.cross(up, side), up], axis=1)
-
-
-def _box(low: Values, high: Values, extent: float, scene: Scene, up: Values, ground: float) -> list[list[float]]:
-    """Corners of what must be seen: with room for arrows, on the ground too."""
-    room = (0.1 if scene.planar else 0.04) * extent
-    corners = np.array([low - room, high + room])
-    if not scene.planar:
-        floor = corners + up * (ground - corners @ up)[:, np.newaxis]
-        corners = np.array([np.minimum(corners, floor).min(axis=0), np.maximum(corners, floor).max(axis=0)])
-    return corners.tolist()
 
 
 def _joint(joint: dict[str, Any], postures: Postures, held: NDArray[np.intp]) -> dict[str, Any]:
@@ -200,10 +206,11 @@ def _traced(
                 raise InputError(f"view: traces: there is no moving marker {name!r} (expected such as {next(iter(place), '')!r})")
         return [place[name] for name in traces]
     jointed = {end for joint in scene.description["joints"] for end in zip(joint["links"], joint["markers"])}
+    most = CLEAR if scene.planar else 0
     found: list[tuple[int, str]] = []
     for link, name in markers:
         way = postures.markers[link][name][held]
-        if (not scene.planar and (link, name) in jointed) or np.ptp(way, axis=0).max() < 1e-6 * extent:
+        if ((link, name) in jointed and len(scene.joints) > most) or np.ptp(way, axis=0).max() < 1e-6 * extent:
             continue
         if all(np.abs(postures.markers[k][other][held] - way).max() > 1e-6 * extent for k, other in found):
             found.append((link, name))
@@ -258,7 +265,7 @@ def _charts(run: xr.Dataset, block: Block) -> list[dict[str, Any]]:
         charts.append({"result": result, "title": title, "unit": shown, "names": [str(text) for text in names], "values": name})
 
     for name, variable in run.data_vars.items():
-        title = str(name).replace("_", " ")
+        title = TITLES.get(str(name), str(name).replace("_", " "))
         if name == "reaction":
             for letter, quantity, unit in (("F", "force", "N"), ("M", "moment", "N m")):
                 components = [text for text in run.component.values if str(text).startswith(letter)]
@@ -271,6 +278,7 @@ def _charts(run: xr.Dataset, block: Block) -> list[dict[str, Any]]:
         elif variable.ndim == 2:
             units = _units_of(variable)
             for unit in dict.fromkeys(units):
+                title = "driving torque" if (name, unit) == ("driving_force", "N m") else title
                 columns = [k for k, other in enumerate(units) if other == unit]
                 add(str(name), title, variable[variable.dims[1]].values[columns], variable.values[:, columns], unit)
     energies = [name for name in ENERGIES if name in run]

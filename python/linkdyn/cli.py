@@ -1,4 +1,4 @@
-"""The command ``linkdyn``: hands over to the executable inside the package, and draws the sheet of a sweep after it."""
+"""The command ``linkdyn``: hands over to the executable inside the package, draws the sheet of a sweep after it, and views runs."""
 
 from __future__ import annotations
 
@@ -51,6 +51,10 @@ def main() -> None:
     if twin := quadruple_twin():
         os.environ["LINKDYN_REAL128"] = os.fspath(twin)
     arguments = sys.argv[1:]
+    if arguments[:1] == ["view"]:
+        from ._view_command import view_command
+
+        sys.exit(view_command(arguments[1:]))
     if _asks_for_sheet(arguments):
         sys.exit(_sweep_with_sheet(path, arguments))
     os.execv(path, ["linkdyn", *arguments])

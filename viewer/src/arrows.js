@@ -4,7 +4,7 @@ import * as THREE from "three";
 import { frameOf } from "./data.js";
 import { turnTo } from "./shapes.js";
 
-const LONGEST = 0.2; // of the mechanism's extent
+const LONGEST = 0.27; // of the mechanism's extent
 const THICK = 0.006; // radius of a shaft, of the extent
 const HEAD = { length: 5.5, radius: 2.6 }; // in radii of the shaft
 const LEAST = 0.25; // of a head's length: shorter arrows are not drawn

@@ -19,7 +19,7 @@ export class Chart {
     this.element = element("section", "chart");
     this.select = element("select");
     this.select.setAttribute("aria-label", "result");
-    run.charts.forEach(({ title, unit }, i) => this.select.add(new Option(unit ? `${title} [${unit}]` : title, i)));
+    this.offer();
     this.select.onchange = () => this.choose(Number(this.select.value));
     this.canvas = element("div", "canvas");
     this.legend = element("div", "legend");
@@ -30,6 +30,18 @@ export class Chart {
 
   get size() {
     return { width: Math.max(120, this.canvas.clientWidth), height: Math.max(60, this.canvas.clientHeight) };
+  }
+
+  offer() {
+    const options = this.run.charts.map(({ title, unit }, i) => new Option(unit ? `${title} [${unit}]` : title, i));
+    this.select.replaceChildren(...options);
+  }
+
+  /** The same result of other numbers. */
+  refresh() {
+    const index = Number(this.select.value);
+    this.offer();
+    this.choose(index);
   }
 
   choose(index) {

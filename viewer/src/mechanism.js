@@ -39,15 +39,14 @@ export class Mechanism {
     return distinct(points, 1e-6 * this.extent).filter((point) => held.every((corner) => corner.distanceTo(point) > 1e-6 * this.extent));
   }
 
-  /** Corners that the drawing of a telescope does not show already. */
-  ownCorners(link) {
-    const own = this.telescopes.filter(({ joint }) => joint.links.includes(link));
-    return this.corners(link).filter((corner) => !own.some((telescope) => telescope.holds(link, corner)));
+  /** Is a link drawn as half of a telescope? */
+  isTelescope(link) {
+    return this.telescopes.some(({ joint }) => joint.links.includes(link));
   }
 
   /**
-   * A slide between two moving links whose far ends lie on its axis and never come together: from base to eye, in link
-   * axes, with lengths that keep the rod's inner end in the barrel as long as the stroke allows.
+   * A slide between two moving links that hold their joints on its axis, far ends that never come together: from base
+   * to eye, in link axes, with lengths that keep the rod's inner end in the barrel as long as the stroke allows.
    */
   telescope(joint) {
     const [first, second] = joint.ends;
@@ -60,14 +59,14 @@ export class Mechanism {
     const least = lowest + eye - base, most = highest + eye - base;
     if (!(least > 0.25 * most)) return null;
     const barrel = Math.min(Math.max(1.15 * most - least, 0.58 * least), 0.93 * least);
-    const offAxis = (end, direction, point) => {
+    const isOnAxis = (end, direction, point) => {
       const offset = point.clone().sub(end.at);
-      return offset.addScaledVector(direction, -offset.dot(direction)).length();
+      return offset.addScaledVector(direction, -offset.dot(direction)).length() < OFF_AXIS * least;
     };
-    const holds = (link, point) =>
-      joint.ends.some((end, side) => end.link === link && offAxis(end, side ? rodAxis : axis, point) < OFF_AXIS * least);
+    const isSlim = (end, direction) => this.corners(end.link).every((point) => isOnAxis(end, direction, point));
+    if (!isSlim(first, axis) || !isSlim(second, rodAxis)) return null;
     return {
-      joint, holds,
+      joint,
       from: first.at.clone().addScaledVector(axis, base), barrelTo: first.at.clone().addScaledVector(axis, base + barrel),
       to: second.at.clone().addScaledVector(rodAxis, eye),
       rodFrom: second.at.clone().addScaledVector(rodAxis, eye - Math.min(least, most - barrel + 0.06 * least)),

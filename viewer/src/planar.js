@@ -33,33 +33,34 @@ function edged(group, outline, width, edge, fill, edgeMaterial, z, step) {
 function drawLink(group, mechanism, k, palette, unit, layer) {
   const z = 2 * k * layer, edge = EDGE * unit;
   const colours = palette.link(k);
-  const corners = mechanism.ownCorners(k), free = mechanism.freePoints(k);
-  const everything = [...mechanism.corners(k), ...free];
+  const corners = mechanism.corners(k), free = mechanism.freePoints(k);
+  const everything = [...corners, ...free];
   if (free.length && everything.length > 1) group.add(flat(roundHull(everything, 0.45 * unit), colours.pale, z - 0.5 * layer));
-  if (corners.length > 1 || (corners.length && !everything.some((point) => !corners.includes(point)))) {
+  if (!mechanism.isTelescope(k) && (corners.length > 1 || (corners.length && !free.length))) {
     edged(group, (width) => roundHull(corners, width), unit, edge, colours.fill, colours.edge, z, layer);
   }
   for (const point of free) group.add(flat(roundHull([point], 0.45 * unit), colours.solid, z + 1.2 * layer));
+  const front = 2 * layer * mechanism.links.length; // cylinders before the links, pins before the cylinders
   for (const telescope of mechanism.telescopes) {
     const isBarrel = telescope.joint.links[0] === k;
     if (!telescope.joint.links.includes(k)) continue;
     const [from, to] = isBarrel ? [telescope.from, telescope.barrelTo] : [telescope.rodFrom, telescope.to];
     const width = (isBarrel ? 1.5 : 0.75) * unit;
     const fill = isBarrel ? palette.barrel : palette.rod;
-    edged(group, (half) => bar(from, to, half), width, edge, fill, palette.edge, isBarrel ? layer * 1.2 : 0.4 * layer, 0.1 * layer);
+    edged(group, (half) => bar(from, to, half), width, edge, fill, palette.edge, front + (isBarrel ? layer : 0), 0.5 * layer);
   }
-  for (const rail of mechanism.rails) drawSlide(group, rail, k, colours, palette, unit, layer);
+  for (const rail of mechanism.rails) drawSlide(group, mechanism, rail, k, colours, palette, unit, layer);
   for (const joint of mechanism.joints) {
-    if (joint.type === "revolute" && joint.links[1] === k) drawPivot(group, joint.ends[1].at, palette, unit, layer * 2 * mechanism.links.length);
+    if (joint.type === "revolute" && joint.links[1] === k) drawPivot(group, joint.ends[1].at, palette, unit, front + 3 * layer);
   }
 }
 
 function drawPivot(group, at, palette, unit, z) {
-  edged(group, (width) => roundHull([at], width), 0.62 * unit, 0.16 * unit, palette.pivot, palette.edge, z, 0.1 * unit);
+  edged(group, (width) => roundHull([at], width), 0.7 * unit, 0.13 * unit, palette.pivot, palette.edge, z, 0.1 * unit);
 }
 
 /** The rail on the first link of a slide, the block on its second; a block on the frame slides along a rod instead. */
-function drawSlide(group, joint, k, colours, palette, unit, layer) {
+function drawSlide(group, mechanism, joint, k, colours, palette, unit, layer) {
   const [first, second] = joint.ends;
   const isInverted = second.link === 0; // the block stands, the rod moves through it
   if (first.link === k) {
@@ -69,8 +70,10 @@ function drawSlide(group, joint, k, colours, palette, unit, layer) {
     group.add(flat(shape, isInverted || k !== 0 ? colours.solid : palette.groundLine, k === 0 ? -layer : layer * k));
   }
   if (second.link === k) {
-    const outline = (half) => bar(second.at.clone().addScaledVector(second.axis, -2.6 * unit), second.at.clone().addScaledVector(second.axis, 2.6 * unit), half);
-    edged(group, (half) => outline(half), 1.5 * unit, EDGE * unit, k === 0 ? palette.barrel : colours.fill, palette.edge, 2 * k * layer + 0.4 * layer, 0.2 * layer);
+    const held = mechanism.corners(k).map((corner) => corner.clone().sub(second.at).dot(second.axis)); // the block holds them all
+    const [from, to] = [Math.min(-2.6 * unit, ...held.map((a) => a - 1.5 * unit)), Math.max(2.6 * unit, ...held.map((a) => a + 1.5 * unit))];
+    const end = (a) => second.at.clone().addScaledVector(second.axis, a);
+    edged(group, (half) => bar(end(from), end(to), half), 1.5 * unit, EDGE * unit, k === 0 ? palette.barrel : colours.fill, palette.edge, 2 * k * layer + 0.4 * layer, 0.2 * layer);
   }
 }
 
@@ -90,11 +93,8 @@ function drawGround(group, mechanism, palette, unit, layer) {
     edged(group, (half) => roundHull([pivot, left, right], half), 0.3 * unit, EDGE * unit, palette.frame, palette.edge, -layer, 0.3 * layer);
   }
   for (const { joint, side, at, axis } of frame.filter(({ joint }) => mechanism.rails.includes(joint))) {
-    if (side === 1) {
-      drawSlide(group, joint, 0, palette.link(0), palette, unit, layer);
-      continue;
-    }
-    drawSlide(group, joint, 0, palette.link(0), palette, unit, layer);
+    drawSlide(group, mechanism, joint, 0, palette.link(0), palette, unit, layer);
+    if (side === 1) continue;
     const [lowest, highest] = [Math.min(0, joint.travel[0]), joint.travel[1]];
     const normal = new THREE.Vector2(axis.y, -axis.x);
     if (normal.y > 0) normal.negate();

@@ -28,7 +28,7 @@ export function drawSpatial(mechanism, palette, { up, ground }) {
 }
 
 function drawLink(group, mechanism, k, material, unit) {
-  const corners = mechanism.ownCorners(k);
+  const corners = mechanism.isTelescope(k) ? [] : mechanism.corners(k);
   const plane = corners.length > 2 ? planeThrough(corners, unit) : null;
   if (plane) group.add(plate(corners, plane, 1.6 * unit, 0.7 * unit, material));
   else if (corners.length === 2) group.add(rod(...corners, unit, material));

@@ -6,10 +6,10 @@ import { niceBelow } from "./numbers.js";
 import { vector } from "./shapes.js";
 
 const ANGLE = 32; // of the eye, degrees
-const ROOM = 1.12; // round the mechanism
+const ROOM = { planar: 1.12, spatial: 1.3 }; // round the mechanism; arrows stand out of it
 
 export class Stage {
-  constructor(container, run, colours) {
+  constructor(container, run) {
     this.run = run;
     this.container = container;
     this.renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
@@ -18,10 +18,8 @@ export class Stage {
     this.renderer.domElement.setAttribute("aria-label", run.title);
     container.append(this.renderer.domElement);
     this.scene = new THREE.Scene();
-    this.scene.background = new THREE.Color(colours.background);
     this.up = vector(run.up);
     const [low, high] = run.box.map(vector);
-    this.corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => vector([i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z]));
     this.centre = low.clone().add(high).multiplyScalar(0.5);
     this.camera = run.planar ? new THREE.OrthographicCamera() : new THREE.PerspectiveCamera(ANGLE);
     this.camera.up.copy(run.planar ? vector([0, 1, 0]) : this.up);
@@ -32,14 +30,18 @@ export class Stage {
     this.controls.addEventListener("change", () => this.request());
     this.drawn = []; // called after each picture
     this.cell = niceBelow(run.extent / 4);
-    if (run.planar) this.drawGrid(colours);
-    else {
-      this.drawGround(colours);
-      this.light();
-    }
     new ResizeObserver(() => this.resize()).observe(container);
     this.resize();
     this.fit();
+  }
+
+  /** An empty scene with its ground and light. */
+  furnish(colours) {
+    this.scene.clear();
+    this.scene.background = new THREE.Color(colours.background);
+    if (this.run.planar) this.drawGrid(colours);
+    else this.drawGround(colours);
+    if (!this.run.planar || this.run.meshes.length) this.light();
   }
 
   light() {
@@ -95,7 +97,7 @@ export class Stage {
     this.controls.target.copy(centre);
     if (this.run.planar) {
       const [low, high] = this.run.box;
-      this.half = (ROOM / 2) * Math.max(high[1] - low[1], (high[0] - low[0]) / aspect);
+      this.half = (ROOM.planar / 2) * Math.max(high[1] - low[1], (high[0] - low[0]) / aspect);
       camera.zoom = 1;
       camera.position.copy(centre).setZ(10 * this.run.extent);
     } else {
@@ -105,9 +107,9 @@ export class Stage {
       const right = new THREE.Vector3().crossVectors(this.up, towards).normalize();
       const above = new THREE.Vector3().crossVectors(towards, right);
       const tangent = Math.tan(THREE.MathUtils.degToRad(ANGLE / 2));
-      const distances = this.corners.map((corner) => {
-        const offset = corner.clone().sub(centre);
-        return offset.dot(towards) + (ROOM / tangent) * Math.max(Math.abs(offset.dot(above)), Math.abs(offset.dot(right)) / aspect);
+      const distances = pointsOf(this.run.arrays.cloud).map((point) => {
+        const offset = point.sub(centre);
+        return offset.dot(towards) + (ROOM.spatial / tangent) * Math.max(Math.abs(offset.dot(above)), Math.abs(offset.dot(right)) / aspect);
       });
       camera.position.copy(centre).addScaledVector(towards, Math.max(...distances));
     }
@@ -148,4 +150,8 @@ export class Stage {
       for (const call of this.drawn) call();
     });
   }
+}
+
+function pointsOf({ shape, values }) {
+  return Array.from({ length: shape[0] }, (_, i) => new THREE.Vector3().fromArray(values, 3 * i));
 }

@@ -52,7 +52,7 @@ export class Viewer {
     if (run.charts.length) this.page.append(charts);
     const sheet = element("style", "", style);
     this.root.replaceChildren(sheet, this.page);
-    this.stage = new Stage(this.picture, run, THEMES[this.theme]);
+    this.stage = new Stage(this.picture, run);
     this.stage.drawn.push(() => this.drawn());
     this.charts = run.plots.map((first) => new Chart(run, first, this.theme, THEMES[this.theme], (frame) => this.player.seek(frame)));
     charts.append(...this.charts.map((chart) => chart.element));
@@ -112,15 +112,8 @@ export class Viewer {
     this.theme = theme;
     const colours = THEMES[theme];
     this.page.dataset.theme = theme;
-    this.stage.scene.removeFromParent();
     const { scene } = this.stage;
-    scene.clear();
-    scene.background = new THREE.Color(colours.background);
-    if (this.run.planar) this.stage.drawGrid(colours);
-    else {
-      this.stage.drawGround(colours);
-      this.stage.light();
-    }
+    this.stage.furnish(colours);
     const palette = this.palette(colours);
     this.links = this.run.planar ? drawPlanar(this.mechanism, palette) : drawSpatial(this.mechanism, palette, { up: this.stage.up, ground: this.run.ground });
     this.putMeshes(palette);
@@ -135,21 +128,20 @@ export class Viewer {
   palette(colours) {
     const { planar, palette } = this.run;
     const isDark = this.theme === "dark";
-    const make = (colour, more = {}) =>
-      planar ? new THREE.MeshBasicMaterial({ color: colour, ...more }) : new THREE.MeshStandardMaterial({ color: colour, roughness: 0.55, metalness: 0.12, ...more });
+    const make = (colour) => (planar ? new THREE.MeshBasicMaterial({ color: colour }) : new THREE.MeshStandardMaterial({ color: colour, roughness: 0.55, metalness: 0.12 }));
     const mix = (colour, other, part) => new THREE.Color(colour).lerp(new THREE.Color(other), part);
     const link = (k) => {
       const own = new THREE.Color(k === 0 ? colours.frame : palette[(k - 1) % palette.length]);
       return {
         solid: make(isDark ? mix(own, "#ffffff", 0.15) : own), fill: make(isDark ? mix(own, colours.background, 0.15) : mix(own, "#ffffff", 0.3)),
-        pale: make(mix(own, colours.background, isDark ? 0.7 : 0.78)), edge: make(mix(own, isDark ? "#ffffff" : "#000000", isDark ? 0.35 : 0.45)),
+        pale: make(mix(own, colours.background, isDark ? 0.62 : 0.68)), edge: make(mix(own, isDark ? "#ffffff" : "#000000", isDark ? 0.35 : 0.45)),
         trace: isDark ? mix(own, "#ffffff", 0.3) : own,
       };
     };
     const links = this.run.links.map((_, k) => link(k));
     return {
       link: (k) => links[k], frame: make(colours.frame), edge: make(colours.edge), pivot: make(colours.pivot), barrel: make(colours.barrel), groundLine: make(colours.frame),
-      rod: make(colours.rod), joint: make(isDark ? "#aab3bd" : "#3a424b", { roughness: 0.4 }), hatching: new THREE.LineBasicMaterial({ color: colours.frame }),
+      rod: make(colours.rod), joint: make(isDark ? "#aab3bd" : "#3a424b"), hatching: new THREE.LineBasicMaterial({ color: colours.frame }),
     };
   }
 
@@ -226,12 +218,9 @@ export class Viewer {
     for (const [torque, unit] of [[false, "N"], [true, "N·m"]]) {
       const entries = this.run.arrows.filter((entry) => entry.torque === torque && entry.largest > 0 && this.shown.has(entry.kind));
       if (!entries.length) continue;
-      const kinds = entries.map((entry) => {
-        const item = element("span", `kind ${entry.kind}`, entry.label);
-        return item;
-      });
+      const labels = new Map(entries.map((entry) => [entry.label, entry.kind]));
       const row = element("div", "scale");
-      row.append(...kinds);
+      row.append(...[...labels].map(([label, kind]) => element("span", `kind ${kind}`, label)));
       if (torque && this.run.planar) row.append(element("span", "size", `¾ turn: ${withPrefix(this.arrows.largest(true), unit)}`));
       else {
         const perUnit = this.arrows.scale(torque) * this.stage.pixelsPerMetre;
@@ -258,10 +247,11 @@ export class Viewer {
     event.preventDefault();
   }
 
-  /** Other numbers for the same mechanism. */
-  replace(arrays) {
-    this.run.arrays = arrays;
-    for (const chart of this.charts) chart.choose(Number(chart.select.value));
-    this.show(Math.min(this.frame, arrays.time.values.length - 1));
+  /** Other numbers for the same mechanism, to the same scale. */
+  replace({ arrays, charts }) {
+    Object.assign(this.run, { arrays, charts });
+    for (const chart of this.charts) chart.refresh();
+    for (const item of this.arrows.layers) item.array = arrays[item.entry.values];
+    this.show(0);
   }
 }

@@ -9,11 +9,14 @@ export function render({ model, el }) {
   const host = element("div");
   host.style.height = `${model.get("height")}px`;
   el.append(host);
-  const read = () => withArrays(model.get("description"), model.get("block").buffer.slice(model.get("block").byteOffset, model.get("block").byteOffset + model.get("block").byteLength));
+  const read = () => {
+    const { buffer, byteOffset, byteLength } = model.get("block");
+    return withArrays(model.get("description"), buffer.slice(byteOffset, byteOffset + byteLength));
+  };
   const viewer = new Viewer(host, read());
   host.viewer = viewer;
   viewer.page.append(sliders(model));
-  model.on("change:block", () => viewer.replace(read().arrays));
+  model.on("change:block", () => viewer.replace(read()));
 }
 
 function sliders(model) {
