@@ -29,21 +29,29 @@ __all__ = [
     "plot",
     "sheet",
     "view",
+    "widget",
 ]
 __version__ = _version()
 
+_MODULES = ("lecture", "plot", "widget")
+_FUNCTIONS = {"sheet": "_sheet", "view": "_view"}
+"""What takes its time to load waits until somebody asks for it."""
+
 
 def __getattr__(name: str) -> Any:
-    if name in ("lecture", "plot"):  # matplotlib takes its time to load: only who plots waits for it
-        import importlib
+    from importlib import import_module
 
-        return importlib.import_module(f".{name}", __name__)
-    if name == "sheet":
-        from ._sheet import sheet
+    if name in _FUNCTIONS:
+        return getattr(import_module(f".{_FUNCTIONS[name]}", __name__), name)
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        return import_module(f".{name}", __name__)
+    except ModuleNotFoundError as error:
+        if error.name != "anywidget":
+            raise
+        raise UnavailableError("linkdyn.widget needs anywidget, which is not installed (pip install 'linkdyn[widget]')") from error
 
-        return sheet
-    if name == "view":
-        from ._view import view
 
-        return view
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -49,14 +49,6 @@ def test_planar_picture(browser, fourbar, fourbar_page):
     run = fourbar.inverse()
     # four joint forces and the arc of the drive; the loads of this example are moments
     assert page.state["arrows"] == "5" and page.state["frame"] == "425"
-    # the longest arrow is as long as its force, to the scale in the legend
-    picture = page.picture()[:330]
-    joint = page.value("(() => { const view = document.querySelector('#linkdyn-view').viewer;"
-                       " return [view.arrows.scale(false), view.stage.pixelsPerMetre]; })()")
-    rows, columns = np.nonzero(near(picture, COLOURS["reaction"]) & (np.arange(picture.shape[1]) > 400) & (np.arange(330)[:, None] > 45))
-    force = np.hypot(*run.reaction.sel(joint="J1", component=["Fx", "Fy"]).values[425])
-    seen = np.hypot(np.ptp(rows), np.ptp(columns))
-    assert seen > 0.9 * force * joint[0] * joint[1] > 40
     # what is switched off is gone
     press(page, "reaction")
     assert page.state["arrows"] == "1"
@@ -65,9 +57,25 @@ def test_planar_picture(browser, fourbar, fourbar_page):
     # the charts tell the numbers of the instant
     shown = page.value("[...root.querySelectorAll('.chart')].map(c => c.querySelector('.chip b').textContent)")
     assert float(shown[0]) == pytest.approx(run.driving_force.values[425, 0] / 1e3, rel=1e-3)
+    force = np.hypot(*run.reaction.sel(joint="J1", component=["Fx", "Fy"]).values[425])
     assert float(shown[1]) == pytest.approx(force / 1e3, rel=1e-3)
     assert page.value("[...root.querySelectorAll('.chart select')].map(s => s.selectedOptions[0].text)") == ["driving torque [kN·m]", "joint force [kN]"]
     assert not page.complaints
+
+
+def test_arrows_are_to_the_scale_of_the_legend(browser, fourbar, tmp_path):
+    run = fourbar.inverse()
+    run.reaction.loc[{"joint": ["J2", "J3", "J4"]}] = 0.0  # one arrow left
+    page = browser.open(linkdyn.view(run, tmp_path / "one.html", forces="reaction").file, "t=4.25")
+    assert page.state["arrows"] == "1"
+    seen = near(page.picture()[45:330], COLOURS["reaction"])
+    rows, columns = np.nonzero(seen)
+    width, text = page.value("(s => [s.querySelector('i').getBoundingClientRect().width, s.textContent])(root.querySelector('.size'))")
+    force = run.reaction.sel(joint="J1", component=["Fx", "Fy"]).values[425]
+    number, unit = text.split()
+    expected = np.abs(force) / (float(number) * {"N": 1.0, "kN": 1e3}[unit]) * width
+    assert max(expected) > 60
+    np.testing.assert_allclose([np.ptp(columns), np.ptp(rows)], expected, atol=9)  # half the width of a head
 
 
 def test_play_scrub_keys(browser, fourbar_page):
@@ -154,9 +162,10 @@ def test_failed_samples(browser, crossing, tmp_path):
 
 def test_mesh(browser, tsai_file, tmp_path):
     corners = [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]]
-    faces = [[corners[i] for i in face] for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
-    lines = "".join(f"facet normal 0 0 0\nouter loop\n{''.join('vertex %g %g %g\n' % tuple(p) for p in face)}endloop\nendfacet\n" for face in faces)
-    (tmp_path / "part.stl").write_text(f"solid part\n{lines}endsolid part\n")
+    lines = []
+    for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)):
+        lines += ["facet normal 0 0 0", "outer loop", *("vertex {} {} {}".format(*corners[i]) for i in face), "endloop", "endfacet"]
+    (tmp_path / "part.stl").write_text("\n".join(["solid part", *lines, "endsolid part", ""]))
     scene = linkdyn.load(tsai_file)
     page = browser.open(linkdyn.view(scene, tmp_path / "m.html", meshes={"platform": tmp_path / "part.stl"}, mesh_unit=2).file)
     view = "document.querySelector('#linkdyn-view').viewer"
