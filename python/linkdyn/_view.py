@@ -13,7 +13,6 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 import xarray as xr
@@ -44,6 +43,7 @@ PAGE = """<!DOCTYPE html>
 </body>
 </html>
 """
+VIEWER = Path(__file__).parent / "_viewer"
 HEIGHT = 640
 """Of a view in a notebook [px]."""
 
@@ -154,7 +154,7 @@ def view(
 
 def bundle() -> str:
     """The viewer's code, as the build made it of viewer/."""
-    path = files("linkdyn").joinpath("_viewer", "viewer.js")
+    path = VIEWER / "viewer.js"
     if not path.is_file():
         raise UnavailableError(
             "view: this linkdyn was built without the viewer: node or the network were missing then "

@@ -60,19 +60,13 @@ def _refuse(message: str) -> int:
 
 
 def _write(options: argparse.Namespace, source: Path, page: Path) -> int:
-    import xarray as xr
-
     from ._view import run_of, view
-    from .errors import FileError
+    from .results import read
     from .scene import Scene
 
     scene = Scene(Path(options.scene)) if options.scene else None
     if source.suffix == ".nc":
-        try:
-            with xr.open_dataset(source, engine="netcdf4") as file:
-                run = file.load()
-        except (OSError, ValueError) as error:
-            raise FileError(f"{source}: no results of a run can be read from it ({getattr(error, 'strerror', None) or error})") from error
+        run = read(source)
     else:
         scene = Scene(source)
         run = run_of(scene)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ._forces import Forces, find_forces
 from ._postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of
 from ._style import COLOURS, readable
+from ._units import units_of
 from .errors import FileError, InputError
 from .scene import Scene
 
@@ -29,8 +30,6 @@ FEW = 12
 """Joints whose names do not hide the picture."""
 CLEAR = 8
 """Joints whose ways may all be drawn."""
-BASE_UNIT = {"N": "m", "N m": "rad"}
-"""Of the joint variable that an actuator of this unit drives."""
 TITLES = {"q": "coordinates", "qd": "rates of the coordinates", "qdd": "accelerations of the coordinates"}
 ENERGIES = ("kinetic_energy", "potential_energy", "work")
 Values = NDArray[np.float64]
@@ -276,7 +275,7 @@ def _charts(run: xr.Dataset, block: Block) -> list[dict[str, Any]]:
         elif variable.ndim == 1:
             add(str(name), title, [title], variable.values[:, np.newaxis], variable.attrs.get("units", "1"))
         elif variable.ndim == 2:
-            units = _units_of(variable)
+            units = units_of(variable)
             for unit in dict.fromkeys(units):
                 title = "driving torque" if (name, unit) == ("driving_force", "N m") else title
                 columns = [k for k, other in enumerate(units) if other == unit]
@@ -286,17 +285,6 @@ def _charts(run: xr.Dataset, block: Block) -> list[dict[str, Any]]:
         values = np.stack([run[name].values for name in energies], axis=-1)
         add("kinetic_energy", "energies", [name.replace("_", " ") for name in energies], values, "J")
     return sorted(charts, key=lambda chart: _rank(chart["result"]))
-
-
-def _units_of(variable: xr.DataArray) -> list[str]:
-    """Of each column: "m/s, rad/s" are those of m and rad."""
-    dimension = variable.dims[1]
-    n, units = variable.sizes[dimension], str(variable.attrs.get("units", "1")).split(", ")
-    if len(units) == 1 or f"{dimension}_unit" not in variable.coords:
-        return [", ".join(units)] * n
-    found = {unit.split("/")[0]: unit for unit in units}
-    own = [str(unit) for unit in variable.coords[f"{dimension}_unit"].values]
-    return [found.get(unit) or found[BASE_UNIT[unit]] for unit in own]
 
 
 def _rank(result: str) -> int:

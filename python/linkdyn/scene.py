@@ -6,6 +6,7 @@ import math
 import os
 import tomllib
 import weakref
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
+from ._accessor import table
 from ._arguments import as_count, as_mapping, as_number, as_path, as_real, as_word, as_words
 from ._changes import changed
 from ._progress import Progress
@@ -130,6 +132,20 @@ class Scene:
         return (
             f"<linkdyn.Scene {self.title!r}: {len(self.links)} links, {len(self.joints)} joints, "
             f"{len(self.coordinates)} coordinates, {len(self.actuators)} actuators>"
+        )
+
+    def _repr_html_(self) -> str:
+        kinds = Counter(joint["type"] for joint in self.description["joints"])
+        return table(
+            {
+                "title": self.title,
+                "space": "planar" if self.planar else "spatial",
+                "links": f"{len(self.links)} moving, {sum(link['mass'] for link in self.description['links']):.4g} kg",
+                "joints": ", ".join(f"{n} {kind}" for kind, n in kinds.items()),
+                "coordinates": ", ".join(self.coordinates),
+                "actuators": ", ".join(self.actuators),
+                "loads": ", ".join(self.loads),
+            }
         )
 
     def with_(self, changes: Mapping[str, Any]) -> Scene:

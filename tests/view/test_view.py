@@ -68,7 +68,7 @@ def test_arrows_are_to_the_scale_of_the_legend(browser, fourbar, tmp_path):
     run.reaction.loc[{"joint": ["J2", "J3", "J4"]}] = 0.0  # one arrow left
     page = browser.open(linkdyn.view(run, tmp_path / "one.html", forces="reaction").file, "t=4.25")
     assert page.state["arrows"] == "1"
-    seen = near(page.picture()[45:330], COLOURS["reaction"])
+    seen = near(page.picture()[45:330, 300:], COLOURS["reaction"])  # beside the legend
     rows, columns = np.nonzero(seen)
     width, text = page.value("(s => [s.querySelector('i').getBoundingClientRect().width, s.textContent])(root.querySelector('.size'))")
     force = run.reaction.sel(joint="J1", component=["Fx", "Fy"]).values[425]
@@ -227,7 +227,7 @@ def test_refused(fourbar, options, words, tmp_path, monkeypatch):
 
 
 def test_without_the_viewer(fourbar, monkeypatch, tmp_path):
-    monkeypatch.setattr(_view, "files", lambda _: tmp_path)
+    monkeypatch.setattr(_view, "VIEWER", tmp_path)
     with pytest.raises(linkdyn.UnavailableError, match="built without the viewer"):
         linkdyn.view(fourbar)
 

@@ -49,6 +49,7 @@ export class Viewer {
     const times = Array.from(run.arrays.time.values);
     this.player = new Player(times, run.timed, (frame) => this.show(frame));
     if (times.length > 1) this.page.append(this.player.element);
+    else this.page.classList.add("single"); // the numbers of its results, and no curves
     if (run.charts.length) this.page.append(charts);
     const sheet = element("style", "", style);
     this.root.replaceChildren(sheet, this.page);

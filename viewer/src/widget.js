@@ -25,15 +25,15 @@ function sliders(model) {
     const value = element("output");
     const input = Object.assign(element("input"), { type: "range", min: low, max: high, step: (high - low) / 1000, value: model.get("q")[i] });
     input.setAttribute("aria-label", name);
-    const tell = () => (value.textContent = `${plain(Number(input.value) * factor)} ${unit}`);
+    const tell = (number) => (value.textContent = `${plain(number * factor)} ${unit}`);
     input.oninput = () => {
       const q = [...model.get("q")];
       q[i] = Number(input.value);
       model.set("q", q);
       model.save_changes();
-      tell();
+      tell(q[i]);
     };
-    tell();
+    tell(model.get("q")[i]); // a slider goes by steps
     panel.append(element("span", "", name), input, value);
   });
   return panel;
