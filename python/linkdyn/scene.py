@@ -21,8 +21,9 @@ from . import _bind
 from ._accessor import table
 from ._arguments import as_count, as_mapping, as_number, as_path, as_real, as_word, as_words
 from ._changes import changed
+from ._keys import told_by_keys
 from ._progress import Progress
-from .errors import InputError, Interrupted
+from .errors import InputError, Interrupted, SceneError
 from .results import ensemble_dataset, result_shapes, to_dataset
 from .study import run_study
 from .sweep import run_sweep
@@ -113,7 +114,10 @@ class Scene:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
         self._folder = as_path("folder", folder if folder is not None else beside)
-        handle = _bind.open_scene(data, name, self._folder)
+        try:
+            handle = _bind.open_scene(data, name, self._folder)
+        except SceneError as error:
+            raise (SceneError(told_by_keys(str(error), self.text)) if isinstance(source, Mapping) else error) from None
         self._folder = os.path.abspath(self._folder)  # the working folder may change before the tables are read again
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
@@ -156,7 +160,7 @@ class Scene:
         changes
             Path in the scene file to new value. Tables of a list go by their name, coordinates and actuators by their
             joint (or link), loads by their marker: "link.crank.mass", "actuator.J1.law.value", "spring.S1.rest",
-            "coordinate.J1.start", "time.end". ``None`` takes a key or table out; a table puts or replaces one:
+            "coordinate.J1.start", "time.end"; "link.crank.cog[0]" is the first of a list: as in sweeps. ``None`` takes a key or table out; a table puts or replaces one:
             ``{"actuator.J1.law": {"type": "constant", "value": 3.0}}``.
 
         Raises
