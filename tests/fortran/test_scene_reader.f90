@@ -291,7 +291,7 @@ contains
         call read_bad(error, planar//"[study]", "unknown key 'study'")
         call read_bad(error, planar//"title = [", "this is not TOML")
         call read_bad(error, "", "the scene is empty")
-        call read_bad(error, replaced(planar, '"1.5 kg"', '"1'//'\n'//'5 kg"'), "'1?5 kg'")
+        call read_bad(error, replaced(planar, '"1.5 kg"', '"1'//'\n'//'5 kg"'), "'1"//new_line("a")//"5 kg'")
     end subroutine test_refusals
 
     subroutine test_files(error)
