@@ -18,6 +18,8 @@ from pathlib import Path
 PARTS = ("three", "uplot")
 SECONDS = 300
 """For the network to answer."""
+RETRIES = ("--fetch-retries=1", "--fetch-retry-mintimeout=2000")
+"""A machine without a network is not kept waiting."""
 
 
 def npm() -> tuple[list[str], dict[str, str]]:
@@ -42,7 +44,7 @@ def fetch(source: Path, folder: Path) -> None:
     for name in ("package.json", "package-lock.json"):
         shutil.copyfile(source / name, folder / name)
     try:
-        done = subprocess.run([*command, "ci", "--ignore-scripts", "--no-audit", "--no-fund", "--loglevel=error"],
+        done = subprocess.run([*command, "ci", "--ignore-scripts", "--no-audit", "--no-fund", *RETRIES, "--loglevel=error"],
                               cwd=folder, env=environment, capture_output=True, text=True, timeout=SECONDS, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         sys.exit(f"npm: {error}")

@@ -133,6 +133,8 @@ def view(
         raise InputError(f"view: file '{path.name}': expected a name that ends in .html")
     code = bundle()
     scene, run = (source, run_of(source)) if isinstance(source, Scene) else (scene, source)
+    if "sample" not in run.dims or "q" not in run or not run.sizes["sample"]:
+        raise InputError("view: these are no samples of a mechanism's motion (expected results of inverse or forward)")
     mechanism = scene_of(run, "view") if scene is None else scene
     description, block = describe(
         run,

@@ -6,6 +6,12 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .scene import Scene
 
 __all__ = ["view_command"]
 
@@ -67,6 +73,7 @@ def _write(options: argparse.Namespace, source: Path, page: Path) -> int:
     scene = Scene(Path(options.scene)) if options.scene else None
     if source.suffix == ".nc":
         run = read(source)
+        scene = scene or _kept_scene(run, source)
     else:
         scene = Scene(source)
         run = run_of(scene)
@@ -75,6 +82,19 @@ def _write(options: argparse.Namespace, source: Path, page: Path) -> int:
     if not options.quiet:
         print(f"  view             {page}{'' if opened else '   (open it in a browser)'}")
     return SOME_FAILED if (run.status.values != 0).any() else 0
+
+
+def _kept_scene(run: xr.Dataset, source: Path) -> Scene:
+    """The scene in the results; its tables are looked up beside them."""
+    from .errors import InputError, SceneError
+    from .scene import Scene
+
+    if "scene" not in run.attrs:
+        raise InputError(f"{source}: holds no scene (expected results of inverse or forward, or --scene)")
+    try:
+        return Scene(run.attrs["scene"], folder=source.parent)
+    except SceneError as error:
+        raise InputError(f"{source}: its scene cannot be read, name it by --scene ({error})") from error
 
 
 def _words(text: str | None) -> tuple[str, ...] | None:

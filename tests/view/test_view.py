@@ -12,6 +12,7 @@ import pytest
 
 import linkdyn
 from linkdyn import _view
+from linkdyn._view_command import view_command
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
@@ -226,6 +227,35 @@ def test_refused(fourbar, options, words, tmp_path, monkeypatch):
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("what", ["sweep", "one sample", "no sample"])
+def test_what_is_no_run(what, fourbar):
+    run = fourbar.inverse()
+    if what == "sweep":
+        run = fourbar.sweep({"reduce": ["driving_force"], "axis": [{"coordinate": "J1", "linspace": [0, 1, 3]}]})
+    with pytest.raises(linkdyn.InputError, match="expected results of inverse or forward"):
+        linkdyn.view({"sweep": run, "one sample": run.isel(sample=0, missing_dims="ignore"), "no sample": run.isel(sample=[], missing_dims="ignore")}[what])
+
+
+def test_no_sample_that_can_be_shown(crossing):
+    run = linkdyn.Scene(crossing).inverse()
+    with pytest.raises(linkdyn.InputError, match="could be assembled"):
+        linkdyn.view(run.isel(sample=[2]))
+
+
+def test_a_build_without_node_says_so(tmp_path):
+    """`-I -S`: without pip's node; an empty path: without the system's."""
+    done = subprocess.run([sys.executable, "-I", "-S", ROOT / "tools" / "bundle_viewer.py", "fetch", ROOT / "viewer", tmp_path],
+                          capture_output=True, text=True, env={"PATH": ""})
+    assert done.returncode != 0 and "there is no node" in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_nothing_foreign_in_the_sources():
+    lock = (ROOT / "viewer" / "package-lock.json").read_text()
+    assert '"integrity"' in lock and '"resolved"' not in lock  # from whatever registry npm is set to
+    listed = re.findall(r"'src/([\w.]+)'", (ROOT / "viewer" / "meson.build").read_text())
+    assert sorted(listed) == sorted(path.name for path in (ROOT / "viewer" / "src").iterdir())
+
+
 def test_without_the_viewer(fourbar, monkeypatch, tmp_path):
     monkeypatch.setattr(_view, "VIEWER", tmp_path)
     with pytest.raises(linkdyn.UnavailableError, match="built without the viewer"):
@@ -254,6 +284,17 @@ def test_command(tmp_path):
     assert '"shown":["traces","names"]' in (tmp_path / "page.html").read_text()
 
 
+def test_command_with_a_scene_that_reads_tables(tmp_path, monkeypatch, capsys):
+    folder = EXAMPLES / "stewart_drilling"
+    linkdyn.load(folder / "scene.toml").inverse(want="driving_force").to_netcdf(tmp_path / "run.nc")
+    monkeypatch.chdir(tmp_path)
+    assert view_command(["run.nc", "--no-open"]) == 2
+    told = capsys.readouterr().err
+    assert "--scene" in told and told.count("\n") == 1
+    assert view_command(["run.nc", "--no-open", "--scene", str(folder / "scene.toml")]) == 0
+    assert Path("run.html").stat().st_size < 2e6
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -265,11 +306,16 @@ def test_command(tmp_path):
         (["broken.nc"], "broken.nc"),
     ],
 )
-def test_command_refuses(arguments, words, tmp_path):
-    (tmp_path / "broken.toml").write_text("title = \n")
-    (tmp_path / "broken.nc").write_text("no netCDF")
-    done = run("view", *arguments, "--no-open", cwd=tmp_path)
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and words in done.stderr, done.stderr
+def test_command_refuses(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("broken.toml").write_text("title = \n")
+    Path("broken.nc").write_text("no netCDF")
+    try:
+        status = view_command([*arguments, "--no-open"])
+    except SystemExit as end:  # of the reader of options
+        status = end.code
+    told = capsys.readouterr().err
+    assert status == 2 and told.count("\n") == 1 and words in told, told
     assert not list(tmp_path.glob("*.html"))
 
 
