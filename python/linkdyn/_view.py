@@ -44,6 +44,7 @@ PAGE = """<!DOCTYPE html>
 </html>
 """
 VIEWER = Path(__file__).parent / "_viewer"
+MESH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 HEIGHT = 640
 """Of a view in a notebook [px]."""
 
@@ -110,7 +111,8 @@ def view(
         Markers ("coupler.tool") whose ways are drawn; default: those that hold no joint, of a small planar
         mechanism the joints too.
     meshes
-        Link to STL file that shows its body, in the link's axes, in place of what is drawn for it.
+        Link to STL file that shows its body, in the link's axes, in place of what is drawn for it; beside those that the
+        scene names (``mesh``).
     mesh_unit
         Unit of the coordinates in these files [m]: 1e-3 for millimetres.
 
@@ -142,8 +144,7 @@ def view(
         kinds=force_kinds("view", "all" if forces is None and "driving_force" not in run else forces, mechanism.planar),
         plots=plots,
         traces=traces,
-        meshes=meshes,
-        mesh_unit=mesh_unit,
+        meshes=meshes_of(mechanism) | {link: (part, mesh_unit) for link, part in (meshes or {}).items()},
     )
     page = View(_page(code, description, block), mechanism.title or "linkdyn", path)
     if path is not None:
@@ -172,6 +173,15 @@ def run_of(scene: Scene) -> xr.Dataset:
     drives = any("law" in entry for entry in content.get("actuator", []))
     is_inverse = len(scene.actuators) == len(scene.coordinates) and (moves or not drives)
     return scene.inverse() if is_inverse else scene.forward()
+
+
+def meshes_of(scene: Scene) -> dict[str, tuple[str, float]]:
+    """Link to STL file and the unit of its coordinates [m], as the scene names them."""
+    return {
+        link["name"]: (os.path.join(scene.folder, link["mesh"]), MESH_UNITS[link.get("mesh_unit", "m")])
+        for link in tomllib.loads(scene.text).get("link", [])
+        if "mesh" in link
+    }
 
 
 def has_browser() -> bool:

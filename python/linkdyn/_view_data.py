@@ -73,8 +73,7 @@ def describe(
     kinds: Iterable[str],
     plots: tuple[str, ...] | None = None,
     traces: tuple[str, ...] | None = None,
-    meshes: Mapping[str, Any] | None = None,
-    mesh_unit: float = 1.0,
+    meshes: Mapping[str, tuple[str, float]] | None = None,
 ) -> tuple[dict[str, Any], bytes]:
     """The description and the block of a run.
 
@@ -91,9 +90,7 @@ def describe(
     traces
         Markers ("coupler.tool"); default: those that move and hold no joint, of a small planar mechanism the joints too.
     meshes
-        Link to STL file, in the link's axes.
-    mesh_unit
-        Of their coordinates [m].
+        Link to STL file, in the link's axes, and the unit of its coordinates [m].
     """
     kept = np.unique(np.round(np.linspace(0, run.sizes["sample"] - 1, min(MOST_FRAMES, run.sizes["sample"]))).astype(int))
     frames = run.isel(sample=kept)
@@ -131,7 +128,7 @@ def describe(
         "joints": [_joint(joint, postures, held) for joint in scene.description["joints"]],
         "arrows": [_arrows(scene, item, k, kept, block) for k, item in enumerate(find_forces(run, postures))],
         "traces": [_trace(scene, link, marker) for link, marker in _traced(scene, postures, held, extent, traces)],
-        "meshes": [_mesh(scene, link, file, mesh_unit, block) for link, file in (meshes or {}).items()],
+        "meshes": [_mesh(scene, link, file, unit, block) for link, (file, unit) in (meshes or {}).items()],
         "names": _names(scene, postures, held[0], extent),
         "charts": charts,
         "plots": _chosen(charts, plots),
@@ -216,7 +213,7 @@ def _traced(
     return found
 
 
-def _mesh(scene: Scene, link: str, file: Any, unit: float, block: Block) -> dict[str, Any]:
+def _mesh(scene: Scene, link: str, file: str, unit: float, block: Block) -> dict[str, Any]:
     names = [entry["name"] for entry in scene.description["links"]]
     if link not in names:
         raise InputError(f"view: meshes: there is no link {link!r} (expected one of {', '.join(map(repr, names))})")

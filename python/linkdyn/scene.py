@@ -104,6 +104,8 @@ class Scene:
         Names; ``links`` are the moving ones.
     text : str
         The scene file.
+    folder : str
+        Where its tables are looked up.
     description : dict
         All of the above with units, markers and mass properties.
     """
@@ -113,12 +115,12 @@ class Scene:
     ) -> None:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        self._folder = as_path("folder", folder if folder is not None else beside)
+        self.folder = as_path("folder", folder if folder is not None else beside)
         try:
-            handle = _bind.open_scene(data, name, self._folder)
+            handle = _bind.open_scene(data, name, self.folder)
         except SceneError as error:
             raise (SceneError(told_by_keys(str(error), self.text)) if isinstance(source, Mapping) else error) from None
-        self._folder = os.path.abspath(self._folder)  # the working folder may change before the tables are read again
+        self.folder = os.path.abspath(self.folder)  # the working folder may change before the tables are read again
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
@@ -175,7 +177,7 @@ class Scene:
         >>> scene = linkdyn.load("examples/fourbar/scene.toml")
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
-        return Scene(changed(tomllib.loads(self.text), as_mapping("changes", changes)), folder=self._folder)
+        return Scene(changed(tomllib.loads(self.text), as_mapping("changes", changes)), folder=self.folder)
 
     def explain(self, matrix: bool = False) -> str:
         """What is modelled, how it is computed, what is left out.
@@ -506,7 +508,7 @@ class Scene:
         LinkdynError
             Neither inverse nor forward dynamics of the scene can be computed.
         """
-        return run_study(self.text, self._folder, None if t_end is None else as_number("t_end", t_end))
+        return run_study(self.text, self.folder, None if t_end is None else as_number("t_end", t_end))
 
     def sweep(
         self,
@@ -548,10 +550,10 @@ class Scene:
         """
         if sweep is not None:
             content = tomllib.loads(self.text) | {"sweep": as_mapping("sweep", sweep)}
-            return Scene(content, folder=self._folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
+            return Scene(content, folder=self.folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
         return run_sweep(
             self._handle,
-            self._folder,
+            self.folder,
             self.description,
             self.text,
             keep=as_words("keep", keep),

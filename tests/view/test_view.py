@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +170,10 @@ def test_mesh(browser, tsai_file, tmp_path):
     (tmp_path / "part.stl").write_text("\n".join(["solid part", *lines, "endsolid part", ""]))
     scene = linkdyn.load(tsai_file)
     page = browser.open(linkdyn.view(scene, tmp_path / "m.html", meshes={"platform": tmp_path / "part.stl"}, mesh_unit=2).file)
+    named = tomllib.loads(scene.text)
+    named["link"][0] |= {"mesh": "part.stl", "mesh_unit": "in"}
+    named = linkdyn.Scene(named, folder=tmp_path)
+    assert _view.meshes_of(named) == {"platform": (str(tmp_path / "part.stl"), 0.0254)} and '"scale":0.0254' in linkdyn.view(named).html
     view = "document.querySelector('#linkdyn-view').viewer"
     k = 1 + scene.links.index("platform")
     assert page.value(f"{view}.links[{k}].children.map(m => m.geometry.attributes.position.count)") == [12]
@@ -225,6 +230,13 @@ def test_refused(fourbar, options, words, tmp_path, monkeypatch):
     with pytest.raises(linkdyn.LinkdynError) as caught:
         linkdyn.view(fourbar, **options)
     assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("keys", "words"), [({"mesh": 3}, "'mesh' = 3"), ({"mesh": "a.stl", "mesh_unit": "km"}, "'km'"), ({"mesh_unit": "mm"}, "missing key 'mesh'")])
+def test_mesh_keys_refused(keys, words, tsai):
+    tsai["link"][0] |= keys
+    with pytest.raises(linkdyn.SceneError, match=words):
+        linkdyn.Scene(tsai)
 
 
 @pytest.mark.parametrize("what", ["sweep", "one sample", "no sample"])

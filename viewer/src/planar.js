@@ -47,7 +47,7 @@ function drawLink(group, mechanism, k, palette, unit, layer) {
     const [from, to] = isBarrel ? [telescope.from, telescope.barrelTo] : [telescope.rodFrom, telescope.to];
     const width = (isBarrel ? 1.5 : 0.75) * unit;
     const fill = isBarrel ? palette.barrel : palette.rod;
-    edged(group, (half) => bar(from, to, half), width, edge, fill, palette.edge, front + (isBarrel ? layer : 0), 0.5 * layer);
+    edged(group, (half) => bar(from, to, half, width), width, edge, fill, palette.edge, front + (isBarrel ? layer : 0), 0.5 * layer);
   }
   for (const rail of mechanism.rails) drawSlide(group, mechanism, rail, k, colours, palette, unit, layer);
   for (const joint of mechanism.joints) {
@@ -73,14 +73,17 @@ function drawSlide(group, mechanism, joint, k, colours, palette, unit, layer) {
     const held = mechanism.corners(k).map((corner) => corner.clone().sub(second.at).dot(second.axis)); // the block holds them all
     const [from, to] = [Math.min(-2.6 * unit, ...held.map((a) => a - 1.5 * unit)), Math.max(2.6 * unit, ...held.map((a) => a + 1.5 * unit))];
     const end = (a) => second.at.clone().addScaledVector(second.axis, a);
-    edged(group, (half) => bar(end(from), end(to), half), 1.5 * unit, EDGE * unit, k === 0 ? palette.barrel : colours.fill, palette.edge, 2 * k * layer + 0.4 * layer, 0.2 * layer);
+    edged(group, (half) => bar(end(from), end(to), half, 1.5 * unit), 1.5 * unit, EDGE * unit, k === 0 ? palette.barrel : colours.fill, palette.edge, 2 * k * layer + 0.4 * layer, 0.2 * layer);
   }
 }
 
-/** A straight bar without round ends. */
-function bar(from, to, half) {
-  const along = to.clone().sub(from).normalize().multiplyScalar(Math.min(half, 0)), side = vector([from.y - to.y, to.x - from.x, 0]).normalize().multiplyScalar(half);
-  const corners = [from.clone().sub(along).add(side), from.clone().sub(along).sub(side), to.clone().add(along).sub(side), to.clone().add(along).add(side)];
+/** A straight bar without round ends, longer at both by as much as it is wider than `width`. */
+function bar(from, to, half, width = half) {
+  const along = to.clone().sub(from).normalize();
+  const side = vector([-along.y, along.x, 0]).multiplyScalar(half);
+  along.multiplyScalar(half - width);
+  const [first, last] = [from.clone().sub(along), to.clone().add(along)];
+  const corners = [first.clone().add(side), first.clone().sub(side), last.clone().sub(side), last.clone().add(side)];
   return new THREE.Shape(corners.map(({ x, y }) => new THREE.Vector2(x, y)));
 }
 
