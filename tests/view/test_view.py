@@ -17,6 +17,8 @@ from linkdyn._view_command import view_command
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples"
+VIEW = "document.querySelector('#linkdyn-view').viewer"
+FRAME = "Number(document.querySelector('#linkdyn-view').dataset.frame)"
 COLOURS = {"reaction": (0xB2, 0x18, 0x2B), "load": (0x1B, 0x78, 0x37), "driving": (0x5E, 0x2C, 0x91)}
 
 
@@ -61,7 +63,8 @@ def test_planar_picture(browser, fourbar, fourbar_page):
     assert float(shown[0]) == pytest.approx(run.driving_force.values[425, 0] / 1e3, rel=1e-3)
     force = np.hypot(*run.reaction.sel(joint="J1", component=["Fx", "Fy"]).values[425])
     assert float(shown[1]) == pytest.approx(force / 1e3, rel=1e-3)
-    assert page.value("[...root.querySelectorAll('.chart select')].map(s => s.selectedOptions[0].text)") == ["driving torque [kN·m]", "joint force [kN]"]
+    titles = page.value("[...root.querySelectorAll('.chart select')].map(s => s.selectedOptions[0].text)")
+    assert titles == ["driving torque [kN·m]", "joint force [kN]"]
     assert not page.complaints
 
 
@@ -88,12 +91,13 @@ def test_play_scrub_keys(browser, fourbar_page):
     assert page.state["frame"] == "1"
     page.value("(s => { s.value = 300; s.dispatchEvent(new Event('input')); })(root.querySelector('.player input'))")
     assert page.state["frame"] == "300" and page.value("root.querySelector('output').textContent") == "3.000 s"
-    box = page.value("(r => [r.left + r.width * 0.75, r.top + r.height / 2])(root.querySelector('.u-over').getBoundingClientRect())")
+    middle = "(r => [r.left + r.width * 0.75, r.top + r.height / 2])"
+    box = page.value(f"{middle}(root.querySelector('.u-over').getBoundingClientRect())")
     page.call("Input.dispatchMouseEvent", type="mousePressed", x=box[0], y=box[1], button="left", clickCount=1, buttons=1)
     page.call("Input.dispatchMouseEvent", type="mouseReleased", x=box[0], y=box[1], button="left", clickCount=1)
     assert abs(int(page.state["frame"]) - 450) < 4
     page.value("root.querySelector('.play').click()")
-    page.wait("Number(document.querySelector('#linkdyn-view').dataset.frame) > 460 || Number(document.querySelector('#linkdyn-view').dataset.frame) < 300")
+    page.wait(f"{FRAME} > 460 || {FRAME} < 300")
     assert not page.complaints
 
 
@@ -116,9 +120,9 @@ def test_hexapod(browser, tmp_path):
     page = browser.open(shown.file, "t=9")
     load = np.linalg.norm(scene.load_values(np.array([9.0]))[0, :, :3], axis=-1)
     assert int(page.state["arrows"]) == 6 + np.count_nonzero(load > 100)
-    assert page.value("document.querySelector('#linkdyn-view').viewer.mechanism.telescopes.length") == 6
-    plates = "document.querySelector('#linkdyn-view').viewer.links.slice(0, 2).map(l => l.children.filter(m => m.geometry.type === 'ExtrudeGeometry').length)"
-    assert page.value(plates) == [1, 1]
+    assert page.value(f"{VIEW}.mechanism.telescopes.length") == 6
+    plates = "link => link.children.filter(mesh => mesh.geometry.type === 'ExtrudeGeometry').length"
+    assert page.value(f"{VIEW}.links.slice(0, 2).map({plates})") == [1, 1]
     press(page, "reaction")
     assert int(page.state["arrows"]) > 18
     # turned by the pointer, another picture
@@ -134,19 +138,18 @@ def test_excavator(browser, excavator, tmp_path):
     run = excavator.inverse()
     file = linkdyn.view(run, tmp_path / "arm.html", traces=("bucket.tip",), plots="joint_variable").file
     page = browser.open(file, "t=3")
-    view = "document.querySelector('#linkdyn-view').viewer"
-    assert page.value(f"{view}.mechanism.telescopes.map(t => t.joint.name)") == ["lift", "crowd", "curl"]
-    assert page.value(f"{view}.traces.children.length") == 1
+    assert page.value(f"{VIEW}.mechanism.telescopes.map(t => t.joint.name)") == ["lift", "crowd", "curl"]
+    assert page.value(f"{VIEW}.traces.children.length") == 1
     assert near(page.picture()[45:400], COLOURS["driving"]).sum() > 100
     # the rod reaches into its barrel at every sample, and never through its foot
-    inside = page.value(f"""{view}.mechanism.telescopes.map(t => {view}.player.times.map((_, i) => {{
-        const first = {view}.poseOf(t.joint.links[0], i), second = {view}.poseOf(t.joint.links[1], i);
+    inside = page.value(f"""{VIEW}.mechanism.telescopes.map(t => {VIEW}.player.times.map((_, i) => {{
+        const first = {VIEW}.poseOf(t.joint.links[0], i), second = {VIEW}.poseOf(t.joint.links[1], i);
         const foot = t.from.clone().applyMatrix4(first), mouth = t.barrelTo.clone().applyMatrix4(first), end = t.rodFrom.clone().applyMatrix4(second);
         return end.distanceTo(foot) < mouth.distanceTo(foot) && end.distanceTo(mouth) < 1.001 * mouth.distanceTo(foot); }}).every(Boolean))""")
     assert inside == [True, True, True]
     # what the page has of the poses is where the links are
-    at = page.value(f"{view}.placeOf([{excavator.description['links'].index(next(k for k in excavator.description['links'] if k['name'] == 'bucket'))}, 1.3, 0, 0]).toArray()")
     bucket = excavator.links.index("bucket")
+    at = page.value(f"{VIEW}.placeOf([{bucket + 1}, 1.3, 0, 0]).toArray()")
     poses = excavator.poses()
     np.testing.assert_allclose(at, (poses.position + 1.3 * poses.rotation[..., 0])[60, bucket], atol=1e-3)
     assert not page.complaints
@@ -157,7 +160,7 @@ def test_failed_samples(browser, crossing, tmp_path):
     page = browser.open(linkdyn.view(run, tmp_path / "gap.html").file, "t=2")
     assert page.state["arrows"] == "0"
     assert page.value("root.querySelector('.notice').textContent") == "not computed here: unreachable"
-    page.value("document.querySelector('#linkdyn-view').viewer.player.seek(3)")
+    page.value(f"{VIEW}.player.seek(3)")
     assert page.state["arrows"] == "6" and page.value("root.querySelector('.notice').textContent") == ""
     assert not page.complaints
 
@@ -174,10 +177,10 @@ def test_mesh(browser, tsai_file, tmp_path):
     named["link"][0] |= {"mesh": "part.stl", "mesh_unit": "in"}
     named = linkdyn.Scene(named, folder=tmp_path)
     assert _view.meshes_of(named) == {"platform": (str(tmp_path / "part.stl"), 0.0254)} and '"scale":0.0254' in linkdyn.view(named).html
-    view = "document.querySelector('#linkdyn-view').viewer"
     k = 1 + scene.links.index("platform")
-    assert page.value(f"{view}.links[{k}].children.map(m => m.geometry.attributes.position.count)") == [12]
-    assert page.value(f"(g => {{ g.computeBoundingBox(); return g.boundingBox.max.x; }})({view}.links[{k}].children[0].geometry)") == pytest.approx(0.4)
+    assert page.value(f"{VIEW}.links[{k}].children.map(m => m.geometry.attributes.position.count)") == [12]
+    widest = "(geometry => { geometry.computeBoundingBox(); return geometry.boundingBox.max.x; })"
+    assert page.value(f"{widest}({VIEW}.links[{k}].children[0].geometry)") == pytest.approx(0.4)
     assert not page.complaints
 
 
@@ -232,7 +235,10 @@ def test_refused(fourbar, options, words, tmp_path, monkeypatch):
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(("keys", "words"), [({"mesh": 3}, "'mesh' = 3"), ({"mesh": "a.stl", "mesh_unit": "km"}, "'km'"), ({"mesh_unit": "mm"}, "missing key 'mesh'")])
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [({"mesh": 3}, "'mesh'"), ({"mesh": "a.stl", "mesh_unit": "km"}, "'km'"), ({"mesh_unit": "mm"}, "missing key 'mesh'")],
+)
 def test_mesh_keys_refused(keys, words, tsai):
     tsai["link"][0] |= keys
     with pytest.raises(linkdyn.SceneError, match=words):
@@ -244,8 +250,10 @@ def test_what_is_no_run(what, fourbar):
     run = fourbar.inverse()
     if what == "sweep":
         run = fourbar.sweep({"reduce": ["driving_force"], "axis": [{"coordinate": "J1", "linspace": [0, 1, 3]}]})
+    else:
+        run = run.isel(sample=0 if what == "one sample" else [])
     with pytest.raises(linkdyn.InputError, match="expected results of inverse or forward"):
-        linkdyn.view({"sweep": run, "one sample": run.isel(sample=0, missing_dims="ignore"), "no sample": run.isel(sample=[], missing_dims="ignore")}[what])
+        linkdyn.view(run)
 
 
 def test_no_sample_that_can_be_shown(crossing):

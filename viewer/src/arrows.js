@@ -23,7 +23,8 @@ export class Arrows {
       this.object.add(layer.object);
       return { entry, layer, array: run.arrays[entry.values] };
     });
-    this.largest = (torque) => Math.max(0, ...run.arrows.filter((entry) => entry.torque === torque).map((entry) => entry.largest));
+    this.largest = (torque) =>
+      Math.max(0, ...run.arrows.filter((entry) => entry.torque === torque).map((entry) => entry.largest));
   }
 
   /** Metres of arrow for one newton, or one newton metre. */
@@ -43,7 +44,8 @@ export class Arrows {
       layer.begin(this.run.extent, Math.sqrt(this.magnify));
       entry.at.forEach((place, i) => {
         value.fromArray(values, 3 * i);
-        if (Number.isFinite(value.lengthSq())) layer.put(this.pointOf(place), value, this.scale(entry.torque), this.largest(entry.torque));
+        if (Number.isFinite(value.lengthSq()))
+          layer.put(this.pointOf(place), value, this.scale(entry.torque), this.largest(entry.torque));
       });
       layer.end();
     }
@@ -63,8 +65,16 @@ class Straight {
     this.object = new THREE.Group();
     const shaft = new THREE.CylinderGeometry(1, 1, 1, 16).translate(0, 0.5, 0);
     const head = new THREE.ConeGeometry(1, 1, 20).translate(0, -0.5, 0); // its tip at the origin
-    const solid = isPlanar ? new THREE.MeshBasicMaterial({ color: colour, depthTest: false }) : new THREE.MeshStandardMaterial({ color: colour, roughness: 0.6, emissive: colour, emissiveIntensity: 0.35 });
-    const hidden = new THREE.MeshBasicMaterial({ color: colour, transparent: true, opacity: 0.4, depthFunc: THREE.GreaterDepth, depthWrite: false });
+    const solid = isPlanar
+      ? new THREE.MeshBasicMaterial({ color: colour, depthTest: false })
+      : new THREE.MeshStandardMaterial({ color: colour, roughness: 0.6, emissive: colour, emissiveIntensity: 0.35 });
+    const hidden = new THREE.MeshBasicMaterial({
+      color: colour,
+      transparent: true,
+      opacity: 0.4,
+      depthFunc: THREE.GreaterDepth,
+      depthWrite: false,
+    });
     const materials = isPlanar ? [solid] : [hidden, solid];
     this.shafts = materials.map((material) => new THREE.InstancedMesh(shaft, material, n));
     this.tips = materials.map((material) => new THREE.InstancedMesh(head, material, n * this.heads));
@@ -126,14 +136,26 @@ class Arcs {
   put(start, value, scale, largest) {
     const part = largest > 0 ? value.z / largest : 0;
     if (Math.abs(part) < ARC.least) return;
-    const swing = part * ARC.most, sign = Math.sign(part), first = Math.PI / 2;
-    const ring = new THREE.RingGeometry(this.radius - this.thick, this.radius + this.thick, 48, 1, Math.min(first, first + swing), Math.abs(swing));
+    const swing = part * ARC.most,
+      sign = Math.sign(part),
+      first = Math.PI / 2;
+    const ring = new THREE.RingGeometry(
+      this.radius - this.thick,
+      this.radius + this.thick,
+      48,
+      1,
+      Math.min(first, first + swing),
+      Math.abs(swing),
+    );
     const head = new THREE.CircleGeometry(HEAD.radius * 1.15 * this.thick, 3);
     const end = first + swing;
-    head.scale(1.3, 1, 1).rotateZ(end + (sign * Math.PI) / 2).translate(this.radius * Math.cos(end), this.radius * Math.sin(end), 0);
+    head
+      .scale(1.3, 1, 1)
+      .rotateZ(end + (sign * Math.PI) / 2)
+      .translate(this.radius * Math.cos(end), this.radius * Math.sin(end), 0);
     for (const geometry of [ring, head]) {
       const mesh = new THREE.Mesh(geometry, this.material);
-      mesh.position.copy(start).setZ(0.3 * this.radius / ARC.radius);
+      mesh.position.copy(start).setZ((0.3 * this.radius) / ARC.radius);
       mesh.renderOrder = 10;
       this.object.add(mesh);
     }

@@ -72,15 +72,37 @@ export class Chart {
     this.series.forEach((series) => (series.colour = null));
     shown.forEach((series, i) => (series.colour = palette[i % palette.length]));
     if (this.times.length > 1) {
-      const axis = { stroke: this.colours.dim, font: "11px system-ui, sans-serif", grid: { stroke: this.colours.line, width: 1 }, ticks: { show: false }, gap: 4 };
+      const axis = {
+        stroke: this.colours.dim,
+        font: "11px system-ui, sans-serif",
+        grid: { stroke: this.colours.line, width: 1 },
+        ticks: { show: false },
+        gap: 4,
+      };
       const options = {
         ...this.size,
         legend: { show: false },
         padding: [8, 12, 0, 4],
         cursor: { drag: { x: false, y: false }, points: { show: false }, x: false, y: false },
         scales: { x: { time: false } },
-        axes: [{ ...axis, size: 24 }, { ...axis, size: 56, values: (_, ticks) => ticks.map((tick) => (Math.abs(tick) >= 1e5 ? tick.toExponential(1) : String(Number(tick.toPrecision(6))))) }],
-        series: [{}, ...shown.map((series, i) => ({ stroke: series.colour, width: 1.6, dash: DASHES[Math.floor(i / palette.length) % DASHES.length], points: { show: false } }))],
+        axes: [
+          { ...axis, size: 24 },
+          {
+            ...axis,
+            size: 56,
+            values: (_, ticks) =>
+              ticks.map((tick) => (Math.abs(tick) >= 1e5 ? tick.toExponential(1) : String(Number(tick.toPrecision(6))))),
+          },
+        ],
+        series: [
+          {},
+          ...shown.map((series, i) => ({
+            stroke: series.colour,
+            width: 1.6,
+            dash: DASHES[Math.floor(i / palette.length) % DASHES.length],
+            points: { show: false },
+          })),
+        ],
         hooks: { draw: [(plot) => this.drawInstant(plot)] },
       };
       const finite = (numbers) => numbers.map((x) => (Number.isFinite(x) ? x : null));

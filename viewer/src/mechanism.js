@@ -17,7 +17,10 @@ export class Mechanism {
       ...joint,
       ends: joint.links.map((link, side) => ({ link, ...this.marker(link, joint.markers[side]) })),
     }));
-    this.telescopes = this.joints.filter(isSlide).map((joint) => this.telescope(joint)).filter(Boolean);
+    this.telescopes = this.joints
+      .filter(isSlide)
+      .map((joint) => this.telescope(joint))
+      .filter(Boolean);
     const isTelescope = new Set(this.telescopes.map(({ joint }) => joint));
     this.rails = this.joints.filter((joint) => isSlide(joint) && !isTelescope.has(joint));
   }
@@ -29,14 +32,19 @@ export class Mechanism {
   /** Distinct points of a link that hold its joints, in link axes. */
   corners(link) {
     const ends = this.joints.flatMap((joint) => joint.ends).filter((end) => end.link === link);
-    return distinct(ends.map((end) => end.at), 1e-6 * this.extent);
+    return distinct(
+      ends.map((end) => end.at),
+      1e-6 * this.extent,
+    );
   }
 
   /** Distinct points of a link that hold no joint. */
   freePoints(link) {
     const held = this.corners(link);
     const points = this.links[link].markers.map((marker) => marker.at);
-    return distinct(points, 1e-6 * this.extent).filter((point) => held.every((corner) => corner.distanceTo(point) > 1e-6 * this.extent));
+    return distinct(points, 1e-6 * this.extent).filter((point) =>
+      held.every((corner) => corner.distanceTo(point) > 1e-6 * this.extent),
+    );
   }
 
   /** Is a link drawn as half of a telescope? */
@@ -52,11 +60,14 @@ export class Mechanism {
     const [first, second] = joint.ends;
     if (joint.links.includes(0)) return null;
     const sign = Math.sign(joint.travel[0] + joint.travel[1]) || 1;
-    const axis = first.axis.clone().multiplyScalar(sign), rodAxis = second.axis.clone().multiplyScalar(sign);
+    const axis = first.axis.clone().multiplyScalar(sign),
+      rodAxis = second.axis.clone().multiplyScalar(sign);
     const along = (end, direction) => this.corners(end.link).map((corner) => corner.clone().sub(end.at).dot(direction));
-    const base = Math.min(...along(first, axis)), eye = Math.max(...along(second, rodAxis));
+    const base = Math.min(...along(first, axis)),
+      eye = Math.max(...along(second, rodAxis));
     const [lowest, highest] = joint.travel.map((slide) => sign * slide).sort((a, b) => a - b);
-    const least = lowest + eye - base, most = highest + eye - base;
+    const least = lowest + eye - base,
+      most = highest + eye - base;
     if (!(least > 0.25 * most)) return null;
     const barrel = Math.min(Math.max(1.15 * most - least, 0.58 * least), 0.93 * least);
     const isOnAxis = (end, direction, point) => {
@@ -67,7 +78,8 @@ export class Mechanism {
     if (!isSlim(first, axis) || !isSlim(second, rodAxis)) return null;
     return {
       joint,
-      from: first.at.clone().addScaledVector(axis, base), barrelTo: first.at.clone().addScaledVector(axis, base + barrel),
+      from: first.at.clone().addScaledVector(axis, base),
+      barrelTo: first.at.clone().addScaledVector(axis, base + barrel),
       to: second.at.clone().addScaledVector(rodAxis, eye),
       rodFrom: second.at.clone().addScaledVector(rodAxis, eye - Math.min(least, most - barrel + 0.06 * least)),
     };

@@ -31,9 +31,11 @@ function edged(group, outline, width, edge, fill, edgeMaterial, z, step) {
 }
 
 function drawLink(group, mechanism, k, palette, unit, layer) {
-  const z = 2 * k * layer, edge = EDGE * unit;
+  const z = 2 * k * layer,
+    edge = EDGE * unit;
   const colours = palette.link(k);
-  const corners = mechanism.corners(k), free = mechanism.freePoints(k);
+  const corners = mechanism.corners(k),
+    free = mechanism.freePoints(k);
   const everything = [...corners, ...free];
   if (free.length && everything.length > 1) group.add(flat(roundHull(everything, 0.45 * unit), colours.pale, z - 0.5 * layer));
   if (!mechanism.isTelescope(k) && (corners.length > 1 || (corners.length && !free.length))) {
@@ -47,7 +49,16 @@ function drawLink(group, mechanism, k, palette, unit, layer) {
     const [from, to] = isBarrel ? [telescope.from, telescope.barrelTo] : [telescope.rodFrom, telescope.to];
     const width = (isBarrel ? 1.5 : 0.75) * unit;
     const fill = isBarrel ? palette.barrel : palette.rod;
-    edged(group, (half) => bar(from, to, half, width), width, edge, fill, palette.edge, front + (isBarrel ? layer : 0), 0.5 * layer);
+    edged(
+      group,
+      (half) => bar(from, to, half, width),
+      width,
+      edge,
+      fill,
+      palette.edge,
+      front + (isBarrel ? layer : 0),
+      0.5 * layer,
+    );
   }
   for (const rail of mechanism.rails) drawSlide(group, mechanism, rail, k, colours, palette, unit, layer);
   for (const joint of mechanism.joints) {
@@ -71,9 +82,21 @@ function drawSlide(group, mechanism, joint, k, colours, palette, unit, layer) {
   }
   if (second.link === k) {
     const held = mechanism.corners(k).map((corner) => corner.clone().sub(second.at).dot(second.axis)); // the block holds them all
-    const [from, to] = [Math.min(-2.6 * unit, ...held.map((a) => a - 1.5 * unit)), Math.max(2.6 * unit, ...held.map((a) => a + 1.5 * unit))];
+    const [from, to] = [
+      Math.min(-2.6 * unit, ...held.map((a) => a - 1.5 * unit)),
+      Math.max(2.6 * unit, ...held.map((a) => a + 1.5 * unit)),
+    ];
     const end = (a) => second.at.clone().addScaledVector(second.axis, a);
-    edged(group, (half) => bar(end(from), end(to), half, 1.5 * unit), 1.5 * unit, EDGE * unit, k === 0 ? palette.barrel : colours.fill, palette.edge, 2 * k * layer + 0.4 * layer, 0.2 * layer);
+    edged(
+      group,
+      (half) => bar(end(from), end(to), half, 1.5 * unit),
+      1.5 * unit,
+      EDGE * unit,
+      k === 0 ? palette.barrel : colours.fill,
+      palette.edge,
+      2 * k * layer + 0.4 * layer,
+      0.2 * layer,
+    );
   }
 }
 
@@ -88,12 +111,26 @@ function bar(from, to, half, width = half) {
 }
 
 function drawGround(group, mechanism, palette, unit, layer) {
-  const frame = mechanism.joints.flatMap((joint) => joint.ends.map((end, side) => ({ joint, side, ...end }))).filter((end) => end.link === 0);
-  const pivots = distinct(frame.filter(({ joint }) => joint.type === "revolute").map((end) => end.at), 1e-6 * mechanism.extent);
+  const frame = mechanism.joints
+    .flatMap((joint) => joint.ends.map((end, side) => ({ joint, side, ...end })))
+    .filter((end) => end.link === 0);
+  const pivots = distinct(
+    frame.filter(({ joint }) => joint.type === "revolute").map((end) => end.at),
+    1e-6 * mechanism.extent,
+  );
   const feet = pivots.map((at) => ({ at, normal: new THREE.Vector2(0, -1), half: 2.6 * unit, from: 2.3 * unit }));
   for (const pivot of pivots) {
     const [left, right] = [-1, 1].map((sign) => vector([pivot.x + sign * 1.7 * unit, pivot.y - 2.3 * unit, 0]));
-    edged(group, (half) => roundHull([pivot, left, right], half), 0.3 * unit, EDGE * unit, palette.frame, palette.edge, -layer, 0.3 * layer);
+    edged(
+      group,
+      (half) => roundHull([pivot, left, right], half),
+      0.3 * unit,
+      EDGE * unit,
+      palette.frame,
+      palette.edge,
+      -layer,
+      0.3 * layer,
+    );
   }
   for (const { joint, side, at, axis } of frame.filter(({ joint }) => mechanism.rails.includes(joint))) {
     drawSlide(group, mechanism, joint, 0, palette.link(0), palette, unit, layer);
@@ -101,7 +138,12 @@ function drawGround(group, mechanism, palette, unit, layer) {
     const [lowest, highest] = [Math.min(0, joint.travel[0]), joint.travel[1]];
     const normal = new THREE.Vector2(axis.y, -axis.x);
     if (normal.y > 0) normal.negate();
-    feet.push({ at: at.clone().addScaledVector(axis, (lowest + highest) / 2), normal, half: (highest - lowest) / 2 + 3 * unit, from: 0.42 * unit });
+    feet.push({
+      at: at.clone().addScaledVector(axis, (lowest + highest) / 2),
+      normal,
+      half: (highest - lowest) / 2 + 3 * unit,
+      from: 0.42 * unit,
+    });
   }
   for (const foot of feet) group.add(hatching(foot, palette, unit));
 }

@@ -36,7 +36,8 @@ export function roundHull(points, radius) {
   const shape = new THREE.Shape();
   if (corners.length === 1) return shape.absarc(corners[0].x, corners[0].y, radius, 0, 2 * Math.PI);
   corners.forEach((corner, i) => {
-    const before = corners.at(i - 1), after = corners[(i + 1) % corners.length];
+    const before = corners.at(i - 1),
+      after = corners[(i + 1) % corners.length];
     const normal = (a, b) => Math.atan2(-(b.x - a.x), b.y - a.y); // of the edge, outwards
     const first = normal(before, corner);
     let last = normal(corner, after);

@@ -63,7 +63,10 @@ function footOf(point, corners, unit) {
 function planeThrough(points, unit) {
   const centre = centreOf(points.map((point) => point.clone()));
   const offsets = points.map((point) => point.clone().sub(centre));
-  const first = offsets.reduce((a, b) => (b.lengthSq() > a.lengthSq() ? b : a)).clone().normalize();
+  const first = offsets
+    .reduce((a, b) => (b.lengthSq() > a.lengthSq() ? b : a))
+    .clone()
+    .normalize();
   const normals = offsets.map((offset) => new THREE.Vector3().crossVectors(first, offset));
   const normal = normals.reduce((a, b) => (b.lengthSq() > a.lengthSq() ? b : a)).clone();
   if (normal.length() < unit) return null;
@@ -79,7 +82,11 @@ function plate(corners, { centre, normal, first, second }, radius, half, materia
   });
   const bevel = 0.3 * half;
   const geometry = new THREE.ExtrudeGeometry(roundHull(flat, radius - bevel), {
-    depth: 2 * (half - bevel), bevelSize: bevel, bevelThickness: bevel, bevelSegments: 3, curveSegments: 20,
+    depth: 2 * (half - bevel),
+    bevelSize: bevel,
+    bevelThickness: bevel,
+    bevelSegments: 3,
+    curveSegments: 20,
   });
   const mesh = new THREE.Mesh(geometry.translate(0, 0, -half + bevel), material);
   mesh.applyMatrix4(new THREE.Matrix4().makeBasis(first, second, normal).setPosition(centre));
@@ -93,7 +100,15 @@ function drawFrame(group, mechanism, palette, unit, up, ground) {
   const height = (point) => point.dot(up) - ground;
   if (plane && Math.abs(plane.normal.dot(up)) > 0.999 && height(plane.centre) < 12 * unit) {
     const lowered = { ...plane, centre: plane.centre.clone().addScaledVector(up, -1.6 * unit) };
-    group.add(plate(corners.map((corner) => corner.clone().addScaledVector(up, -1.6 * unit)), lowered, 3.2 * unit, unit, palette.frame));
+    group.add(
+      plate(
+        corners.map((corner) => corner.clone().addScaledVector(up, -1.6 * unit)),
+        lowered,
+        3.2 * unit,
+        unit,
+        palette.frame,
+      ),
+    );
     for (const corner of corners) group.add(rod(corner.clone().addScaledVector(up, -unit), corner, 1.5 * unit, palette.frame));
   } else {
     for (const corner of corners) {
@@ -121,7 +136,9 @@ function drawRail(groups, joint, palette, unit) {
   const material = first.link === 0 ? palette.frame : palette.rod;
   groups[first.link].add(rod(end(Math.min(0, lowest) - 3 * unit), end(Math.max(0, highest) + 3 * unit), 0.8 * unit, material));
   const body = second.link === 0 ? palette.barrel : palette.link(second.link).solid;
-  const shape = isRound ? new THREE.CylinderGeometry(1.9 * unit, 1.9 * unit, 5.5 * unit, 28) : new THREE.BoxGeometry(3.4 * unit, 5.5 * unit, 3.4 * unit);
+  const shape = isRound
+    ? new THREE.CylinderGeometry(1.9 * unit, 1.9 * unit, 5.5 * unit, 28)
+    : new THREE.BoxGeometry(3.4 * unit, 5.5 * unit, 3.4 * unit);
   const sleeve = new THREE.Mesh(shape, body);
   sleeve.position.copy(second.at);
   sleeve.quaternion.copy(turnTo(second.axis));

@@ -26,7 +26,11 @@ export class Stage {
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.enableRotate = !run.planar;
     this.controls.zoomToCursor = true;
-    if (run.planar) Object.assign(this.controls, { mouseButtons: { LEFT: THREE.MOUSE.PAN, MIDDLE: THREE.MOUSE.DOLLY, RIGHT: THREE.MOUSE.PAN }, touches: { ONE: THREE.TOUCH.PAN, TWO: THREE.TOUCH.DOLLY_PAN } });
+    if (run.planar)
+      Object.assign(this.controls, {
+        mouseButtons: { LEFT: THREE.MOUSE.PAN, MIDDLE: THREE.MOUSE.DOLLY, RIGHT: THREE.MOUSE.PAN },
+        touches: { ONE: THREE.TOUCH.PAN, TWO: THREE.TOUCH.DOLLY_PAN },
+      });
     this.controls.addEventListener("change", () => this.request());
     this.drawn = []; // called after each picture
     this.cell = niceBelow(run.extent / 4);
@@ -48,13 +52,24 @@ export class Stage {
     const { extent } = this.run;
     const sun = new THREE.DirectionalLight(0xffffff, 2.2);
     const [side, front] = this.horizontal();
-    sun.position.copy(this.centre).addScaledVector(this.up, 3 * extent).addScaledVector(side, 1.3 * extent).addScaledVector(front, 1.1 * extent);
+    sun.position
+      .copy(this.centre)
+      .addScaledVector(this.up, 3 * extent)
+      .addScaledVector(side, 1.3 * extent)
+      .addScaledVector(front, 1.1 * extent);
     sun.target.position.copy(this.centre);
     sun.castShadow = true;
     sun.shadow.mapSize.set(2048, 2048);
     sun.shadow.radius = 4;
     sun.shadow.normalBias = 0.01 * extent;
-    Object.assign(sun.shadow.camera, { left: -extent, right: extent, top: extent, bottom: -extent, near: 0.1 * extent, far: 8 * extent });
+    Object.assign(sun.shadow.camera, {
+      left: -extent,
+      right: extent,
+      top: extent,
+      bottom: -extent,
+      near: 0.1 * extent,
+      far: 8 * extent,
+    });
     const sky = new THREE.HemisphereLight(0xffffff, 0x8d949c, 1.7);
     sky.position.copy(this.up);
     this.scene.add(sun, sun.target, sky);
@@ -70,13 +85,17 @@ export class Stage {
     const { extent, ground } = this.run;
     const n = 2 * Math.ceil((1.5 * extent) / this.cell);
     const grid = new THREE.GridHelper(n * this.cell, n, colours.groundLine, colours.ground);
-    const floor = new THREE.Mesh(new THREE.PlaneGeometry(n * this.cell, n * this.cell).rotateX(-Math.PI / 2), new THREE.ShadowMaterial({ opacity: 0.16 }));
+    const floor = new THREE.Mesh(
+      new THREE.PlaneGeometry(n * this.cell, n * this.cell).rotateX(-Math.PI / 2),
+      new THREE.ShadowMaterial({ opacity: 0.16 }),
+    );
     floor.receiveShadow = true;
     const plane = new THREE.Group().add(grid, floor);
     plane.quaternion.setFromUnitVectors(vector([0, 1, 0]), this.up);
     plane.position.copy(this.centre).addScaledVector(this.up, ground - this.centre.dot(this.up));
     const snap = (value) => Math.round(value / this.cell) * this.cell;
-    for (const axis of this.horizontal()) plane.position.addScaledVector(axis, snap(plane.position.dot(axis)) - plane.position.dot(axis));
+    for (const axis of this.horizontal())
+      plane.position.addScaledVector(axis, snap(plane.position.dot(axis)) - plane.position.dot(axis));
     this.scene.add(plane);
   }
 
@@ -103,13 +122,20 @@ export class Stage {
     } else {
       const [side, front] = this.horizontal();
       const [azimuth, elevation] = this.run.eye.map(THREE.MathUtils.degToRad);
-      const towards = this.up.clone().multiplyScalar(Math.sin(elevation)).addScaledVector(side, Math.cos(elevation) * Math.cos(azimuth)).addScaledVector(front, Math.cos(elevation) * Math.sin(azimuth));
+      const towards = this.up
+        .clone()
+        .multiplyScalar(Math.sin(elevation))
+        .addScaledVector(side, Math.cos(elevation) * Math.cos(azimuth))
+        .addScaledVector(front, Math.cos(elevation) * Math.sin(azimuth));
       const right = new THREE.Vector3().crossVectors(this.up, towards).normalize();
       const above = new THREE.Vector3().crossVectors(towards, right);
       const tangent = Math.tan(THREE.MathUtils.degToRad(ANGLE / 2));
       const distances = pointsOf(this.run.arrays.cloud).map((point) => {
         const offset = point.sub(centre);
-        return offset.dot(towards) + (ROOM.spatial / tangent) * Math.max(Math.abs(offset.dot(above)), Math.abs(offset.dot(right)) / aspect);
+        return (
+          offset.dot(towards) +
+          (ROOM.spatial / tangent) * Math.max(Math.abs(offset.dot(above)), Math.abs(offset.dot(right)) / aspect)
+        );
       });
       camera.position.copy(centre).addScaledVector(towards, Math.max(...distances));
     }
@@ -121,7 +147,9 @@ export class Stage {
     this.width = Math.max(1, this.container.clientWidth);
     this.height = Math.max(1, this.container.clientHeight);
     this.renderer.setSize(this.width, this.height);
-    const { camera } = this, aspect = this.width / this.height, far = 100 * this.run.extent;
+    const { camera } = this,
+      aspect = this.width / this.height,
+      far = 100 * this.run.extent;
     if (this.run.planar) {
       const half = this.half ?? 1;
       Object.assign(camera, { left: -half * aspect, right: half * aspect, top: half, bottom: -half, near: 0, far });

@@ -55,7 +55,9 @@ export class Viewer {
     this.root.replaceChildren(sheet, this.page);
     this.stage = new Stage(this.picture, run);
     this.stage.drawn.push(() => this.drawn());
-    this.charts = run.plots.map((first) => new Chart(run, first, this.theme, THEMES[this.theme], (frame) => this.player.seek(frame)));
+    this.charts = run.plots.map(
+      (first) => new Chart(run, first, this.theme, THEMES[this.theme], (frame) => this.player.seek(frame)),
+    );
     charts.append(...this.charts.map((chart) => chart.element));
     this.setTheme(this.theme);
     this.player.seek(0);
@@ -116,11 +118,17 @@ export class Viewer {
     const { scene } = this.stage;
     this.stage.furnish(colours);
     const palette = this.palette(colours);
-    this.links = this.run.planar ? drawPlanar(this.mechanism, palette) : drawSpatial(this.mechanism, palette, { up: this.stage.up, ground: this.run.ground });
+    this.links = this.run.planar
+      ? drawPlanar(this.mechanism, palette)
+      : drawSpatial(this.mechanism, palette, { up: this.stage.up, ground: this.run.ground });
     this.putMeshes(palette);
     this.arrows = new Arrows(this.run, colours, (place) => this.placeOf(place));
     this.arrows.magnify = this.magnify;
-    this.traces = drawTraces(this.run, (link) => palette.link(link).trace, (point, link, frame) => point.applyMatrix4(this.poseOf(link, frame)));
+    this.traces = drawTraces(
+      this.run,
+      (link) => palette.link(link).trace,
+      (point, link, frame) => point.applyMatrix4(this.poseOf(link, frame)),
+    );
     scene.add(...this.links, this.traces, this.arrows.object);
     for (const chart of this.charts) chart.recolour(theme, colours);
     this.applyShown();
@@ -129,20 +137,32 @@ export class Viewer {
   palette(colours) {
     const { planar, palette } = this.run;
     const isDark = this.theme === "dark";
-    const make = (colour) => (planar ? new THREE.MeshBasicMaterial({ color: colour }) : new THREE.MeshStandardMaterial({ color: colour, roughness: 0.55, metalness: 0.12 }));
+    const make = (colour) =>
+      planar
+        ? new THREE.MeshBasicMaterial({ color: colour })
+        : new THREE.MeshStandardMaterial({ color: colour, roughness: 0.55, metalness: 0.12 });
     const mix = (colour, other, part) => new THREE.Color(colour).lerp(new THREE.Color(other), part);
     const link = (k) => {
       const own = new THREE.Color(k === 0 ? colours.frame : palette[(k - 1) % palette.length]);
       return {
-        solid: make(isDark ? mix(own, "#ffffff", 0.15) : own), fill: make(isDark ? mix(own, colours.background, 0.15) : mix(own, "#ffffff", 0.3)),
-        pale: make(mix(own, colours.background, isDark ? 0.62 : 0.68)), edge: make(mix(own, isDark ? "#ffffff" : "#000000", isDark ? 0.35 : 0.45)),
+        solid: make(isDark ? mix(own, "#ffffff", 0.15) : own),
+        fill: make(isDark ? mix(own, colours.background, 0.15) : mix(own, "#ffffff", 0.3)),
+        pale: make(mix(own, colours.background, isDark ? 0.62 : 0.68)),
+        edge: make(mix(own, isDark ? "#ffffff" : "#000000", isDark ? 0.35 : 0.45)),
         trace: isDark ? mix(own, "#ffffff", 0.3) : own,
       };
     };
     const links = this.run.links.map((_, k) => link(k));
     return {
-      link: (k) => links[k], frame: make(colours.frame), edge: make(colours.edge), pivot: make(colours.pivot), barrel: make(colours.barrel), groundLine: make(colours.frame),
-      rod: make(colours.rod), joint: make(isDark ? "#aab3bd" : "#3a424b"), hatching: new THREE.LineBasicMaterial({ color: colours.frame }),
+      link: (k) => links[k],
+      frame: make(colours.frame),
+      edge: make(colours.edge),
+      pivot: make(colours.pivot),
+      barrel: make(colours.barrel),
+      groundLine: make(colours.frame),
+      rod: make(colours.rod),
+      joint: make(isDark ? "#aab3bd" : "#3a424b"),
+      hatching: new THREE.LineBasicMaterial({ color: colours.frame }),
     };
   }
 
@@ -151,7 +171,10 @@ export class Viewer {
     for (const { link, values, scale } of this.run.meshes) {
       const { values: bytes } = this.run.arrays[values];
       const geometry = new STLLoader().parse(bytes.slice().buffer).scale(scale, scale, scale);
-      const mesh = new THREE.Mesh(geometry, new THREE.MeshStandardMaterial({ color: palette.link(link).solid.color, roughness: 0.6, metalness: 0.15 }));
+      const mesh = new THREE.Mesh(
+        geometry,
+        new THREE.MeshStandardMaterial({ color: palette.link(link).solid.color, roughness: 0.6, metalness: 0.15 }),
+      );
       mesh.castShadow = mesh.receiveShadow = true;
       this.links[link].clear();
       this.links[link].add(mesh);
@@ -162,8 +185,10 @@ export class Viewer {
     const pose = new THREE.Matrix4();
     if (link === 0) return pose;
     const { position, axes } = this.run.arrays;
-    const p = frameOf(position, frame).subarray(3 * (link - 1)), a = frameOf(axes, frame).subarray(6 * (link - 1));
-    const x = vector([a[0], a[1], a[2]]).normalize(), y = vector([a[3], a[4], a[5]]).normalize();
+    const p = frameOf(position, frame).subarray(3 * (link - 1)),
+      a = frameOf(axes, frame).subarray(6 * (link - 1));
+    const x = vector([a[0], a[1], a[2]]).normalize(),
+      y = vector([a[3], a[4], a[5]]).normalize();
     return pose.makeBasis(x, y, new THREE.Vector3().crossVectors(x, y)).setPosition(p[0], p[1], p[2]);
   }
 
@@ -203,7 +228,10 @@ export class Viewer {
   placeNames() {
     if (this.labels.hidden) return;
     const names = this.run.names.map(([text, isLink, ...places]) => {
-      const middle = places.map((place) => this.placeOf(place)).reduce((sum, point) => sum.add(point)).divideScalar(places.length);
+      const middle = places
+        .map((place) => this.placeOf(place))
+        .reduce((sum, point) => sum.add(point))
+        .divideScalar(places.length);
       const at = this.stage.project(middle);
       const label = element("span", isLink ? "link" : "joint", text);
       if (at) label.style.transform = `translate(${at[0].toFixed(1)}px, ${at[1].toFixed(1)}px)`;
@@ -216,13 +244,19 @@ export class Viewer {
   /** Bars as long as an arrow of a round force is where the mechanism is. */
   drawScales() {
     const rows = [];
-    for (const [torque, unit] of [[false, "N"], [true, "N·m"]]) {
-      const entries = this.run.arrows.filter((entry) => entry.torque === torque && entry.largest > 0 && this.shown.has(entry.kind));
+    for (const [torque, unit] of [
+      [false, "N"],
+      [true, "N·m"],
+    ]) {
+      const entries = this.run.arrows.filter(
+        (entry) => entry.torque === torque && entry.largest > 0 && this.shown.has(entry.kind),
+      );
       if (!entries.length) continue;
       const labels = new Map(entries.map((entry) => [entry.label, entry.kind]));
       const row = element("div", "scale");
       row.append(...[...labels].map(([label, kind]) => element("span", `kind ${kind}`, label)));
-      if (torque && this.run.planar) row.append(element("span", "size", `¾ turn: ${withPrefix(this.arrows.largest(true), unit)}`));
+      if (torque && this.run.planar)
+        row.append(element("span", "size", `¾ turn: ${withPrefix(this.arrows.largest(true), unit)}`));
       else {
         const perUnit = this.arrows.scale(torque) * this.stage.pixelsPerMetre;
         const value = niceBelow(BAR[1] / perUnit);
@@ -234,7 +268,9 @@ export class Viewer {
       }
       rows.push(row);
     }
-    rows.push(element("div", "grid", `grid ${withPrefix(this.stage.cell, "m")}${this.run.stride ? ` · ${this.run.stride}` : ""}`));
+    rows.push(
+      element("div", "grid", `grid ${withPrefix(this.stage.cell, "m")}${this.run.stride ? ` · ${this.run.stride}` : ""}`),
+    );
     this.legend.replaceChildren(...rows);
   }
 

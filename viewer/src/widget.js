@@ -23,7 +23,13 @@ function sliders(model) {
   const panel = element("div", "sliders");
   model.get("coordinates").forEach(({ name, unit, factor, low, high }, i) => {
     const value = element("output");
-    const input = Object.assign(element("input"), { type: "range", min: low, max: high, step: (high - low) / 1000, value: model.get("q")[i] });
+    const input = Object.assign(element("input"), {
+      type: "range",
+      min: low,
+      max: high,
+      step: (high - low) / 1000,
+      value: model.get("q")[i],
+    });
     input.setAttribute("aria-label", name);
     const tell = (number) => (value.textContent = `${plain(number * factor)} ${unit}`);
     input.oninput = () => {
