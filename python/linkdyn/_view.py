@@ -144,7 +144,7 @@ def view(
         kinds=force_kinds("view", "all" if forces is None and "driving_force" not in run else forces, mechanism.planar),
         plots=plots,
         traces=traces,
-        meshes=meshes_of(mechanism) | {link: (part, mesh_unit) for link, part in (meshes or {}).items()},
+        meshes=meshes_of(mechanism) | {link: (os.fspath(part), mesh_unit) for link, part in (meshes or {}).items()},
     )
     page = View(_page(code, description, block), mechanism.title or "linkdyn", path)
     if path is not None:

@@ -71,8 +71,8 @@ def describe(
     scene: Scene,
     *,
     kinds: Iterable[str],
-    plots: tuple[str, ...] | None = None,
-    traces: tuple[str, ...] | None = None,
+    plots: Iterable[str] | None = None,
+    traces: Iterable[str] | None = None,
     meshes: Mapping[str, tuple[str, float]] | None = None,
 ) -> tuple[dict[str, Any], bytes]:
     """The description and the block of a run.
@@ -190,7 +190,7 @@ def _trace(scene: Scene, link: int, marker: str) -> dict[str, Any]:
 
 
 def _traced(
-    scene: Scene, postures: Postures, held: NDArray[np.intp], extent: float, traces: tuple[str, ...] | None
+    scene: Scene, postures: Postures, held: NDArray[np.intp], extent: float, traces: Iterable[str] | None
 ) -> list[tuple[int, str]]:
     """Markers whose ways are drawn, each way once."""
     links = scene.description["links"]
@@ -289,7 +289,7 @@ def _rank(result: str) -> int:
     return first.index(result) if result in first else len(first)
 
 
-def _chosen(charts: list[dict[str, Any]], plots: tuple[str, ...] | None) -> list[int]:
+def _chosen(charts: list[dict[str, Any]], plots: Iterable[str] | None) -> list[int]:
     """Numbers of the charts that are shown at first."""
     results = [chart["result"] for chart in charts]
     if plots is None:

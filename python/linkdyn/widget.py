@@ -57,7 +57,7 @@ class Live(anywidget.AnyWidget):
 
     description = traitlets.Dict().tag(sync=True)
     block = traitlets.Bytes().tag(sync=True)
-    coordinates = traitlets.List().tag(sync=True)
+    coordinates: Any = traitlets.List().tag(sync=True)
     q = traitlets.List(traitlets.Float()).tag(sync=True)
     height = traitlets.Int(560).tag(sync=True)
 
