@@ -30,8 +30,8 @@ class RunAccessor:
     Examples
     --------
     >>> run = linkdyn.load("examples/fourbar/scene.toml").inverse()
-    >>> run.linkdyn.worst("driving_force").loc["J1", "time"]
-    4.03
+    >>> float(run.linkdyn.worst("driving_force").loc["J1", "time"])
+    4.02
     """
 
     def __init__(self, run: xr.Dataset) -> None:
