@@ -30,7 +30,7 @@ class RunAccessor:
     Examples
     --------
     >>> run = linkdyn.load("examples/fourbar/scene.toml").inverse()
-    >>> float(run.linkdyn.worst("driving_force").loc["J1", "time"])
+    >>> round(run.linkdyn.worst("driving_force").loc["J1", "time"], 2)
     4.02
     """
 
