@@ -28,7 +28,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export OPENBLAS_NUM_THREADS := 1
 unexport PYTHONPATH PYTHONHOME
 
-SOURCES := $(shell find fortran c app python tools -type f \
+SOURCES := $(shell find fortran c app python tools viewer -type f \
     -not -name '*.pyc' -not -name '.*' 2>/dev/null) \
     meson.build meson.options pyproject.toml README.md LICENSE
 # configuration of the one build folder: test and benchmark programs are built only when asked for
@@ -38,7 +38,7 @@ SETUP := -Dtests=true -Dbenchmarks=true
 # which no optimization of ours makes faster
 REAL128 := build/real128
 
-.PHONY: run test check fuzz bench bench-forward accuracy renew real128 docs clean distclean system system-mpi
+.PHONY: run test check fuzz bench bench-forward accuracy renew real128 docs clean distclean system system-mpi browser
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -46,7 +46,7 @@ run: $(PACKAGE)
 	@echo "Results and pictures: results/$(EXAMPLE)"
 
 # the hard cases are measured against the quadruple twin
-test: real128
+test: real128 browser
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
 
 check: real128 system-mpi
@@ -93,12 +93,17 @@ system:
 system-mpi:
 	@MPI=1 sh tools/install_packages.sh $(PYTHON) || echo "No MPI: what needs it is left out"
 
+# the viewer is tested in a browser without a window
+browser: | system
+	@TESTS=1 sh tools/install_packages.sh $(PYTHON)
+
 # what a build needs and what the package and its tests need, from pyproject.toml;
 # an older pip forgets all but the last of several settings for the build
 $(REQUIREMENTS): pyproject.toml tools/list_requirements.py | system
 	@$(VENV)/bin/pip --version >/dev/null 2>&1 || { rm -rf $(VENV); $(PYTHON) -m venv $(VENV); }
 	@echo "Installing the Python packages into .venv"
-	$(VENV)/bin/python -m pip install --quiet "pip>=23.1" $$($(VENV)/bin/python tools/list_requirements.py build run test)
+	$(VENV)/bin/python tools/list_requirements.py build run test > $(VENV)/requirements.txt
+	$(VENV)/bin/python -m pip install --quiet "pip>=23.1" -r $(VENV)/requirements.txt
 	@touch $@
 
 # the folder is kept, so that only what changed is compiled again
@@ -106,6 +111,9 @@ $(PACKAGE): $(SOURCES) $(REQUIREMENTS) | system
 	@echo "Building linkdyn and installing it into .venv"
 	$(VENV)/bin/python -m pip install --quiet --no-build-isolation --no-deps --force-reinstall \
 	    --config-settings=build-dir=$(BUILD) $(foreach option,$(SETUP),--config-settings=setup-args=$(option)) .
+	@$(VENV)/bin/python -c "from linkdyn._view import bundle; bundle()" 2>/dev/null || printf '%s\n' \
+	    "WARNING: built without the viewer, \`linkdyn view\` will not work. This was missing:" \
+	    "$$(grep -h 'WITHOUT its viewer' $(BUILD)/meson-logs/meson-log.txt | tail -n 1)" >&2
 	@touch $@
 
 clean:

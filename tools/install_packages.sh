@@ -1,7 +1,8 @@
 #!/bin/sh
 # Install the system packages that building linkdyn needs and that are missing. Does nothing, and
 # asks for no rights, when all are there.
-# Usage: [MPI=1] install_packages.sh PYTHON; MPI=1 asks for OpenMPI too, for -Dmpi=enabled.
+# Usage: [MPI=1] [TESTS=1] install_packages.sh PYTHON
+# MPI=1 asks for OpenMPI too, for -Dmpi=enabled; TESTS=1 for the browser that the viewer is tested in.
 set -u
 python=$1
 missing=""
@@ -24,6 +25,7 @@ if [ -n "${MPI:-}" ]; then
     need libopenmpi-dev mpifort --version
     need openmpi-bin mpirun --version
 fi
+if [ -n "${TESTS:-}" ]; then need chromium chromium --version; fi
 need python3 "$python" --version
 need python3-venv "$python" -c "import ensurepip, venv"
 need python3-dev "$python" -c "import os, sysconfig as s; os.stat(s.get_path('include') + '/Python.h')"

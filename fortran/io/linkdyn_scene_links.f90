@@ -9,10 +9,12 @@ module linkdyn_scene_links
     use linkdyn_units, only: length, angle, mass, inertia
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
         require_table, table_list, get_quantity, quantity_of, get_vector, vector_of, get_direction, &
-        get_name, get_flag, require_name
+        get_name, get_text, get_word, get_flag, require_name
     implicit none (type, external)
     private
     public :: read_frame, read_links, read_mass_properties, new_marker, add_marker
+
+    character(len=*), parameter :: mesh_units(4) = [character(len=2) :: "m", "cm", "mm", "in"]
 
 contains
 
@@ -65,11 +67,27 @@ contains
         place%what = "link "//quoted(link%name)
         if (link%name == "frame") call refuse(place, "this name belongs to the fixed link (expected another name)", status)
         call allow_keys(place, [character(len=13) :: "name", "markers", "mass", "cog", "inertia", "inertia_check", &
-            "start"], status)
+            "start", "mesh", "mesh_unit"], status)
         call read_markers(place, planar, link, status)
         call read_mass_properties(place, planar, link, status)
         call read_start(place, planar, link, status)
+        call check_mesh(place, status)
     end subroutine read_link
+
+    !> The body's form is for pictures; they read it themselves.
+    subroutine check_mesh(place, status)
+        type(scene_place), intent(in) :: place
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: file
+        integer :: unit
+        logical :: has_file, has_unit
+
+        unit = 0
+        call get_text(place, "mesh", file, status, has_file)
+        call get_word(place, "mesh_unit", mesh_units, unit, status, has_unit)
+        if (status%is_ok() .and. has_unit .and. .not. has_file) &
+            call refuse_missing(place, "mesh", "a file of the body's form, which 'mesh_unit' is the unit of", status)
+    end subroutine check_mesh
 
     !> Mass, centre of mass and inertia, for a body that can exist.
     subroutine read_mass_properties(place, planar, link, status)

@@ -8,11 +8,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+import sys
+from typing import TYPE_CHECKING, Any
 
-from ._bind import version as _version
 from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, SceneError, UnavailableError
-from .scene import Poses, Scene, load
+
+if TYPE_CHECKING:
+    from . import lecture, plot, widget
+    from ._sheet import sheet
+    from ._view import view
+    from .results import read
+    from .scene import Poses, Scene, load
 
 __all__ = [
     "ClosedSceneError",
@@ -27,18 +33,38 @@ __all__ = [
     "lecture",
     "load",
     "plot",
+    "read",
     "sheet",
+    "view",
+    "widget",
 ]
-__version__ = _version()
+
+_MODULES = ("lecture", "plot", "widget")
+_HOMES = {"Poses": "scene", "Scene": "scene", "load": "scene", "read": "results", "sheet": "_sheet", "view": "_view"}
+"""Numpy, xarray and matplotlib take their time to load: only who computes or plots waits for them."""
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("lecture", "plot"):  # matplotlib takes its time to load: only who plots waits for it
-        import importlib
+    from importlib import import_module
 
-        return importlib.import_module(f".{name}", __name__)
-    if name == "sheet":
-        from ._sheet import sheet
+    if name == "__version__":
+        return import_module("._bind", __name__).version()
+    if name in _HOMES:
+        value = globals()[name] = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+        return value
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        return import_module(f".{name}", __name__)
+    except ModuleNotFoundError as error:
+        if error.name != "anywidget":
+            raise
+        raise UnavailableError("linkdyn.widget needs anywidget, which is not installed (pip install 'linkdyn[widget]')") from error
 
-        return sheet
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])
+
+
+if "xarray" in sys.modules:  # runs that are read by others have `run.linkdyn` too
+    from . import _accessor as _accessor

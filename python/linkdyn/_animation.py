@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -19,10 +17,12 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from PIL import Image
 
-from ._drawing import Postures, draw, find_postures, picture_size, poses_of, set_limits
+from ._drawing import draw, picture_size, set_limits
 from ._drawing_arguments import checked
+from ._forces import Forces, find_forces, force_kinds
 from ._planar_shapes import unit_of
-from .errors import InputError, SceneError, UnavailableError
+from ._postures import Postures, find_postures, poses_of, scene_of
+from .errors import InputError, UnavailableError
 from .scene import Scene
 
 __all__ = ["animate"]
@@ -36,21 +36,7 @@ COLOURS = 64
 """In the palette of a GIF: the shapes are plain, and it stays small."""
 ARROW = 0.2
 """Length of the longest arrow, of the mechanism's extent."""
-REACTION, LOAD, DRIVE = "#B2182B", "#1B7837", "#5E2C91"
-KINDS = ("driving", "reaction", "load")
-
-
-@dataclass(frozen=True)
-class _Arrows:
-    """Arrows of one kind at every sample."""
-
-    label: str
-    colour: str
-    start: Points
-    """(N, arrows, 3)"""
-    force: Points
-    """(N, arrows, 3) [N], or torques about the axis z (planar) in the third component [N m]"""
-    is_torque: bool = False
+COLOUR = {"reaction": "#B2182B", "load": "#1B7837", "driving": "#5E2C91"}
 
 
 @checked
@@ -104,40 +90,21 @@ def animate(
         raise InputError(f"animate: file '{path.name}': expected a name that ends in .gif or .mp4")
     if path.suffix == ".mp4" and not animation.writers.is_available("ffmpeg"):
         raise UnavailableError("animate: .mp4 needs ffmpeg, which is not installed; .gif needs nothing")
-    mechanism = _scene_of(run) if scene is None else scene
+    mechanism = scene_of(run, "animate") if scene is None else scene
     postures, assembled = find_postures(mechanism, poses_of(mechanism, run))
     shown = _choose_samples(run, postures, assembled, frames)
-    arrows = _arrows(run, mechanism, postures, _kinds(forces, mechanism.planar))
+    arrows = find_forces(run, postures, force_kinds("animate", forces, mechanism.planar))
     figure = Figure(figsize=picture_size(postures, LARGEST), dpi=DPI, layout="constrained" if mechanism.planar else None)
     FigureCanvasAgg(figure)
     pictures = _draw_frames(figure, run, postures, arrows, shown, names)
     if path.suffix == ".gif":
-        _write_gif(pictures, path, fps, sorted({item.colour for item in arrows}))
+        _write_gif(pictures, path, fps, sorted({COLOUR[item.kind] for item in arrows}))
     else:
         writer = animation.FFMpegWriter(fps=fps)
         with writer.saving(figure, path, DPI):
             for _ in pictures:
                 writer.grab_frame()
     return path
-
-
-def _scene_of(run: xr.Dataset) -> Scene:
-    if "scene" not in run.attrs:
-        raise InputError("animate: the run has no attribute 'scene' (expected scene=)")
-    try:
-        return Scene(run.attrs["scene"])
-    except SceneError as error:
-        raise InputError(f"animate: the scene in the run's attributes cannot be read, give scene= ({error})") from error
-
-
-def _kinds(forces: str | tuple[str, ...] | None, is_planar: bool) -> tuple[str, ...]:
-    if forces is None:
-        return KINDS if is_planar else ("driving", "load")
-    kinds = KINDS if forces == "all" else (forces,) if isinstance(forces, str) else tuple(forces)
-    for kind in kinds:
-        if kind not in KINDS:
-            raise InputError(f"animate: forces: unknown {kind!r} (expected {', '.join(KINDS)} or all)")
-    return kinds
 
 
 def _choose_samples(run: xr.Dataset, postures: Postures, assembled: NDArray[np.bool_], frames: int) -> NDArray[np.intp]:
@@ -154,96 +121,16 @@ def _choose_samples(run: xr.Dataset, postures: Postures, assembled: NDArray[np.b
     return good[np.round(places).astype(int)[: len(places) - is_loop]]
 
 
-# ---------------------------------------------------------------- forces
-
-
-def _arrows(run: xr.Dataset, scene: Scene, postures: Postures, kinds: tuple[str, ...]) -> list[_Arrows]:
-    found = []
-    joints = {joint["name"]: joint for joint in scene.description["joints"]}
-    if "reaction" in kinds and "reaction" in run:
-        components = [name for name in ("Fx", "Fy", "Fz") if name in run.component.values]
-        force = _in_space(run.reaction.sel(component=components).values)
-        start = np.stack([_end(postures, joints[str(name)], 1) for name in run.joint.values], axis=1)
-        found.append(_Arrows("joint force", REACTION, start, force))
-    if "load" in kinds and "time" in run.coords and scene.loads:
-        force, start = _loads(run, scene, postures)
-        found.append(_Arrows("load", LOAD, start, force))
-    if "load" in kinds and "wrench" in run:
-        force, start = _wrenches(run, scene, postures)
-        found.append(_Arrows("load", LOAD, start, force))
-    if "driving" in kinds and "driving_force" in run:
-        found += _drives(run, scene, postures, joints)
-    return found
-
-
-def _in_space(force: Points) -> Points:
-    return force if force.shape[-1] == 3 else np.concatenate([force, np.zeros((*force.shape[:-1], 1))], axis=-1)
-
-
-def _end(postures: Postures, joint: dict[str, Any], side: int) -> Points:
-    return postures.markers[joint["links"][side]][joint["markers"][side]]
-
-
-def _loads(run: xr.Dataset, scene: Scene, postures: Postures) -> tuple[Points, Points]:
-    """Forces of the scene's loads in world axes, and where they act."""
-    values = scene.load_values(run.time.values)[..., :3]
-    starts, forces = [], []
-    turn = poses_of(scene, run).rotation
-    for k, load in enumerate(scene.description["loads"]):
-        force = values[:, k]
-        if load["axes"] == "link":
-            force = np.einsum("nij,nj->ni", turn[:, load["link"] - 1], force)
-        forces.append(force)
-        starts.append(postures.markers[load["link"]][load["marker"]])
-    return np.stack(forces, axis=1), np.stack(starts, axis=1)
-
-
-def _wrenches(run: xr.Dataset, scene: Scene, postures: Postures) -> tuple[Points, Points]:
-    """Forces given in the call, and where they act."""
-    components = [name for name in ("Fx", "Fy", "Fz") if name in run.component.values]
-    place = {
-        f"{link['name']}.{marker['name']}": postures.markers[i][marker["name"]]
-        for i, link in enumerate(scene.description["links"])
-        for marker in link["markers"]
-    }
-    start = np.stack([place[str(name)] for name in run.loaded_marker.values], axis=1)
-    return _in_space(run.wrench.sel(component=components).values), start
-
-
-def _drives(run: xr.Dataset, scene: Scene, postures: Postures, joints: dict[str, dict[str, Any]]) -> list[_Arrows]:
-    """Driving forces along their slides; driving torques about their axes."""
-    forces: list[tuple[Points, Points]] = []
-    torques: list[tuple[Points, Points]] = []
-    units = dict(zip(run.actuator.values, run.actuator_unit.values))
-    for name in map(str, run.actuator.values):
-        joint = joints.get(name) or joints[name.rsplit(".", 1)[0]]
-        axis = postures.axes[joint["links"][0]][joint["markers"][0]]
-        is_torque = units[name] == "N m"
-        if is_torque and scene.planar:
-            axis = np.broadcast_to([0.0, 0.0, 1.0], axis.shape)
-        value = run.driving_force.sel(actuator=name).values[:, np.newaxis] * axis
-        (torques if is_torque else forces).append((_end(postures, joint, 1), value))
-    found = []
-    for label, group, is_torque in (("driving force", forces, False), ("driving torque", torques, True)):
-        if group:
-            start, value = (np.stack(part, axis=1) for part in zip(*group))
-            found.append(_Arrows(label, DRIVE, start, value, is_torque))
-    return found
-
-
-def _largest(arrows: list[_Arrows], shown: NDArray[np.intp], is_torque: bool) -> float:
+def _largest(arrows: list[Forces], shown: NDArray[np.intp], is_torque: bool) -> float:
     sizes = [np.linalg.norm(item.force[shown], axis=-1) for item in arrows if item.is_torque == is_torque]
     return max((float(np.nanmax(size)) for size in sizes if size.size), default=0.0)
-
-
-# ---------------------------------------------------------------- pictures
 
 
 def _draw_frames(
     figure: Figure,
     run: xr.Dataset,
     postures: Postures,
-    arrows: list[_Arrows],
+    arrows: list[Forces],
     shown: NDArray[np.intp],
     names: bool,
 ) -> Iterator[NDArray[np.uint8]]:
@@ -254,19 +141,21 @@ def _draw_frames(
     force, torque = _largest(arrows, shown, False), _largest(arrows, shown, True)
     scale = ARROW * extent / force if force > 0 else 0.0
     paths = _paths(postures, run.status.values == 0) if planar else []
+    starts = [item.start(postures) for item in arrows]
     for sample in shown:
         ax.clear()
         set_limits(ax, postures)
         for path in paths:
             ax.plot(*path.T, color="0.8", linewidth=0.9, zorder=0.5)
         draw(ax, postures, sample, names)
-        for item in arrows:
-            for start, value in zip(item.start[sample], item.force[sample]):
+        for item, places in zip(arrows, starts):
+            colour = COLOUR[item.kind]
+            for start, value in zip(places[sample], item.force[sample]):
                 if item.is_torque and planar:
-                    _draw_arc(ax, start, value[2] / torque if torque > 0 else 0.0, item.colour)
+                    _draw_arc(ax, start, value[2] / torque if torque > 0 else 0.0, colour)
                 else:
                     length = ARROW * extent / torque if item.is_torque and torque > 0 else scale
-                    _draw_arrow(ax, start, length * value, item.colour, planar)
+                    _draw_arrow(ax, start, length * value, colour, planar)
         _write(ax, run, arrows, sample, force, torque)
         figure.canvas.draw()
         if sample == shown[0]:
@@ -277,7 +166,8 @@ def _draw_frames(
 def _paths(postures: Postures, good: NDArray[np.bool_]) -> list[Points]:
     """Ways of the moving joints in the plane."""
     joints = postures.scene.description["joints"]
-    return [_end(postures, joint, 1)[good, :2] for joint in joints if 0 not in joint["links"]]
+    moving = [(joint["links"][1], joint["markers"][1]) for joint in joints if 0 not in joint["links"]]
+    return [postures.markers[link][marker][good, :2] for link, marker in moving]
 
 
 def _draw_arrow(ax: Axes, start: Points, arrow: Points, colour: str, planar: bool) -> None:
@@ -304,16 +194,16 @@ def _draw_arc(ax: Axes, centre: Points, part: float, colour: str) -> None:
     ax.annotate("", xytext=arc[-1] - 0.1 * radius * tangent, xy=arc[-1] + 0.45 * radius * tangent, arrowprops=style, zorder=8)
 
 
-def _write(ax: Axes, run: xr.Dataset, arrows: list[_Arrows], sample: int, force: float, torque: float) -> None:
+def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: float, torque: float) -> None:
     """Title, instant, and what the arrows mean."""
     moment = f"t = {run.time.values[sample]:.3f} s" if "time" in run.coords else f"sample {sample}"
     title = run.attrs.get("title", "")
     ax.set_title(f"{title}\n{moment}" if title else moment, fontsize="small")
     forces = [item for item in arrows if not item.is_torque and force > 0]
-    labels = [(item.colour, item.label) for item in forces]
+    labels = [(COLOUR[item.kind], item.label) for item in forces]
     if forces:
         labels[0] = (labels[0][0], f"{labels[0][1]} (longest arrow {_round(force)}N)")
-    labels += [(item.colour, f"{item.label} (longest {_round(torque)}N·m)") for item in arrows if item.is_torque and torque > 0]
+    labels += [(COLOUR[item.kind], f"{item.label} (longest {_round(torque)}N·m)") for item in arrows if item.is_torque and torque > 0]
     if labels:
         handles = [Line2D([], [], color=colour, linewidth=2.0, label=label) for colour, label in labels]
         ax.legend(handles=handles, loc="upper left", framealpha=0.8, edgecolor="none", fontsize=6.5)

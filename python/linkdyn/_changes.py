@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,6 +11,8 @@ from .errors import InputError
 
 __all__ = ["changed"]
 
+INDEXED = re.compile(r"(.+?)((?:\[\d+\])+)")
+"""An element of a list: "cog[0]"."""
 _LABELS = {"coordinate": ("joint", "link"), "actuator": ("joint",), "load": ("on",)}
 """What names the tables of a list; others have a name."""
 
@@ -22,7 +25,7 @@ def changed(scene: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
     scene
         As in a scene file.
     changes
-        Path to new value, e.g. ``"link.crank.mass"`` or ``"actuator.J1.law"``. ``None`` takes the key out. A list of
+        Path to new value, e.g. ``"link.crank.mass"``, ``"link.crank.cog[0]"`` or ``"actuator.J1.law"``. ``None`` takes the key out. A list of
         tables takes the path to its end too: ``"spring.S1"`` with a table puts or replaces that spring.
 
     Raises
@@ -43,6 +46,9 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
     key, dot, below = rest.partition(".")
     if not isinstance(table, dict):
         raise InputError(f"with_: {path!r} leads nowhere: there is no table above {key!r}")
+    if (place := INDEXED.fullmatch(key)) and key not in table:
+        _put_at(table, place[1], [int(index) for index in re.findall(r"\d+", place[2])], path, None if dot else value)
+        return
     inner = table.get(key)
     if not dot:
         table[key] = value
@@ -57,6 +63,20 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
         raise InputError(f"with_: {path!r} leads nowhere: there is no {key!r} (expected one of {known})")
     else:
         _put(inner, below, path, value)
+
+
+def _put_at(table: dict[str, Any], key: str, indices: list[int], path: str, value: Any) -> None:
+    """Put an element of a list, or of a list in it."""
+    if value is None:
+        raise InputError(f"with_: {path!r} leads nowhere: an element of a list can only be given another value")
+    holder: Any = table.get(key)
+    for depth, index in enumerate(indices, start=1):
+        if not isinstance(holder, list) or index >= len(holder):
+            has = f"{len(holder)} elements" if isinstance(holder, list) else "no list"
+            raise InputError(f"with_: {path!r} leads nowhere: {key!r} has {has} (the first is [0])")
+        if depth < len(indices):
+            holder = holder[index]
+    holder[indices[-1]] = value
 
 
 def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, value: Any) -> None:

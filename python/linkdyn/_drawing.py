@@ -1,13 +1,11 @@
-"""A drawing of any scene: where its markers are, and how wide the picture must be. What links look like is told by
+"""A drawing of any scene, and how wide the picture must be. What links look like is told by
 `_planar_shapes` and `_spatial_shapes`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,79 +13,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._drawing_arguments import checked
 from ._planar_shapes import draw_planar
+from ._postures import ELEVATION, Postures, best_azimuth, find_postures
 from ._spatial_shapes import draw_spatial
 from .errors import InputError
-from .scene import Poses, Scene
+from .scene import Scene
 
-__all__ = ["Postures", "draw", "find_postures", "mechanism", "picture_size", "poses_of", "set_limits"]
+__all__ = ["draw", "mechanism", "picture_size", "set_limits"]
 
 Points = NDArray[np.float64]
 
 LARGEST = (7.5, 7.0)
 """Of a picture [inch]."""
 LOWEST = 2.4
-ELEVATION = 25.0
-"""Of the eye over a spatial mechanism [deg]."""
-
-
-@dataclass(frozen=True)
-class Postures:
-    """Where everything is at N samples, world axes."""
-
-    scene: Scene
-    markers: list[dict[str, Points]]
-    """Of the frame and of every link: marker to (N, 3) [m]."""
-    axes: list[dict[str, Points]]
-    """Likewise: the markers' axes."""
-
-    def at(self, sample: int) -> Posture:
-        return Posture(
-            self.scene,
-            [{name: points[sample] for name, points in link.items()} for link in self.markers],
-            [{name: axis[sample] for name, axis in link.items()} for link in self.axes],
-        )
-
-    @property
-    def points(self) -> Points:
-        """(N, markers, 3)."""
-        return np.stack([points for link in self.markers for points in link.values()], axis=1)
-
-    def travel(self, joint: dict[str, Any]) -> tuple[float, float]:
-        """Lowest and highest slide of a joint whose markers lie on a line."""
-        (first, second), (a, b) = joint["links"], joint["markers"]
-        slide = np.einsum("nk,nk->n", self.markers[second][b] - self.markers[first][a], self.axes[first][a])
-        return float(slide.min()), float(slide.max())
-
-
-@dataclass(frozen=True)
-class Posture:
-    """Where everything is at one sample: as `Postures`, without N."""
-
-    scene: Scene
-    markers: list[dict[str, Points]]
-    axes: list[dict[str, Points]]
-
-
-def poses_of(scene: Scene, run: xr.Dataset) -> Poses:
-    """Poses along a run: where other joint variables stood in for its coordinates, these do not tell the assembly."""
-    if "stand_in" in run and np.any(run.stand_in != 0):
-        if "joint_variable" not in run:
-            raise InputError("the run passed dead points of its coordinates (expected joint variables among the results)")
-        return scene.poses(joint_variable=run.joint_variable.values)
-    return scene.poses(np.nan_to_num(run.q.values), in_order=True)
-
-
-def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool_]]:
-    """Markers and axes in world axes at every sample; and which samples can be assembled."""
-    n = len(poses.status)
-    markers: list[dict[str, Points]] = []
-    axes: list[dict[str, Points]] = []
-    for k, link in enumerate(scene.description["links"]):
-        origin = np.zeros((n, 3)) if k == 0 else poses.position[:, k - 1]
-        turn = np.broadcast_to(np.eye(3), (n, 3, 3)) if k == 0 else poses.rotation[:, k - 1]
-        markers.append({marker["name"]: origin + turn @ np.array(marker["at"]) for marker in link["markers"]})
-        axes.append({marker["name"]: turn @ np.array(marker["axis"]) for marker in link["markers"]})
-    return Postures(scene, markers, axes), poses.status == 0
 
 
 @checked
@@ -171,18 +108,4 @@ def set_limits(ax: Axes, postures: Postures) -> None:
         ax.set_aspect("equal")
     else:
         ax.set_box_aspect(highest - lowest, zoom=0.95)
-        ax.view_init(elev=ELEVATION, azim=_best_azimuth(postures.points[0]))
-
-
-def _best_azimuth(points: Points) -> float:
-    """The usual view from the side; another one if the mechanism would be seen edge on."""
-    elevation = np.radians(ELEVATION)
-    offsets = points - points.mean(axis=0)
-    spread = {}
-    for azimuth in (-60.0, -30.0, -90.0, 0.0, -120.0):
-        c, s = np.cos(np.radians(azimuth)), np.sin(np.radians(azimuth))
-        right = np.array([-s, c, 0.0])
-        up = np.array([-c * np.sin(elevation), -s * np.sin(elevation), np.cos(elevation)])
-        spread[azimuth] = np.linalg.svd(offsets @ np.array([right, up]).T, compute_uv=False)[1]
-    widest = max(spread.values())
-    return next(azimuth for azimuth, width in spread.items() if width >= 0.6 * widest)
+        ax.view_init(elev=ELEVATION, azim=best_azimuth(postures.points[0]))

@@ -52,6 +52,12 @@ def _as_scene(name: str, value: Any) -> Scene:
     return value
 
 
+def _as_source(name: str, value: Any) -> xr.Dataset | Scene:
+    if not isinstance(value, (xr.Dataset, Scene)):
+        raise InputError(f"{name}: expected the results of a run or a Scene, got {type(value).__name__}")
+    return value
+
+
 def _as_name(name: str, value: Any) -> str:
     if not isinstance(value, str):
         raise InputError(f"{name}: expected a name, got {type(value).__name__}")
@@ -63,6 +69,17 @@ def _as_names(name: str, value: Any) -> str | tuple[str, ...]:
     if isinstance(value, (list, tuple, set, np.ndarray)) and np.ndim(list(map(str, value))) == 1:
         return tuple(_as_name(name, item) for item in value)
     return _as_name(name, value)
+
+
+def _as_list(name: str, value: Any) -> tuple[str, ...]:
+    """One name or several, as a tuple."""
+    names = _as_names(name, value)
+    return (names,) if isinstance(names, str) else names
+
+
+def _as_files(name: str, value: Any) -> dict[str, str]:
+    """Names of links and files."""
+    return {_as_name(name, key): as_path(f"{name}[{key!r}]", file) for key, file in as_mapping(name, value).items()}
 
 
 def _as_places(name: str, value: Any) -> dict[str, float]:
@@ -99,6 +116,7 @@ def _as_positive(name: str, value: Any) -> float:
 _KINDS: dict[str, Callable[[str, Any], Any]] = {
     "run": _as_run,
     "result": _as_run,
+    "source": _as_source,
     "scene": _as_scene,
     "file": as_path,
     "q": _as_coordinates,
@@ -113,6 +131,10 @@ _KINDS: dict[str, Callable[[str, Any], Any]] = {
     "axes": _as_names,
     "at": _as_names,
     "forces": _as_names,
+    "plots": _as_list,
+    "traces": _as_list,
+    "meshes": _as_files,
+    "mesh_unit": _as_positive,
     "where": _as_places,
     "design": _as_index,
     "frames": as_count,

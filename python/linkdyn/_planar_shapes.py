@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ._style import COLOURS, FRAME_COLOUR
 
 if TYPE_CHECKING:
-    from ._drawing import Posture
+    from ._postures import Posture
 
 __all__ = ["around", "distinct", "draw_planar", "jointed", "lighter", "link_colour", "unit_of"]
 

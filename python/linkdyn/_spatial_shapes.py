@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ._planar_shapes import around, distinct, jointed, lighter, link_colour
 
 if TYPE_CHECKING:
-    from ._drawing import Posture
+    from ._postures import Posture
 
 __all__ = ["draw_spatial"]
 

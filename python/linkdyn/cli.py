@@ -1,16 +1,15 @@
-"""The command ``linkdyn``: hands over to the executable inside the package, and draws the sheet of a sweep after it."""
+"""The command ``linkdyn``: hands over to the executable inside the package, draws the sheet of a sweep after it, and views runs."""
 
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 
 __all__ = ["executable", "main", "quadruple_twin"]
 
+PROGRAMS = Path(__file__).parent / "_bin"
 BAD_INPUT = 2
 RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
 """Where launchers of MPI leave the number of the process."""
@@ -24,7 +23,7 @@ def executable() -> Path:
     FileNotFoundError
         The package was built without it.
     """
-    path = Path(str(files("linkdyn").joinpath("_bin", "linkdyn")))
+    path = PROGRAMS / "linkdyn"
     if not path.is_file():
         raise FileNotFoundError(f"{path}: the executable is not in the package (expected a build with its app)")
     return path
@@ -38,7 +37,7 @@ def quadruple_twin() -> Path | None:
     """
     if given := os.environ.get("LINKDYN_REAL128"):
         return Path(given)
-    path = Path(str(files("linkdyn").joinpath("_bin", "linkdyn-real128")))
+    path = PROGRAMS / "linkdyn-real128"
     return path if path.is_file() else None
 
 
@@ -51,6 +50,10 @@ def main() -> None:
     if twin := quadruple_twin():
         os.environ["LINKDYN_REAL128"] = os.fspath(twin)
     arguments = sys.argv[1:]
+    if arguments[:1] == ["view"]:
+        from ._view_command import view_command
+
+        sys.exit(view_command(arguments[1:]))
     if _asks_for_sheet(arguments):
         sys.exit(_sweep_with_sheet(path, arguments))
     os.execv(path, ["linkdyn", *arguments])
@@ -73,6 +76,8 @@ def _sweep_with_sheet(path: Path, arguments: list[str]) -> int:
     if results is None:
         results = str(sheet_file.with_suffix(".nc"))
         rest = [*rest, "--output", results]
+    import subprocess
+
     try:
         code = subprocess.run([path, *rest], check=False).returncode
     except KeyboardInterrupt:

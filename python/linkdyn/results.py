@@ -5,6 +5,7 @@ Names, units and dimensions come from the engine's own description, so the two c
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping
 from datetime import datetime
@@ -15,9 +16,11 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from . import _bind
+from . import _accessor, _bind  # noqa: F401  (run.linkdyn)
+from ._arguments import as_path
+from .errors import FileError
 
-__all__ = ["ensemble_dataset", "result_shapes", "run_attributes", "to_dataset"]
+__all__ = ["ensemble_dataset", "read", "result_shapes", "run_attributes", "to_dataset"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
@@ -30,6 +33,37 @@ COMPONENTS = {
     3: {"Fx": "N", "Fy": "N", "Fz": "N", "Mx": "N m", "My": "N m", "Mz": "N m"},
 }
 """Of a wrench in the plane and in space, with their units."""
+
+
+def read(file: str | os.PathLike[str]) -> xr.Dataset:
+    """Read the results that the executable or ``to_netcdf`` wrote.
+
+    Parameters
+    ----------
+    file
+        netCDF.
+
+    Returns
+    -------
+    xarray.Dataset
+        As `Scene.inverse`, `Scene.forward` or `Scene.sweep` give it, all of it in memory.
+
+    Raises
+    ------
+    FileError
+        It cannot be read, or is no netCDF file.
+    """
+    path = as_path("read: file", file)
+    try:
+        with xr.open_dataset(path, engine="netcdf4") as stored:
+            return _by_time(stored.load())
+    except (OSError, ValueError, RuntimeError) as error:
+        raise FileError(f"{path}: no results can be read from it ({getattr(error, 'strerror', None) or error})") from error
+
+
+def _by_time(run: xr.Dataset) -> xr.Dataset:
+    """With the time as index: ``run.sel(time=0.5, method="nearest")``."""
+    return run.set_xindex("time") if "time" in run.coords and "time" not in run.indexes else run
 
 
 def result_shapes(schema: dict[str, Any], with_inputs: bool = False) -> dict[str, tuple[tuple[int, ...], type]]:
@@ -99,7 +133,7 @@ def to_dataset(
         coordinates["component"] = ("component", list(components))
         coordinates["component_unit"] = ("component", list(components.values()))
     attributes = run_attributes(scene, scene_text, solver) | dict(zip(ROADS, map(int, roads)))
-    data = xr.Dataset(variables, coordinates, attributes)
+    data = _by_time(xr.Dataset(variables, coordinates, attributes))
     if "assembly" in data:
         found = data["assembly"].values[data["status"].values == 0]
         data.attrs["change_points_passed"] = int(np.count_nonzero(found == CHANGE_POINT))

@@ -7,6 +7,7 @@ import math
 import os
 import tomllib
 import weakref
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,10 +19,12 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
+from ._accessor import table
 from ._arguments import as_count, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, dimensions, quoted
 from ._changes import changed
+from ._keys import told_by_keys
 from ._progress import Progress
-from .errors import FileError, InputError, Interrupted
+from .errors import FileError, InputError, Interrupted, SceneError
 from .results import ensemble_dataset, result_shapes, to_dataset
 from .study import run_study
 from .sweep import run_sweep
@@ -106,6 +109,8 @@ class Scene:
         Names; ``links`` are the moving ones.
     text : str
         The scene file.
+    folder : str
+        Where its tables are looked up.
     description : dict
         All of the above with units, markers and mass properties.
     """
@@ -115,9 +120,12 @@ class Scene:
     ) -> None:
         data, name, beside = _source(source)
         self.text = data.decode("utf-8", errors="replace")
-        self._folder = as_path("folder", folder if folder is not None else beside)
-        handle = _bind.open_scene(data, name, self._folder)
-        self._folder = os.path.abspath(self._folder)  # the working folder may change before the tables are read again
+        self.folder = as_path("folder", folder if folder is not None else beside)
+        try:
+            handle = _bind.open_scene(data, name, self.folder)
+        except SceneError as error:
+            raise (SceneError(told_by_keys(str(error), self.text)) if isinstance(source, Mapping) else error) from None
+        self.folder = os.path.abspath(self.folder)  # the working folder may change before the tables are read again
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
@@ -137,6 +145,20 @@ class Scene:
             f"{len(self.coordinates)} coordinates, {len(self.actuators)} actuators>"
         )
 
+    def _repr_html_(self) -> str:
+        kinds = Counter(joint["type"] for joint in self.description["joints"])
+        return table(
+            {
+                "title": self.title,
+                "space": "planar" if self.planar else "spatial",
+                "links": f"{len(self.links)} moving, {sum(link['mass'] for link in self.description['links']):.4g} kg",
+                "joints": ", ".join(f"{n} {kind}" for kind, n in kinds.items()),
+                "coordinates": ", ".join(self.coordinates),
+                "actuators": ", ".join(self.actuators),
+                "loads": ", ".join(self.loads),
+            }
+        )
+
     def with_(self, changes: Mapping[str, Any]) -> Scene:
         """The scene with some values changed; this one stays as it is.
 
@@ -145,7 +167,7 @@ class Scene:
         changes
             Path in the scene file to new value. Tables of a list go by their name, coordinates and actuators by their
             joint (or link), loads by their marker: "link.crank.mass", "actuator.J1.law.value", "spring.S1.rest",
-            "coordinate.J1.start", "time.end". ``None`` takes a key or table out; a table puts or replaces one:
+            "coordinate.J1.start", "time.end"; "link.crank.cog[0]" is the first of a list: as in sweeps. ``None`` takes a key or table out; a table puts or replaces one:
             ``{"actuator.J1.law": {"type": "constant", "value": 3.0}}``.
 
         Raises
@@ -161,7 +183,7 @@ class Scene:
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
         paths = as_mapping("changes", changes, "new values by their paths, such as 'link.crank.mass'")
-        return Scene(changed(tomllib.loads(self.text), paths), folder=self._folder)
+        return Scene(changed(tomllib.loads(self.text), paths), folder=self.folder)
 
     def explain(self, matrix: bool = False) -> str:
         """What is modelled, how it is computed, what is left out.
@@ -500,7 +522,7 @@ class Scene:
         LinkdynError
             Neither inverse nor forward dynamics of the scene can be computed.
         """
-        return run_study(self.text, self._folder, None if t_end is None else as_number("t_end", t_end))
+        return run_study(self.text, self.folder, None if t_end is None else as_number("t_end", t_end))
 
     def sweep(
         self,
@@ -541,12 +563,11 @@ class Scene:
             The scene has no sweep; an unknown quantity or solver; too many or too few actuators.
         """
         if sweep is not None:
-            table = as_mapping("sweep", sweep, "a table as in a scene file")
-            content = tomllib.loads(self.text) | {"sweep": table}
-            return Scene(content, folder=self._folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
+            content = tomllib.loads(self.text) | {"sweep": as_mapping("sweep", sweep, "a table as in a scene file")}
+            return Scene(content, folder=self.folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
         return run_sweep(
             self._handle,
-            self._folder,
+            self.folder,
             self.description,
             self.text,
             keep=as_names("keep", keep),

@@ -1,0 +1,5 @@
+"""``python -m linkdyn``: the command ``linkdyn``."""
+
+from .cli import main
+
+main()

@@ -1,0 +1,198 @@
+"""``run.linkdyn``: what can be done with a run, at hand where the run is."""
+
+from __future__ import annotations
+
+import os
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from .errors import InputError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from ._view import View
+
+__all__ = ["RunAccessor"]
+
+GROUPS = {"force": "F", "moment": "M"}
+"""Parts of a wrench, by the first letter of their components."""
+
+
+@xr.register_dataset_accessor("linkdyn")
+class RunAccessor:
+    """Of the results of `Scene.inverse`, `Scene.forward` or a sweep.
+
+    Examples
+    --------
+    >>> run = linkdyn.load("examples/fourbar/scene.toml").inverse()
+    >>> round(run.linkdyn.worst("driving_force").loc["J1", "time"], 2)
+    4.02
+    """
+
+    def __init__(self, run: xr.Dataset) -> None:
+        self._run = run
+
+    def view(self, file: str | os.PathLike[str] | None = None, **options: Any) -> View:
+        """An interactive picture: `linkdyn.view`."""
+        from ._view import view
+
+        return view(self._run, file, **options)
+
+    def animate(self, file: str | os.PathLike[str], **options: Any) -> Path:
+        """A moving picture, ``.gif`` or ``.mp4``: `linkdyn.plot.animate`."""
+        from ._animation import animate
+
+        return animate(self._run, file, **options)
+
+    def sheet(self, file: str | os.PathLike[str], **options: Any) -> Path:
+        """The sizing sheet of a sweep: `linkdyn.sheet`."""
+        from ._sheet import sheet
+
+        return sheet(self._run, file, **options)
+
+    def worst(self, quantity: str = "reaction") -> pd.DataFrame:
+        """The largest magnitudes, and when they occur.
+
+        Parameters
+        ----------
+        quantity
+            A result with values at every sample.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A row for each actuator, joint, ...: ``value``, in the unit ``unit``, with its sign, and ``time`` [s] (``sample``
+            of a batch). Of reactions ``force`` [N] and ``moment`` [N m], magnitudes, each with its time. NaN where no
+            sample could be computed.
+
+        Raises
+        ------
+        InputError
+            The run has no such result.
+        """
+        import pandas as pd
+
+        values = self._result(quantity)
+        if "component" in values.dims:
+            columns = {}
+            for part, letter in GROUPS.items():
+                components = [name for name in values.component.values if str(name).startswith(letter)]
+                size = np.linalg.norm(values.sel(component=components).values, axis=-1)
+                columns[part], columns[f"{part}_{self._clock}"] = self._peaks(size)
+            label = next(name for name in values.dims if name not in ("sample", "component"))
+            return pd.DataFrame(columns, index=pd.Index(values[label].values, name=label))
+        label = values.dims[1] if values.ndim > 1 else None
+        peak, instant = self._peaks(values.values.reshape(len(values), -1))
+        units = self._units(values)
+        index = pd.Index(values[label].values, name=label) if label else pd.Index([quantity])
+        return pd.DataFrame({"value": peak, "unit": units, self._clock: instant}, index=index)
+
+    def joint(self, name: str) -> xr.Dataset:
+        """Everything that belongs to one joint: reaction, driving force, joint variables.
+
+        Raises
+        ------
+        InputError
+            There is no joint of this name.
+        """
+        known = [str(other) for key in ("joint", "actuator") if key in self._run.coords for other in self._run[key].values]
+        if name not in known:
+            raise InputError(f"joint: there is no {name!r} among the results (expected one of {', '.join(map(repr, dict.fromkeys(known)))})")
+        found = {}
+        for key, dimension in (("joint", "joint"), ("actuator", "actuator"), ("variable", "variable")):
+            for result, values in self._run.data_vars.items():
+                if dimension not in values.dims:
+                    continue
+                labels = [str(label) for label in values[key].values]
+                own = [label for label in labels if label == name or label.startswith(f"{name}.")]
+                if own:
+                    found[result] = values.sel({key: own if key == "variable" else own[0]}, drop=key != "variable")
+        return xr.Dataset(found, attrs={"joint": name})
+
+    def to_frame(self) -> pd.DataFrame:
+        """All results as one wide table, a row for each sample: for pandas, Parquet, spreadsheets.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Columns such as "driving_force leg1.P [N]"; the index is the time [s], or the number of the sample.
+        """
+        import pandas as pd
+
+        columns: dict[str, Any] = {}
+        for name, values in self._run.data_vars.items():
+            if values.dims[:1] != ("sample",):
+                continue
+            flat = values.values.reshape(len(values), -1)
+            for label, unit, column in zip(self._labels(values), self._units(values), flat.T):
+                columns[f"{name}{label}{f' [{unit}]' if unit not in ('', '1') else ''}"] = column
+        return pd.DataFrame(columns, index=pd.Index(self._instants(), name=self._clock))
+
+    def _repr_html_(self) -> str:
+        run = self._run
+        rows = {
+            "title": run.attrs.get("title", ""),
+            "samples": f"{run.sizes.get('sample', 0)}{self._span()}",
+            "failed": int((run.status.values != 0).sum()) if "status" in run else 0,
+            "results": ", ".join(map(str, run.data_vars)),
+        }
+        if "driving_force" in run and run.sizes.get("actuator"):
+            peaks = self.worst("driving_force")
+            top = peaks.value.abs().idxmax() if peaks.value.notna().any() else None
+            if top is not None:
+                rows["largest driving force"] = f"{peaks.value[top]:.4g} {peaks.unit[top]}, {top}"
+        return table(rows)
+
+    # ---------------------------------------------------------------- parts
+
+    @property
+    def _clock(self) -> str:
+        return "time" if "time" in self._run.coords else "sample"
+
+    def _instants(self) -> np.ndarray:
+        return self._run.time.values if self._clock == "time" else np.arange(self._run.sizes["sample"])
+
+    def _span(self) -> str:
+        if self._clock == "sample" or not self._run.sizes["sample"]:
+            return ""
+        instants = self._instants()
+        return f", {instants[0]:g} s to {instants[-1]:g} s"
+
+    def _result(self, quantity: str) -> xr.DataArray:
+        known = [str(name) for name, values in self._run.data_vars.items() if values.dims[:1] == ("sample",) and values.dtype.kind == "f"]
+        if quantity not in known:
+            raise InputError(f"worst: the run has no {quantity!r} (expected one of {', '.join(known)})")
+        return self._run[quantity]
+
+    def _peaks(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of each column the value of largest magnitude, and its instant."""
+        size = np.where(np.isfinite(values), np.abs(values), -1.0)
+        place = size.argmax(axis=0)
+        columns = np.arange(values.shape[1])
+        is_there = size[place, columns] >= 0
+        return np.where(is_there, values[place, columns], np.nan), np.where(is_there, self._instants()[place], np.nan)
+
+    def _labels(self, values: xr.DataArray) -> list[str]:
+        labels = [""]
+        for dimension in values.dims[1:]:
+            labels = [f"{text}{' ' if not text else '.'}{label}" for text in labels for label in values[dimension].values]
+        return labels
+
+    def _units(self, values: xr.DataArray) -> list[str]:
+        """Of each column, in the order of `_labels`."""
+        from ._units import units_of
+
+        n = int(np.prod(values.shape[1:]))
+        return units_of(values) * (n // len(units_of(values)))
+
+
+def table(rows: dict[str, Any]) -> str:
+    """Names and values as a small table of HTML."""
+    cell = '<td style="text-align: left">'
+    lines = "".join(f"<tr>{cell}{escape(name)}</td>{cell}{escape(str(value))}</td></tr>" for name, value in rows.items() if value != "")
+    return f"<table>{lines}</table>"

@@ -1,0 +1,80 @@
+"""Messages about dict scenes name keys; `with_` and sweeps have one syntax for paths."""
+
+from __future__ import annotations
+
+import copy
+import tomllib
+from functools import reduce
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkdyn
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def content():
+    return tomllib.loads((EXAMPLES / "fourbar" / "scene.toml").read_text())
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "inside"),
+    [
+        (("link", 0, "mass"), "heavy", ()),
+        (("link", 2, "inertia"), -1, ()),
+        (("gravity",), [0, 0, 0, 0], ()),
+        (("joint", 1, "between"), ["frame.X", "crank.J2"], (0,)),
+        (("coordinate", 0, "motion"), {"law": "wind", "why": "so long that it takes a line of its own, " * 3}, ("law",)),
+        (("link", 1, "markers", "J2"), [1, "x"], (1,)),
+        (("frame", "markers", "J4"), ["a", 0], (0,)),
+        (("link", 1, "colour of the paint"), 3, ()),
+        (("space",), "flat", ()),
+    ],
+)
+def test_messages_name_keys(content, keys, value, inside):
+    wrong = copy.deepcopy(content)
+    reduce(lambda table, key: table[key], keys[:-1], wrong)[keys[-1]] = value
+    with pytest.raises(linkdyn.SceneError) as caught:
+        linkdyn.Scene(wrong)
+    assert str(caught.value).startswith(f"scene{''.join(f'[{key!r}]' for key in keys + inside)}: "), caught.value
+
+
+def test_short_tables_in_lists_count(content):
+    wrong = content | {"actuator": [*content["actuator"], {"joint": "J9"}]}
+    with pytest.raises(linkdyn.SceneError) as caught:
+        linkdyn.Scene(wrong)
+    assert str(caught.value).startswith("scene['actuator'][1]: "), caught.value
+
+
+def test_messages_of_texts_keep_their_lines():
+    with pytest.raises(linkdyn.SceneError, match="^scene:2: "):
+        linkdyn.Scene("title = 'a'\nfoo = 2\n")
+
+
+@pytest.mark.parametrize("path", ["link.crank.cog[0]", "link.crank.mass", "frame.markers.J1[0]", "gravity[1]"])
+def test_one_path_for_changes_and_sweeps(content, path):
+    scene = linkdyn.Scene(content)
+    number = {"link.crank.cog[0]": 1.5, "link.crank.mass": 300.0, "frame.markers.J1[0]": 10.2, "gravity[1]": -5.0}[path]
+    q = np.linspace(0.5, 3.0, 7)
+    changed = scene.with_({path: number}).inverse(q[:, np.newaxis])
+    assert np.abs(changed.driving_force - scene.inverse(q[:, np.newaxis]).driving_force).max() > 1.0
+    axes = [{"parameter": path, "values": [number]}, {"coordinate": "J1", "values": q.tolist()}]
+    swept = scene.sweep({"reduce": ["driving_force"], "axis": axes})
+    assert swept.driving_force_max.squeeze().item() == pytest.approx(float(changed.driving_force.max()), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        ("link.crank.cog[2]", 1.0, "'cog' has 2 elements"),
+        ("link.crank.mass[0]", 1.0, "'mass' has no list"),
+        ("link.crank.cog[0]", None, "another value"),
+        ("link.crank.cog[0].x", 1.0, "another value"),
+    ],
+)
+def test_elements_that_are_not_there(content, path, value, words):
+    with pytest.raises(linkdyn.InputError, match=words.replace("[", r"\[")):
+        linkdyn.Scene(content).with_({path: value})

@@ -1,0 +1,140 @@
+"""Runs at hand: their index, `run.linkdyn`, what notebooks show, and what loads with the package."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkdyn
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def scene(tsai_file):
+    return linkdyn.load(tsai_file)
+
+
+@pytest.fixture(scope="module")
+def run(scene):
+    return scene.inverse()
+
+
+def test_time_is_the_index(run):
+    at = run.sel(time=0.5, method="nearest")
+    assert at.driving_force.dims == ("actuator",)
+    place = int(np.argmin(np.abs(run.time.values - 0.5)))
+    np.testing.assert_array_equal(at.driving_force, run.driving_force[place])
+    part = run.sel(time=slice(0.5, 1.0))
+    assert 0 < part.sizes["sample"] < run.sizes["sample"] and part.time.min() >= 0.5
+
+
+def test_a_forward_run_too():
+    run = linkdyn.load(EXAMPLES / "fourbar_constant_torque" / "scene.toml").forward(0.2)
+    assert run.sel(time=0.1, method="nearest").q.sizes == {"coordinate": 1}
+
+
+def test_batches_have_no_time(scene):
+    assert "time" not in scene.inverse(scene.motion()[0]).indexes
+
+
+def test_read(run, tmp_path):
+    run.to_netcdf(tmp_path / "run.nc")
+    again = linkdyn.read(tmp_path / "run.nc")
+    assert again.equals(run) and "time" in again.indexes
+    (tmp_path / "empty.nc").write_text("")
+    for name in ("empty.nc", "nowhere.nc"):
+        with pytest.raises(linkdyn.FileError, match=name):
+            linkdyn.read(tmp_path / name)
+
+
+def test_worst_reaction(run):
+    worst = run.linkdyn.worst()
+    force = np.linalg.norm(run.reaction.sel(joint="leg3.U", component=["Fx", "Fy", "Fz"]), axis=-1)
+    assert worst.loc["leg3.U", "force"] == pytest.approx(force.max(), rel=1e-14)
+    assert worst.loc["leg3.U", "force_time"] == run.time.values[force.argmax()]
+    assert list(worst.index) == list(run.joint.values)
+
+
+def test_worst_keeps_the_sign(run):
+    shifted = run.assign(driving_force=run.driving_force - 20.0)
+    worst = shifted.linkdyn.worst("driving_force")
+    assert (worst.value < 0).all() and set(worst.unit) == {"N"}
+    assert worst.loc["leg1.P", "value"] == float(run.driving_force.sel(actuator="leg1.P").min()) - 20.0
+
+
+def test_worst_without_failed_samples(crossing):
+    run = linkdyn.Scene(crossing).inverse()
+    worst = run.linkdyn.worst("driving_force")
+    assert np.isfinite(worst.value).all() and 2.0 not in set(worst.time)
+    nowhere = run.isel(sample=[2]).linkdyn.worst("driving_force")
+    assert nowhere.value.isna().all() and nowhere.time.isna().all()
+
+
+def test_worst_refuses(run):
+    with pytest.raises(linkdyn.InputError, match="no 'heat'"):
+        run.linkdyn.worst("heat")
+
+
+def test_joint(run):
+    leg = run.linkdyn.joint("leg2.P")
+    np.testing.assert_array_equal(leg.driving_force, run.driving_force.sel(actuator="leg2.P"))
+    np.testing.assert_array_equal(leg.reaction, run.reaction.sel(joint="leg2.P"))
+    assert list(leg.variable.values) == ["leg2.P.slide"]
+    assert "driving_force" not in run.linkdyn.joint("leg2.U")
+    with pytest.raises(linkdyn.InputError, match="no 'leg9'"):
+        run.linkdyn.joint("leg9")
+
+
+def test_table(run):
+    table = run.linkdyn.to_frame()
+    assert len(table) == run.sizes["sample"] and table.index.name == "time"
+    np.testing.assert_array_equal(table["driving_force leg1.P [N]"], run.driving_force.sel(actuator="leg1.P"))
+    np.testing.assert_array_equal(table["reaction leg3.S.Fy [N]"], run.reaction.sel(joint="leg3.S", component="Fy"))
+    np.testing.assert_array_equal(table["qd platform.yaw [rad/s]"], run.qd.sel(coordinate="platform.yaw"))
+    assert table["driving_speed leg1.P [m/s]"].notna().all() and table.columns.is_unique
+
+
+def test_pictures_by_the_accessor(tmp_path):
+    run = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml").inverse()
+    assert run.linkdyn.view(tmp_path / "run.html").file.exists()
+    assert run.linkdyn.animate(tmp_path / "run.gif", frames=2).exists()
+
+
+def test_notebooks_show_it_in_short(scene, run):
+    for shown in (scene._repr_html_(), run.linkdyn._repr_html_()):
+        assert "Stewart platform of Tsai" in shown and len(shown) < 2500 and "[[" not in shown
+    assert "15.26 N, leg4.P" in run.linkdyn._repr_html_()
+    assert "&lt;b&gt;" in scene.with_({"title": "<b>"})._repr_html_()
+
+
+def test_what_users_see():
+    assert {"load", "Scene", "view", "plot", "sheet", "read", "lecture", "widget"} <= set(dir(linkdyn))
+    assert not [name for name in dir(linkdyn) if name.startswith("_") and name != "__version__"]
+    assert all(getattr(linkdyn, name) is not None for name in dir(linkdyn))
+    with pytest.raises(AttributeError, match="no attribute 'wind'"):
+        linkdyn.wind
+
+
+def modules_after(code: str) -> set[str]:
+    done = subprocess.run([sys.executable, "-c", f"{code}; import sys; print(*sys.modules)"], capture_output=True, text=True, check=True)
+    return set(done.stdout.split())
+
+
+def test_import_loads_nothing_large():
+    assert not {"numpy", "xarray", "pandas", "matplotlib", "linkdyn._engine"} & modules_after("import linkdyn")
+    assert not {"numpy", "linkdyn._engine", "argparse", "subprocess"} & modules_after("import linkdyn.cli")
+
+
+@pytest.mark.parametrize("code", ["import xarray, linkdyn", "import linkdyn, xarray; linkdyn.load", "import linkdyn; linkdyn.read; import xarray"])
+def test_the_accessor_is_there(code):
+    assert "linkdyn._accessor" in modules_after(code)
+
+
+def test_as_a_module():
+    done = subprocess.run([sys.executable, "-m", "linkdyn", "--version"], capture_output=True, text=True)
+    assert done.stdout == f"linkdyn {linkdyn.__version__}\n"

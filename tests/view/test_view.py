@@ -1,0 +1,346 @@
+"""The interactive page, in a browser that reaches no host: what is drawn, counted and looked at; its files and messages."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkdyn
+from linkdyn import _view
+from linkdyn._view_command import view_command
+
+ROOT = Path(__file__).resolve().parents[2]
+EXAMPLES = ROOT / "examples"
+VIEW = "document.querySelector('#linkdyn-view').viewer"
+FRAME = "Number(document.querySelector('#linkdyn-view').dataset.frame)"
+COLOURS = {"reaction": (0xB2, 0x18, 0x2B), "load": (0x1B, 0x78, 0x37), "driving": (0x5E, 0x2C, 0x91)}
+
+
+def near(picture: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:
+    """Where the picture has a colour."""
+    return np.abs(picture - np.array(colour)).max(axis=-1) < 12
+
+
+def press(page, name: str) -> None:
+    page.value(f"root.querySelector('.switch.{name}').click()")
+
+
+@pytest.fixture(scope="module")
+def fourbar():
+    return linkdyn.load(EXAMPLES / "fourbar" / "scene.toml")
+
+
+@pytest.fixture(scope="module")
+def fourbar_page(fourbar, tmp_path_factory):
+    file = tmp_path_factory.mktemp("view") / "fourbar.html"
+    linkdyn.view(fourbar.inverse(), file)
+    return file
+
+
+@pytest.fixture(scope="module")
+def excavator():
+    return linkdyn.load(ROOT / "tests" / "view" / "excavator.toml")
+
+
+def test_planar_picture(browser, fourbar, fourbar_page):
+    page = browser.open(fourbar_page, "t=4.25")
+    run = fourbar.inverse()
+    # four joint forces and the arc of the drive; the loads of this example are moments
+    assert page.state["arrows"] == "5" and page.state["frame"] == "425"
+    # what is switched off is gone
+    press(page, "reaction")
+    assert page.state["arrows"] == "1"
+    assert near(page.picture()[45:330], COLOURS["reaction"]).sum() == 0
+    press(page, "reaction")
+    # the charts tell the numbers of the instant
+    shown = page.value("[...root.querySelectorAll('.chart')].map(c => c.querySelector('.chip b').textContent)")
+    assert float(shown[0]) == pytest.approx(run.driving_force.values[425, 0] / 1e3, rel=1e-3)
+    force = np.hypot(*run.reaction.sel(joint="J1", component=["Fx", "Fy"]).values[425])
+    assert float(shown[1]) == pytest.approx(force / 1e3, rel=1e-3)
+    titles = page.value("[...root.querySelectorAll('.chart select')].map(s => s.selectedOptions[0].text)")
+    assert titles == ["driving torque [kN·m]", "joint force [kN]"]
+    assert not page.complaints
+
+
+def test_arrows_are_to_the_scale_of_the_legend(browser, fourbar, tmp_path):
+    run = fourbar.inverse()
+    run.reaction.loc[{"joint": ["J2", "J3", "J4"]}] = 0.0  # one arrow left
+    page = browser.open(linkdyn.view(run, tmp_path / "one.html", forces="reaction").file, "t=4.25")
+    assert page.state["arrows"] == "1"
+    seen = near(page.picture()[45:330, 300:], COLOURS["reaction"])  # beside the legend
+    rows, columns = np.nonzero(seen)
+    width, text = page.value("(s => [s.querySelector('i').getBoundingClientRect().width, s.textContent])(root.querySelector('.size'))")
+    force = run.reaction.sel(joint="J1", component=["Fx", "Fy"]).values[425]
+    number, unit = text.split()
+    expected = np.abs(force) / (float(number) * {"N": 1.0, "kN": 1e3}[unit]) * width
+    assert max(expected) > 60
+    np.testing.assert_allclose([np.ptp(columns), np.ptp(rows)], expected, atol=9)  # half the width of a head
+
+
+def test_play_scrub_keys(browser, fourbar_page):
+    page = browser.open(fourbar_page, "still")
+    assert page.state["frame"] == "0"
+    page.value("root.querySelector('.page').focus()")
+    page.call("Input.dispatchKeyEvent", type="keyDown", key="ArrowRight")
+    assert page.state["frame"] == "1"
+    page.value("(s => { s.value = 300; s.dispatchEvent(new Event('input')); })(root.querySelector('.player input'))")
+    assert page.state["frame"] == "300" and page.value("root.querySelector('output').textContent") == "3.000 s"
+    middle = "(r => [r.left + r.width * 0.75, r.top + r.height / 2])"
+    box = page.value(f"{middle}(root.querySelector('.u-over').getBoundingClientRect())")
+    page.call("Input.dispatchMouseEvent", type="mousePressed", x=box[0], y=box[1], button="left", clickCount=1, buttons=1)
+    page.call("Input.dispatchMouseEvent", type="mouseReleased", x=box[0], y=box[1], button="left", clickCount=1)
+    assert abs(int(page.state["frame"]) - 450) < 4
+    page.value("root.querySelector('.play').click()")
+    page.wait(f"{FRAME} > 460 || {FRAME} < 300")
+    assert not page.complaints
+
+
+def test_dark_light_narrow(browser, fourbar_page):
+    page = browser.open(fourbar_page, "t=1", size=(380, 700), dark=True)
+    assert page.state["theme"] == "dark"
+    assert page.picture().mean() < 70
+    assert page.value("root.querySelector('.page').scrollWidth <= 380")
+    page.value("root.querySelector('.theme').click()")
+    assert page.state["theme"] == "light" and page.picture().mean() > 180
+    assert not page.complaints
+
+
+def test_hexapod(browser, tmp_path):
+    """700 samples with all forces in 1.5 MB; six legs as cylinders, base and platform as plates."""
+    scene = linkdyn.load(EXAMPLES / "stewart_drilling" / "scene.toml")
+    run = scene.inverse(t=np.linspace(2.0, 30.0, 700))
+    shown = linkdyn.view(run, tmp_path / "hexapod.html", scene=scene)
+    assert shown.file.stat().st_size <= 1.5e6
+    page = browser.open(shown.file, "t=9")
+    load = np.linalg.norm(scene.load_values(np.array([9.0]))[0, :, :3], axis=-1)
+    assert int(page.state["arrows"]) == 6 + np.count_nonzero(load > 100)
+    assert page.value(f"{VIEW}.mechanism.telescopes.length") == 6
+    plates = "link => link.children.filter(mesh => mesh.geometry.type === 'ExtrudeGeometry').length"
+    assert page.value(f"{VIEW}.links.slice(0, 2).map({plates})") == [1, 1]
+    press(page, "reaction")
+    assert int(page.state["arrows"]) > 18
+    # turned by the pointer, another picture
+    before = page.picture()
+    page.call("Input.dispatchMouseEvent", type="mousePressed", x=300, y=250, button="left", clickCount=1, buttons=1)
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=420, y=250, button="left", buttons=1)
+    page.call("Input.dispatchMouseEvent", type="mouseReleased", x=420, y=250, button="left", clickCount=1)
+    assert page.state and (np.abs(page.picture()[45:400] - before[45:400]).max(axis=-1) > 40).sum() > 2000
+    assert not page.complaints
+
+
+def test_excavator(browser, excavator, tmp_path):
+    run = excavator.inverse()
+    file = linkdyn.view(run, tmp_path / "arm.html", traces=("bucket.tip",), plots="joint_variable").file
+    page = browser.open(file, "t=3")
+    assert page.value(f"{VIEW}.mechanism.telescopes.map(t => t.joint.name)") == ["lift", "crowd", "curl"]
+    assert page.value(f"{VIEW}.traces.children.length") == 1
+    assert near(page.picture()[45:400], COLOURS["driving"]).sum() > 100
+    # the rod reaches into its barrel at every sample, and never through its foot
+    inside = page.value(f"""{VIEW}.mechanism.telescopes.map(t => {VIEW}.player.times.map((_, i) => {{
+        const first = {VIEW}.poseOf(t.joint.links[0], i), second = {VIEW}.poseOf(t.joint.links[1], i);
+        const foot = t.from.clone().applyMatrix4(first), mouth = t.barrelTo.clone().applyMatrix4(first), end = t.rodFrom.clone().applyMatrix4(second);
+        return end.distanceTo(foot) < mouth.distanceTo(foot) && end.distanceTo(mouth) < 1.001 * mouth.distanceTo(foot); }}).every(Boolean))""")
+    assert inside == [True, True, True]
+    # what the page has of the poses is where the links are
+    bucket = excavator.links.index("bucket")
+    at = page.value(f"{VIEW}.placeOf([{bucket + 1}, 1.3, 0, 0]).toArray()")
+    poses = excavator.poses()
+    np.testing.assert_allclose(at, (poses.position + 1.3 * poses.rotation[..., 0])[60, bucket], atol=1e-3)
+    assert not page.complaints
+
+
+def test_failed_samples(browser, crossing, tmp_path):
+    run = linkdyn.Scene(crossing).inverse()
+    page = browser.open(linkdyn.view(run, tmp_path / "gap.html").file, "t=2")
+    assert page.state["arrows"] == "0"
+    assert page.value("root.querySelector('.notice').textContent") == "not computed here: unreachable"
+    page.value(f"{VIEW}.player.seek(3)")
+    assert page.state["arrows"] == "6" and page.value("root.querySelector('.notice').textContent") == ""
+    assert not page.complaints
+
+
+def test_mesh(browser, tsai_file, tmp_path):
+    corners = [[0, 0, 0], [0.2, 0, 0], [0, 0.2, 0], [0, 0, 0.2]]
+    lines = []
+    for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)):
+        lines += ["facet normal 0 0 0", "outer loop", *("vertex {} {} {}".format(*corners[i]) for i in face), "endloop", "endfacet"]
+    (tmp_path / "part.stl").write_text("\n".join(["solid part", *lines, "endsolid part", ""]))
+    scene = linkdyn.load(tsai_file)
+    page = browser.open(linkdyn.view(scene, tmp_path / "m.html", meshes={"platform": tmp_path / "part.stl"}, mesh_unit=2).file)
+    named = tomllib.loads(scene.text)
+    named["link"][0] |= {"mesh": "part.stl", "mesh_unit": "in"}
+    named = linkdyn.Scene(named, folder=tmp_path)
+    assert _view.meshes_of(named) == {"platform": (str(tmp_path / "part.stl"), 0.0254)} and '"scale":0.0254' in linkdyn.view(named).html
+    k = 1 + scene.links.index("platform")
+    assert page.value(f"{VIEW}.links[{k}].children.map(m => m.geometry.attributes.position.count)") == [12]
+    widest = "(geometry => { geometry.computeBoundingBox(); return geometry.boundingBox.max.x; })"
+    assert page.value(f"{widest}({VIEW}.links[{k}].children[0].geometry)") == pytest.approx(0.4)
+    assert not page.complaints
+
+
+def test_texts_stay_texts(browser, fourbar, tmp_path):
+    """A title can neither end the script nor bring one."""
+    hostile = fourbar.with_({"title": "</script><script>document.title='taken'</script> & <b>"})
+    page = browser.open(linkdyn.view(hostile, tmp_path / "x.html").file)
+    assert page.value("root.querySelector('h1').textContent") == hostile.title == page.value("document.title")
+    assert not page.complaints
+
+
+def test_one_sample_without_time(browser, tsai_file, tmp_path):
+    scene = linkdyn.load(tsai_file)
+    q = scene.motion(0.5)[0]
+    page = browser.open(linkdyn.view(scene.inverse(q), tmp_path / "one.html").file)
+    assert page.state["arrows"] == "6" and page.value("root.querySelector('.player')") is None
+    assert not page.complaints
+
+
+def test_nothing_is_asked_of_a_network(fourbar_page):
+    text = fourbar_page.read_text()
+    assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", text)
+    assert "MIT" in text
+
+
+# ---------------------------------------------------------------- Python and the command line
+
+
+def test_long_runs_are_thinned_out(tsai_file):
+    scene = linkdyn.load(tsai_file)
+    assert len(linkdyn.view(scene.inverse(t=np.linspace(0, 1, 5000))).html) < 3e6
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"forces": "wind"}, "forces: unknown 'wind'"),
+        ({"plots": "heat"}, "plots: the run has no 'heat'"),
+        ({"traces": "coupler.J9"}, "no moving marker 'coupler.J9'"),
+        ({"meshes": {"wheel": "a.stl"}}, "there is no link 'wheel'"),
+        ({"meshes": {"crank": "a.glb"}}, "expected a file that ends in .stl"),
+        ({"meshes": {"crank": "nowhere.stl"}}, "nowhere.stl"),
+        ({"mesh_unit": 0}, "mesh_unit"),
+        ({"file": "run.pdf"}, "ends in .html"),
+        ({"file": "nowhere/run.html"}, "No such file"),
+    ],
+)
+def test_refused(fourbar, options, words, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(linkdyn.LinkdynError) as caught:
+        linkdyn.view(fourbar, **options)
+    assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [({"mesh": 3}, "'mesh'"), ({"mesh": "a.stl", "mesh_unit": "km"}, "'km'"), ({"mesh_unit": "mm"}, "missing key 'mesh'")],
+)
+def test_mesh_keys_refused(keys, words, tsai):
+    tsai["link"][0] |= keys
+    with pytest.raises(linkdyn.SceneError, match=words):
+        linkdyn.Scene(tsai)
+
+
+@pytest.mark.parametrize("what", ["sweep", "one sample", "no sample"])
+def test_what_is_no_run(what, fourbar):
+    run = fourbar.inverse()
+    if what == "sweep":
+        run = fourbar.sweep({"reduce": ["driving_force"], "axis": [{"coordinate": "J1", "linspace": [0, 1, 3]}]})
+    else:
+        run = run.isel(sample=0 if what == "one sample" else [])
+    with pytest.raises(linkdyn.InputError, match="expected results of inverse or forward"):
+        linkdyn.view(run)
+
+
+def test_no_sample_that_can_be_shown(crossing):
+    run = linkdyn.Scene(crossing).inverse()
+    with pytest.raises(linkdyn.InputError, match="could be assembled"):
+        linkdyn.view(run.isel(sample=[2]))
+
+
+def test_a_build_without_node_says_so(tmp_path):
+    """`-I -S`: without pip's node; an empty path: without the system's."""
+    done = subprocess.run([sys.executable, "-I", "-S", ROOT / "tools" / "bundle_viewer.py", "fetch", ROOT / "viewer", tmp_path],
+                          capture_output=True, text=True, env={"PATH": ""})
+    assert done.returncode != 0 and "there is no node" in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_nothing_foreign_in_the_sources():
+    lock = (ROOT / "viewer" / "package-lock.json").read_text()
+    assert '"integrity"' in lock and '"resolved"' not in lock  # from whatever registry npm is set to
+    listed = re.findall(r"'src/([\w.]+)'", (ROOT / "viewer" / "meson.build").read_text())
+    assert sorted(listed) == sorted(path.name for path in (ROOT / "viewer" / "src").iterdir())
+
+
+def test_without_the_viewer(fourbar, monkeypatch, tmp_path):
+    monkeypatch.setattr(_view, "VIEWER", tmp_path)
+    with pytest.raises(linkdyn.UnavailableError, match="built without the viewer"):
+        linkdyn.view(fourbar)
+
+
+def test_in_a_notebook(fourbar):
+    shown = linkdyn.view(fourbar)
+    assert shown._repr_html_().startswith("<iframe srcdoc=") and "<script" not in shown._repr_html_()
+    assert shown.file is None and "four-bar" in repr(shown) and len(repr(shown)) < 120
+
+
+def run(*arguments, **options):
+    command = [sys.executable, "-m", "linkdyn", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
+
+
+def test_command(tmp_path):
+    scene = EXAMPLES / "fourbar_constant_torque" / "scene.toml"
+    done = run("view", scene, "--no-open", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "scene.html" in done.stdout and '"kinetic_energy"' in (tmp_path / "scene.html").read_text()  # a forward run
+    assert run("inverse", EXAMPLES / "fourbar" / "scene.toml", "-q", "-o", "run.nc", cwd=tmp_path).returncode == 0
+    done = run("view", "run.nc", "-o", "page.html", "--no-open", "-q", "--forces", "none", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert '"shown":["traces","names"]' in (tmp_path / "page.html").read_text()
+
+
+def test_command_with_a_scene_that_reads_tables(tmp_path, monkeypatch, capsys):
+    folder = EXAMPLES / "stewart_drilling"
+    linkdyn.load(folder / "scene.toml").inverse(want="driving_force").to_netcdf(tmp_path / "run.nc")
+    monkeypatch.chdir(tmp_path)
+    assert view_command(["run.nc", "--no-open"]) == 2
+    told = capsys.readouterr().err
+    assert "--scene" in told and told.count("\n") == 1
+    assert view_command(["run.nc", "--no-open", "--scene", str(folder / "scene.toml")]) == 0
+    assert Path("run.html").stat().st_size < 2e6
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere.toml"], "nowhere.toml: No such file"),
+        (["nowhere.nc"], "nowhere.nc"),
+        ([], "SCENE"),
+        (["a.toml", "--wind"], "--wind"),
+        (["broken.toml"], "broken.toml:1"),
+        (["broken.nc"], "broken.nc"),
+    ],
+)
+def test_command_refuses(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("broken.toml").write_text("title = \n")
+    Path("broken.nc").write_text("no netCDF")
+    try:
+        status = view_command([*arguments, "--no-open"])
+    except SystemExit as end:  # of the reader of options
+        status = end.code
+    told = capsys.readouterr().err
+    assert status == 2 and told.count("\n") == 1 and words in told, told
+    assert not list(tmp_path.glob("*.html"))
+
+
+def test_the_bare_executable_says_so():
+    from linkdyn.cli import executable
+
+    done = subprocess.run([executable(), "view", "scene.toml"], capture_output=True, text=True)
+    assert done.returncode == 2 and "Python package" in done.stderr and done.stderr.count("\n") == 1

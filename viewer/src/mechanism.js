@@ -1,0 +1,91 @@
+// What a mechanism is made of, seen apart from how it is drawn: which markers of a link hold joints, which slides are
+// telescopes (a cylinder with its rod) and which are blocks on a rail.
+
+import { distinct, vector } from "./shapes.js";
+
+const SLIDING = ["prismatic", "cylindrical"];
+const OFF_AXIS = 0.06; // of a telescope's least length: farther away, a point is not on its axis
+
+export class Mechanism {
+  constructor({ links, joints, extent }) {
+    this.extent = extent;
+    this.links = links.map((link) => ({
+      ...link,
+      markers: link.markers.map(({ name, at, axis }) => ({ name, at: vector(at), axis: vector(axis) })),
+    }));
+    this.joints = joints.map((joint) => ({
+      ...joint,
+      ends: joint.links.map((link, side) => ({ link, ...this.marker(link, joint.markers[side]) })),
+    }));
+    this.telescopes = this.joints
+      .filter(isSlide)
+      .map((joint) => this.telescope(joint))
+      .filter(Boolean);
+    const isTelescope = new Set(this.telescopes.map(({ joint }) => joint));
+    this.rails = this.joints.filter((joint) => isSlide(joint) && !isTelescope.has(joint));
+  }
+
+  marker(link, name) {
+    return this.links[link].markers.find((marker) => marker.name === name);
+  }
+
+  /** Distinct points of a link that hold its joints, in link axes. */
+  corners(link) {
+    const ends = this.joints.flatMap((joint) => joint.ends).filter((end) => end.link === link);
+    return distinct(
+      ends.map((end) => end.at),
+      1e-6 * this.extent,
+    );
+  }
+
+  /** Distinct points of a link that hold no joint. */
+  freePoints(link) {
+    const held = this.corners(link);
+    const points = this.links[link].markers.map((marker) => marker.at);
+    return distinct(points, 1e-6 * this.extent).filter((point) =>
+      held.every((corner) => corner.distanceTo(point) > 1e-6 * this.extent),
+    );
+  }
+
+  /** Is a link drawn as half of a telescope? */
+  isTelescope(link) {
+    return this.telescopes.some(({ joint }) => joint.links.includes(link));
+  }
+
+  /**
+   * A slide between two moving links that hold their joints on its axis, far ends that never come together: from base
+   * to eye, in link axes, with lengths that keep the rod's inner end in the barrel as long as the stroke allows.
+   */
+  telescope(joint) {
+    const [first, second] = joint.ends;
+    if (joint.links.includes(0)) return null;
+    const sign = Math.sign(joint.travel[0] + joint.travel[1]) || 1;
+    const axis = first.axis.clone().multiplyScalar(sign),
+      rodAxis = second.axis.clone().multiplyScalar(sign);
+    const along = (end, direction) => this.corners(end.link).map((corner) => corner.clone().sub(end.at).dot(direction));
+    const base = Math.min(...along(first, axis)),
+      eye = Math.max(...along(second, rodAxis));
+    const [lowest, highest] = joint.travel.map((slide) => sign * slide).sort((a, b) => a - b);
+    const least = lowest + eye - base,
+      most = highest + eye - base;
+    if (!(least > 0.25 * most)) return null;
+    const barrel = Math.min(Math.max(1.15 * most - least, 0.58 * least), 0.93 * least);
+    const isOnAxis = (end, direction, point) => {
+      const offset = point.clone().sub(end.at);
+      return offset.addScaledVector(direction, -offset.dot(direction)).length() < OFF_AXIS * least;
+    };
+    const isSlim = (end, direction) => this.corners(end.link).every((point) => isOnAxis(end, direction, point));
+    if (!isSlim(first, axis) || !isSlim(second, rodAxis)) return null;
+    return {
+      joint,
+      from: first.at.clone().addScaledVector(axis, base),
+      barrelTo: first.at.clone().addScaledVector(axis, base + barrel),
+      to: second.at.clone().addScaledVector(rodAxis, eye),
+      rodFrom: second.at.clone().addScaledVector(rodAxis, eye - Math.min(least, most - barrel + 0.06 * least)),
+    };
+  }
+}
+
+function isSlide(joint) {
+  return SLIDING.includes(joint.type);
+}

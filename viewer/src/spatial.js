@@ -1,0 +1,159 @@
+// A spatial mechanism: rods between joints, plates where more than two joints lie in a plane, cylinders with their rods,
+// posts under what stands on the frame, and a body for each kind of joint.
+
+import * as THREE from "three";
+import { ball, centreOf, rod, roundHull, turnTo } from "./shapes.js";
+
+const ROD = 0.011; // radius, of the mechanism's extent
+const FLAT = 2.5; // rods: farther from their plane, joints do not lie on a plate
+
+/** Groups of meshes in link axes, one a link; 0 is the frame. `ground` is the height of the ground along `up`. */
+export function drawSpatial(mechanism, palette, { up, ground }) {
+  const unit = ROD * mechanism.extent;
+  const groups = mechanism.links.map((_, k) => {
+    const group = new THREE.Group();
+    if (k === 0) drawFrame(group, mechanism, palette, unit, up, ground);
+    else drawLink(group, mechanism, k, palette.link(k).solid, unit);
+    return group;
+  });
+  for (const telescope of mechanism.telescopes) drawTelescope(groups, telescope, palette, unit);
+  for (const rail of mechanism.rails) drawRail(groups, rail, palette, unit);
+  for (const joint of mechanism.joints) drawJoint(groups, joint, palette, unit);
+  for (const group of groups) {
+    group.traverse((mesh) => {
+      mesh.castShadow = mesh.receiveShadow = true;
+    });
+  }
+  return groups;
+}
+
+function drawLink(group, mechanism, k, material, unit) {
+  const corners = mechanism.isTelescope(k) ? [] : mechanism.corners(k);
+  const plane = corners.length > 2 ? planeThrough(corners, unit) : null;
+  if (plane) group.add(plate(corners, plane, 1.6 * unit, 0.7 * unit, material));
+  else if (corners.length === 2) group.add(rod(...corners, unit, material));
+  else if (corners.length > 2) {
+    const centre = centreOf(corners.map((corner) => corner.clone()));
+    for (const corner of corners) group.add(rod(centre, corner, unit, material));
+    group.add(ball(centre, 1.2 * unit, material));
+  }
+  drawFreePoints(group, mechanism, k, material, unit);
+}
+
+/** Thin stems from the body to points that hold no joint: tools, loads. */
+function drawFreePoints(group, mechanism, k, material, unit) {
+  const corners = mechanism.corners(k);
+  for (const point of mechanism.freePoints(k)) {
+    group.add(ball(point, 0.75 * unit, material));
+    if (k !== 0 && corners.length) group.add(rod(footOf(point, corners, unit), point, 0.3 * unit, material));
+  }
+}
+
+/** Where the stem of a point begins: below it on the plate, else at the middle of the joints. */
+function footOf(point, corners, unit) {
+  const centre = centreOf(corners.map((corner) => corner.clone()));
+  const plane = corners.length > 2 ? planeThrough(corners, unit) : null;
+  if (!plane) return centre;
+  const below = point.clone().addScaledVector(plane.normal, -point.clone().sub(plane.centre).dot(plane.normal));
+  const reach = Math.min(...corners.map((corner) => corner.distanceTo(centre)));
+  return below.distanceTo(centre) < 0.8 * reach ? below : centre;
+}
+
+/** Centre and axes of the plane that the points lie in, or null. */
+function planeThrough(points, unit) {
+  const centre = centreOf(points.map((point) => point.clone()));
+  const offsets = points.map((point) => point.clone().sub(centre));
+  const first = offsets
+    .reduce((a, b) => (b.lengthSq() > a.lengthSq() ? b : a))
+    .clone()
+    .normalize();
+  const normals = offsets.map((offset) => new THREE.Vector3().crossVectors(first, offset));
+  const normal = normals.reduce((a, b) => (b.lengthSq() > a.lengthSq() ? b : a)).clone();
+  if (normal.length() < unit) return null;
+  normal.normalize();
+  if (offsets.some((offset) => Math.abs(offset.dot(normal)) > FLAT * unit)) return null;
+  return { centre, normal, first, second: new THREE.Vector3().crossVectors(normal, first) };
+}
+
+function plate(corners, { centre, normal, first, second }, radius, half, material) {
+  const flat = corners.map((corner) => {
+    const offset = corner.clone().sub(centre);
+    return new THREE.Vector2(offset.dot(first), offset.dot(second));
+  });
+  const bevel = 0.3 * half;
+  const geometry = new THREE.ExtrudeGeometry(roundHull(flat, radius - bevel), {
+    depth: 2 * (half - bevel),
+    bevelSize: bevel,
+    bevelThickness: bevel,
+    bevelSegments: 3,
+    curveSegments: 20,
+  });
+  const mesh = new THREE.Mesh(geometry.translate(0, 0, -half + bevel), material);
+  mesh.applyMatrix4(new THREE.Matrix4().makeBasis(first, second, normal).setPosition(centre));
+  return mesh;
+}
+
+/** A base plate if the joints of the frame lie in one level plane near the ground; a post under each otherwise. */
+function drawFrame(group, mechanism, palette, unit, up, ground) {
+  const corners = mechanism.corners(0);
+  const plane = corners.length > 2 ? planeThrough(corners, unit) : null;
+  const height = (point) => point.dot(up) - ground;
+  if (plane && Math.abs(plane.normal.dot(up)) > 0.999 && height(plane.centre) < 12 * unit) {
+    const lowered = { ...plane, centre: plane.centre.clone().addScaledVector(up, -1.6 * unit) };
+    group.add(
+      plate(
+        corners.map((corner) => corner.clone().addScaledVector(up, -1.6 * unit)),
+        lowered,
+        3.2 * unit,
+        unit,
+        palette.frame,
+      ),
+    );
+    for (const corner of corners) group.add(rod(corner.clone().addScaledVector(up, -unit), corner, 1.5 * unit, palette.frame));
+  } else {
+    for (const corner of corners) {
+      const foot = corner.clone().addScaledVector(up, -Math.max(height(corner), 2 * unit));
+      group.add(rod(foot, corner, 1.5 * unit, palette.frame, 1.0 * unit));
+      group.add(rod(foot, foot.clone().addScaledVector(up, 0.8 * unit), 3.2 * unit, palette.frame));
+    }
+  }
+  drawFreePoints(group, mechanism, 0, palette.frame, unit);
+}
+
+function drawTelescope(groups, { joint, from, barrelTo, rodFrom, to }, palette, unit) {
+  const [first, second] = joint.links;
+  const collar = barrelTo.clone().lerp(from, (2.2 * unit) / Math.max(from.distanceTo(barrelTo), 1e-9));
+  groups[first].add(rod(from, barrelTo, 1.9 * unit, palette.barrel), rod(collar, barrelTo, 2.2 * unit, palette.barrel));
+  groups[second].add(rod(rodFrom, to, 0.95 * unit, palette.rod));
+}
+
+/** The rail on the first link as long as the travel, the sleeve on the second. */
+function drawRail(groups, joint, palette, unit) {
+  const [first, second] = joint.ends;
+  const end = (slide) => first.at.clone().addScaledVector(first.axis, slide);
+  const [lowest, highest] = joint.travel;
+  const isRound = joint.type === "cylindrical";
+  const material = first.link === 0 ? palette.frame : palette.rod;
+  groups[first.link].add(rod(end(Math.min(0, lowest) - 3 * unit), end(Math.max(0, highest) + 3 * unit), 0.8 * unit, material));
+  const body = second.link === 0 ? palette.barrel : palette.link(second.link).solid;
+  const shape = isRound
+    ? new THREE.CylinderGeometry(1.9 * unit, 1.9 * unit, 5.5 * unit, 28)
+    : new THREE.BoxGeometry(3.4 * unit, 5.5 * unit, 3.4 * unit);
+  const sleeve = new THREE.Mesh(shape, body);
+  sleeve.position.copy(second.at);
+  sleeve.quaternion.copy(turnTo(second.axis));
+  groups[second.link].add(sleeve);
+}
+
+function drawJoint(groups, { type, ends }, palette, unit) {
+  const [first, second] = ends;
+  const pin = ({ link, at, axis }, half, radius) =>
+    groups[link].add(rod(at.clone().addScaledVector(axis, -half), at.clone().addScaledVector(axis, half), radius, palette.joint));
+  if (type === "revolute") pin(second, 2.4 * unit, 1.5 * unit);
+  if (type === "spherical") groups[second.link].add(ball(second.at, 1.9 * unit, palette.joint));
+  if (type === "universal") {
+    pin(first, 2.4 * unit, 0.8 * unit);
+    pin(second, 2.4 * unit, 0.8 * unit);
+    groups[second.link].add(ball(second.at, 1.5 * unit, palette.joint));
+  }
+}
