@@ -15,7 +15,6 @@ module linkdyn_equations
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_dense, only: dense_workspace, solve_dense
-    use linkdyn_dyad_map, only: largest_uncertainty
     use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
     use linkdyn_elimination_run, only: run_plan, load_constants
     use linkdyn_formulation, only: formulation_type, build_formulation, style_lecture, style_sparse
@@ -35,6 +34,7 @@ module linkdyn_equations
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
     use linkdyn_text, only: to_text
+    use linkdyn_uncertainty, only: largest_uncertainty
     implicit none (type, external)
     private
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations
@@ -398,7 +398,7 @@ contains
         workspace%growth = workspace%rcond
         workspace%status = sample_ok
         where (workspace%state%singular) workspace%status = sample_singular
-        if (model%n_dyad > 0 .and. workspace%checks_accuracy) call flag_uncertain(model, workspace)
+        if (workspace%checks_accuracy) call flag_uncertain(model, workspace)
         where (workspace%state%not_converged) workspace%status = sample_not_converged
         where (workspace%state%unreachable) workspace%status = sample_unreachable
         where (workspace%state%branch_lost) workspace%status = sample_branch_lost
@@ -474,6 +474,7 @@ contains
         type(equation_workspace), intent(inout) :: workspace
         integer :: i
 
+        where (workspace%state%uncertainty > largest_uncertainty) workspace%status = sample_singular
         do i = 1, size(model%step)
             if (.not. is_dyad(model%step(i)%kind)) cycle
             where (uncertainty_of_dyad(model, model%step(i), workspace%state%plane) > largest_uncertainty) &

@@ -33,7 +33,7 @@ module linkdyn_forward
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: law_spec, scene_type, frame_link, law_none
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
@@ -240,7 +240,7 @@ contains
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
                 rate(:, i) = qd(:, i)
                 call read_attitudes(run%model, run%system%layout, run%output, quaternion(:, :, i), rate(:, i))
-                call keep_evaluated(run%model, run%system%assembly, run%system%workspace%state, i - first + 1, assembly, &
+                call keep_evaluated(run%model, t(i), run%system%assembly, run%system%workspace%state, i - first + 1, assembly, &
                                     run%n_crossed)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%output(1, run%system%layout%work)
@@ -569,7 +569,7 @@ contains
 
     !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
     !> is told to stop nothing of it can be used.
-    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, status)
+    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
         real(wp), intent(in) :: q_start(:, :), qd_start(:, :)    !! (n_q, n_member)
@@ -577,6 +577,7 @@ contains
         real(wp), intent(out) :: q(:, :, :), qd(:, :, :)         !! (n_q, n, n_member); NaN once a member has stopped
         real(wp), intent(out) :: good_until(:)         !! last good instant (n_member) [s]
         integer, intent(out) :: n_crossed(:)           !! change points passed (n_member)
+        integer, intent(out) :: outcome(:)             !! sample_ok, or why a member has stopped (n_member)
         type(status_type), intent(inout) :: status
         type(status_type) :: block_status
         integer :: block, n_block
@@ -620,11 +621,15 @@ contains
                     if (is_interrupted()) exit
                     call store(run, member, t(i), i)
                 end do
-                call count_change_points(run, t(size(t)), passed)
                 do i = 1, lanes
                     good_until(member(i)) = run%integrator%good_until(i)
-                    n_crossed(member(i)) = passed(i)
+                    outcome(member(i)) = sample_ok
+                    ! Rates that were found, and led beyond all numbers.
+                    if (run%integrator%failed(i)) outcome(member(i)) = merge(run%system%obstacle(i), sample_undefined, &
+                                                                             run%system%obstacle(i) /= sample_ok)
                 end do
+                call count_change_points(run, t(size(t)), passed)
+                n_crossed(member) = passed
             end if
             call finish_forward(run)
         end subroutine run_block

@@ -18,7 +18,7 @@ module linkdyn_forward_system
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_scene, only: drive_inverse
-    use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_status, only: status_type, sample_ok, sample_undefined
     implicit none (type, external)
     private
     public :: forward_system, build_forward_system, choose_unknowns
@@ -41,6 +41,7 @@ module linkdyn_forward_system
         type(equation_workspace) :: inverse_workspace
         type(carried_assembly) :: inverse_assembly     !! of that motion
         real(wp) :: inverse_time(lanes) = -huge(1.0_wp)    !! instants of the forces found last
+        integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
     contains
         procedure :: evaluate => evaluate_forward
         procedure :: accept => accept_forward
@@ -176,6 +177,7 @@ contains
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
 
+        where (is_accepted) self%obstacle = sample_ok
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%assembly%state)
             call accept_assembly(self%model, t, is_accepted, self%assembly)
@@ -262,6 +264,11 @@ contains
             do k = 1, model%n_q
                 failed = failed .or. .not. abs(workspace%acceleration(:, k)) <= huge(1.0_wp)
             end do
+            where (failed .and. self%obstacle == sample_ok) self%obstacle = workspace%status
+            if (any(self%by_inverse)) then
+                where (failed .and. self%obstacle == sample_ok) self%obstacle = self%inverse_workspace%status
+            end if
+            where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
         end associate
     end subroutine evaluate_forward
 

@@ -618,15 +618,16 @@ contains
     end subroutine api_poses
 
     !> Forward runs by rk4 from many starts.
-    subroutine api_ensemble(handle, threads, step, n_t, t, n, good_until, n_members, crossed, n_start, q_start, &
-            n_start_rate, qd_start, n_q_values, q, n_qd_values, qd, code, message)
+    subroutine api_ensemble(handle, threads, step, n_t, t, n, good_until, n_members, crossed, n_outcomes, outcome, &
+            n_start, q_start, n_start_rate, qd_start, n_q_values, q, n_qd_values, qd, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: handle, threads
         real(c_double), intent(in) :: step
-        integer(c_int), intent(in) :: n_t, n, n_members, n_start, n_start_rate, n_q_values, n_qd_values
+        integer(c_int), intent(in) :: n_t, n, n_members, n_outcomes, n_start, n_start_rate, n_q_values, n_qd_values
         real(c_double), intent(in) :: t(n_t)                                 ! increasing; the members start at the first [s]
         real(c_double), intent(inout) :: good_until(n)
         integer(c_int), intent(inout) :: crossed(n_members)                  ! change points passed
+        integer(c_int), intent(inout) :: outcome(n_outcomes)                 ! why they stopped; 0: they have not
         real(c_double), intent(in), target :: q_start(n_start), qd_start(n_start_rate)     ! (n_q, n)
         real(c_double), intent(inout), target :: q(n_q_values), qd(n_qd_values)            ! (n_q, n_t, n)
         integer(c_int), intent(out) :: code
@@ -639,6 +640,7 @@ contains
         call start_listening()
         call find_model(handle, model, status)
         if (status%code == 0) call check_size("room for change points", n_members, n, status)
+        if (status%code == 0) call check_size("room for outcomes", n_outcomes, n, status)
         if (status%code == 0) call check_size("q", n_start, model%n_q*n, status)
         if (status%code == 0) call check_size("qd", n_start_rate, model%n_q*n, status)
         if (status%code == 0) call check_size("room for q", n_q_values, model%n_q*n_t*n, status)
@@ -655,7 +657,7 @@ contains
             options%t_start = t(1)
             options%integrator%span = t(n_t) - t(1)
             options%threads = threads
-            call run_ensemble(model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, status)
+            call run_ensemble(model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, outcome, status)
         end if
         call report_heard(status, code, message)
     end subroutine api_ensemble

@@ -1,6 +1,6 @@
 !> The CSP group as a step of the kinematic program: from markers to points and axes, and back to links.
 module linkdyn_csp_step
-    use linkdyn_csp, only: locate_csp, move_csp, accelerate_csp, map_csp_column
+    use linkdyn_csp, only: locate_csp, move_csp, accelerate_csp, map_csp_column, uncertainty_csp
     use linkdyn_joint_motion, only: turn_frame, turn_frame_back
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -77,6 +77,7 @@ contains
                                                 state%alpha(0, o_slide), carried) + drag
             a = point_acceleration(state%acceleration(0, g%axis_link), state%omega(o_axis), state%alpha(0, o_axis), axis_arm)
             call accelerate_csp(group, s_acceleration - a, state%omega(o_axis), state%alpha(0, o_axis), slide_rate2, turn_rate2)
+            state%uncertainty = max(state%uncertainty, uncertainty_csp(group, slide_rate2, turn_rate2))
             s_acceleration = s_acceleration + slide_rate2*group%y
             state%alpha(0, o_coupler) = state%alpha(0, o_axis) + turn_rate2*group%u + group%turn_rate*group%u_rate
             state%alpha(0, o_output) = state%alpha(0, o_slide)

@@ -51,6 +51,7 @@ contains
         state%singular = .false.
         state%not_converged = .false.
         state%branch_lost = .false.
+        state%uncertainty = 0
         if (allocated(state%group%contraction)) state%group%contraction = 0
     end subroutine clear_flags
 

@@ -16,9 +16,11 @@ module linkdyn_newton_group
     use linkdyn_model, only: model_type, group_type, link_freedom, n_probe, scene_size
     use linkdyn_planar_group, only: put_planar_links, assemble_gaps, assemble_gaps_ahead, move_planar_group, &
         is_planar_length, planar_speed
+    use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_quaternion, only: turned_by
     use linkdyn_spatial_group, only: put_spatial_links, assemble_errors, assemble_errors_ahead, refuse_turned_joints, &
         move_spatial_group, is_spatial_length, spatial_speed
+    use linkdyn_uncertainty, only: uncertainty_of_motion
     implicit none (type, external)
     private
     public :: prepare_margins, close_group, shifted, least_group_margin
@@ -51,11 +53,11 @@ contains
                 else
                     is_length = is_spatial_length(model, group)
                 end if
+                group%row_unit = merge(scene_size(model), 1.0_wp, is_length)
                 allocate (group%probe(n, n_probe))
                 do k = 1, n_probe
                     group%probe(:, k) = [(2*counter_uniform(0_int64, int(k, int64), int(i, int64)) - 1, i=1, n)]
-                    group%probe(:, k) = group%probe(:, k)*sqrt(1/sum(group%probe(:, k)**2)) &
-                                        *merge(scene_size(model), 1.0_wp, is_length)
+                    group%probe(:, k) = group%probe(:, k)*sqrt(1/sum(group%probe(:, k)**2))*group%row_unit
                 end do
                 group%unit = [(merge(scene_size(model), 1.0_wp, modulo(i - 1, freedom) < n_shift(model)), i=1, n)]
             end associate
@@ -115,8 +117,11 @@ contains
                 call refuse_turned_joints(model, group, state)
                 call move_spatial_group(model, group, state)
             end if
-            if (state%group%is_led) &
+            if (state%group%is_led) then
                 call measure_drift(model, group, state, state%group%margin(:, g), state%group%drift(:, g))
+            else
+                state%uncertainty = max(state%uncertainty, uncertainty_of_group(model, group, state, state%group%margin(:, g)))
+            end if
         end associate
     end subroutine close_group
 
@@ -194,11 +199,7 @@ contains
 
         n = size(group%unit)
         associate (matrix => state%group%matrix(:, :n, :n), right => state%group%right(:, :n, 1))
-            if (model%is_planar) then
-                speed = planar_speed(model, group, state)
-            else
-                speed = spatial_speed(model, group, state)
-            end if
+            speed = speed_of(model, group, state, level_velocity)
             step = min(part*abs(margin), longest)/max(speed, tiny(1.0_wp))
             if (model%is_planar) then
                 call assemble_gaps_ahead(model, group, step, state, matrix, right)
@@ -209,6 +210,35 @@ contains
         call solve_with_probe(group, state, ahead, is_singular)
         drift = merge((ahead - margin)/step, 0.0_wp, speed > 0 .and. step > 0)
     end subroutine measure_drift
+
+    !> What rounding leaves of the group's motion. Lengths are parts of the mechanism's size, so its links turn on a radius of
+    !> about one.
+    pure function uncertainty_of_group(model, group, state, margin) result(part)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: margin(lanes)
+        real(wp) :: part(lanes)
+
+        part = uncertainty_of_motion(abs(margin), 1.0_wp, &
+                                     speed_of(model, group, state, level_velocity), state%group%gap(:, level_velocity), &
+                                     speed_of(model, group, state, level_given), state%group%gap(:, level_given))
+    end function uncertainty_of_group
+
+    !> The largest of the links' rates of a level, lengths by the mechanism's size.
+    pure function speed_of(model, group, state, level) result(speed)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: level
+        real(wp) :: speed(lanes)
+
+        if (model%is_planar) then
+            speed = planar_speed(model, group, state, level)
+        else
+            speed = spatial_speed(model, group, state, level)
+        end if
+    end function speed_of
 
     ! ---------------------------------------------------------------- places
 

@@ -4,6 +4,7 @@
 !> joint whose variable is a coordinate one more. Velocities and accelerations obey the Jacobian of the same gaps.
 module linkdyn_planar_group
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_group_motion, only: size_of_rows
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -163,20 +164,21 @@ contains
         end associate
     end subroutine assemble_gaps_ahead
 
-    !> The largest of the links' angular velocities, and of their velocities by the mechanism's size.
-    pure function planar_speed(model, group, state) result(speed)
+    !> The largest of the links' angular rates of a level, and of their rates by the mechanism's size.
+    pure function planar_speed(model, group, state, level) result(speed)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: level                     !! of velocity, of the given acceleration
         real(wp) :: speed(lanes)
         integer :: i
 
         speed = 0
         associate (plane => state%plane)
             do i = 1, size(group%link)
-                associate (v => plane%linear(level_velocity, group%link(i)))
+                associate (v => plane%linear(level, group%link(i)))
                     speed = max(speed, abs(v%x)/scene_size(model), abs(v%y)/scene_size(model), &
-                                abs(plane%angular(:, level_velocity, orientation_of(model, group%link(i)))))
+                                abs(plane%angular(:, level, orientation_of(model, group%link(i)))))
                 end associate
             end do
         end associate
@@ -236,6 +238,7 @@ contains
             call rest_links(model, group, state%plane)
             call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_level(model, group, state, level_velocity, right(:, :n, 1))
+            state%group%gap(:, level_velocity) = size_of_rows(group, right(:, :n, 1))
             do level = 1, n_column
                 call assemble_level(model, group, state, level, right(:, :n, level + 1))
             end do
@@ -247,6 +250,7 @@ contains
             if (state%group%is_led) return
             call assemble_gaps(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_level(model, group, state, level_given, right(:, :n, 1))
+            state%group%gap(:, level_given) = size_of_rows(group, right(:, :n, 1))
             call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)
             call take_level(model, group, right(:, :n, 1), level_given, state%plane)
         end associate

@@ -3,7 +3,7 @@
 !> Every moving link hangs on a joint, by a hinge whose angular rate is known or on a slide whose rate is known. An open
 !> chain gives that rate; a dyad's 2x2 map yields it for both its links; so one procedure moves any link.
 module linkdyn_planar_pass
-    use linkdyn_dyad_map, only: dyad_map, solve_dyad, uncertainty_of_motion
+    use linkdyn_dyad_map, only: dyad_map, solve_dyad, uncertainty_of_dyad_motion
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -527,7 +527,7 @@ contains
             reach = huge(1.0_wp)
             if (any(step%kind == [step_rrr, step_rrp, step_rpr])) reach = sqrt(map%first.dot.map%first)
             if (step%kind == step_rrr) reach = min(reach, sqrt(map%second.dot.map%second))
-            part = uncertainty_of_motion(map, reach, rate(:, 1, 1), rate(:, 2, 1), rate(:, 1, 2), rate(:, 2, 2))
+            part = uncertainty_of_dyad_motion(map, reach, rate(:, 1, 1), rate(:, 2, 1), rate(:, 1, 2), rate(:, 2, 2))
         end associate
     end function uncertainty_of_dyad
 

@@ -6,6 +6,7 @@
 !> velocities alone do to a constraint is its bias.
 module linkdyn_spatial_group
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_group_motion, only: size_of_rows
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -296,19 +297,27 @@ contains
         state%slide = slide
     end subroutine assemble_errors_ahead
 
-    !> The largest of the links' angular velocities, and of their velocities by the mechanism's size.
-    pure function spatial_speed(model, group, state) result(speed)
+    !> The largest of the links' angular rates of a level, and of their rates by the mechanism's size.
+    pure function spatial_speed(model, group, state, level) result(speed)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: level                     !! of velocity, of the given acceleration
         real(wp) :: speed(lanes)
+        type(vec3) :: linear, angular
         integer :: i
 
         speed = 0
         do i = 1, size(group%link)
-            associate (v => state%velocity(group%link(i)), omega => state%omega(orientation_of(model, group%link(i))))
-                speed = max(speed, sqrt(omega.dot.omega), sqrt(v.dot.v)/scene_size(model))
+            associate (l => group%link(i), o => orientation_of(model, group%link(i)))
+                linear = state%velocity(l)
+                angular = state%omega(o)
+                if (level == level_given) then
+                    linear = state%acceleration(0, l)
+                    angular = state%alpha(0, o)
+                end if
             end associate
+            speed = max(speed, sqrt(angular.dot.angular), sqrt(linear.dot.linear)/scene_size(model))
         end do
     end function spatial_speed
 
@@ -353,6 +362,7 @@ contains
         associate (matrix => state%group%matrix, right => state%group%right)
             call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_rates(model, group, state, state%velocity, state%omega, level_velocity, right(:, :n, 1))
+            state%group%gap(:, level_velocity) = size_of_rows(group, right(:, :n, 1))
             do k = 1, n_column
                 call assemble_rates(model, group, state, state%acceleration(k, :), state%alpha(k, :), k, right(:, :n, k + 1))
             end do
@@ -364,6 +374,7 @@ contains
             if (state%group%is_led) return
             call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_rates(model, group, state, state%acceleration(0, :), state%alpha(0, :), level_given, right(:, :n, 1))
+            state%group%gap(:, level_given) = size_of_rows(group, right(:, :n, 1))
             call solve_gauss_jordan(n, 1, matrix(:, :n, :n), right(:, :n, :1), growth, is_singular)
             call take_rates(model, group, right(:, :n, 1), state%acceleration(0, :), state%alpha(0, :))
         end associate

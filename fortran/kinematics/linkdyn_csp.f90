@@ -11,10 +11,11 @@ module linkdyn_csp
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_uncertainty, only: largest_uncertainty, uncertainty_of_motion
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
-    public :: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp, map_csp_column, margin_csp
+    public :: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp, map_csp_column, margin_csp, uncertainty_csp
 
     !> A group in its position, world axes.
     type :: csp_group
@@ -72,12 +73,11 @@ contains
     pure subroutine drop_uncertain_rates(error, group)
         real(wp), intent(in) :: error(lanes)    !! of the position [m]
         type(csp_group), intent(inout) :: group
-        real(wp), parameter :: least_certain = 1.0e-3_wp    !! three digits of the rates
         real(wp), dimension(lanes) :: across, h
 
         across = 1 - (group%u.dot.group%y)**2
         h = sqrt(max(0.0_wp, (group%n.dot.group%n) - 1/(group%per_slope**2*across)))
-        where (.not. h*error*across*group%per_slope**2 <= least_certain) &
+        where (.not. h*error*across*group%per_slope**2 <= largest_uncertainty) &
             group%per_slope = ieee_value(1.0_wp, ieee_quiet_nan)
     end subroutine drop_uncertain_rates
 
@@ -144,4 +144,32 @@ contains
         w_column = span_column + slide_column*group%y
         turn_column = ((w_column - (alpha.cross.group%w)).dot.group%m)*group%per_radius2
     end subroutine map_csp_column
+
+    !> What rounding leaves of the group's motion (see `linkdyn_uncertainty`): across the axis slide and coupler close a gap as
+    !> the links of a dyad do.
+    pure function uncertainty_csp(group, slide_rate2, turn_rate2) result(part)
+        type(csp_group), intent(in) :: group
+        real(wp), intent(in) :: slide_rate2(lanes), turn_rate2(lanes)    !! acceleration of the slide, of the turn about the axis
+        real(wp) :: part(lanes)
+        type(vec3) :: across
+        real(wp) :: radius(lanes)
+
+        across = group%y - (group%y.dot.group%u)*group%u
+        radius = 1/sqrt(group%per_radius2)
+        part = uncertainty_of_motion(1/abs(group%per_slope*radius), radius, &
+                                     max(abs(group%slide_rate), abs(group%turn_rate)*radius), &
+                                     gap_of(group%slide_rate, group%turn_rate), &
+                                     max(abs(slide_rate2), abs(turn_rate2)*radius), gap_of(slide_rate2, turn_rate2))
+
+    contains
+
+        pure function gap_of(slide, turn) result(gap)
+            real(wp), intent(in) :: slide(lanes), turn(lanes)
+            real(wp) :: gap(lanes)
+            type(vec3) :: v
+
+            v = turn*group%m - slide*across
+            gap = sqrt(v.dot.v)
+        end function gap_of
+    end function uncertainty_csp
 end module linkdyn_csp

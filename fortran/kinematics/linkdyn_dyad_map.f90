@@ -8,14 +8,12 @@ module linkdyn_dyad_map
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_uncertainty, only: largest_uncertainty, uncertainty_of_motion
     use linkdyn_vec2, only: vec2, operator(-), operator(*), operator(.cross.), operator(.dot.)
     implicit none (type, external)
     private
     public :: dyad_map, make_dyad_map, solve_dyad, lengths_of, transmission_angle
-    public :: drop_uncertain, half_chord, uncertainty_of_motion, largest_uncertainty
-
-    !> Three digits: with fewer a rate, an acceleration or a force is not given as right.
-    real(wp), parameter :: largest_uncertainty = 1.0e-3_wp
+    public :: drop_uncertain, half_chord, uncertainty_of_dyad_motion
 
     type :: dyad_map
         type(vec2) :: first, second         !! [m] for a rotation, 1 for a slide
@@ -77,36 +75,23 @@ contains
         angle = atan2(abs(map%determinant), abs(map%first.dot.map%second))
     end function transmission_angle
 
-    !> What rounding of the lengths makes of the motion behind a dyad, and of the forces that it asks for, relative to these.
-    !>
-    !> With s the sine of the transmission angle, a rounding eps of the lengths moves the inner joint by eps/s and changes s
-    !> by the part eps/s^2, and so the rates. Their error enters the accelerations squared in the rates, over s once more.
-    !> Where the gap nearly lies in the way in which both links move it, rates and accelerations stay small, as at a change point,
-    !> and so do the forces, which the error of the accelerations enters over s again. A condition number of the map alone
-    !> would not tell this place from a dead point, where all of them grow and keep their digits.
-    pure function uncertainty_of_motion(map, reach, speed1, speed2, acceleration1, acceleration2) result(part)
+    !> What rounding of the lengths makes of the motion behind a dyad, and of forces (see `linkdyn_uncertainty`).
+    pure function uncertainty_of_dyad_motion(map, reach, speed1, speed2, acceleration1, acceleration2) result(part)
         type(dyad_map), intent(in) :: map
         real(wp), intent(in) :: reach(lanes)                  !! of the shorter hinged link [m]; huge: slides alone
         real(wp), intent(in), dimension(lanes) :: speed1, speed2                  !! rates found: of `first` and `second`
         real(wp), intent(in), dimension(lanes) :: acceleration1, acceleration2    !! likewise
         real(wp) :: part(lanes)
-        real(wp), dimension(lanes) :: size1, size2, sine, turn, speed, gap, error, curve, acceleration, gap2, whole
+        real(wp), dimension(lanes) :: size1, size2
 
         size1 = sqrt(map%first.dot.map%first)
         size2 = sqrt(map%second.dot.map%second)
-        sine = abs(map%determinant)/(size1*size2)
-        turn = epsilon(1.0_wp)/sine**2
-        speed = max(abs(speed1)*size1, abs(speed2)*size2)
-        gap = length_of(speed1*map%first - speed2*map%second)
-        error = turn*(speed + gap)
-        curve = speed**2/reach
-        acceleration = max(abs(acceleration1)*size1, abs(acceleration2)*size2)
-        gap2 = length_of(acceleration1*map%first - acceleration2*map%second)
-        whole = max(acceleration, gap2, curve, tiny(1.0_wp))
-        part = max(turn, (turn*(acceleration + gap2) + 2*speed*error/(reach*sine))/whole*max(1.0_wp, gap2/(sine*whole)))
-        ! At a dead point itself nothing is known.
-        part = merge(part, huge(1.0_wp), part <= huge(1.0_wp))
-    end function uncertainty_of_motion
+        part = uncertainty_of_motion(abs(map%determinant)/(size1*size2), reach, &
+                                     max(abs(speed1)*size1, abs(speed2)*size2), &
+                                     length_of(speed1*map%first - speed2*map%second), &
+                                     max(abs(acceleration1)*size1, abs(acceleration2)*size2), &
+                                     length_of(acceleration1*map%first - acceleration2*map%second))
+    end function uncertainty_of_dyad_motion
 
     pure function length_of(v) result(length)
         type(vec2), intent(in) :: v

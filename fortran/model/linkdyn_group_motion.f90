@@ -4,10 +4,10 @@
 module linkdyn_group_motion
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, place_size, link_freedom, n_probe
+    use linkdyn_model, only: model_type, group_type, place_size, link_freedom, n_probe
     implicit none (type, external)
     private
-    public :: group_motion, prepare_groups
+    public :: group_motion, prepare_groups, size_of_rows
 
     type :: group_motion
         real(wp), allocatable :: place(:, :, :)          !! where the iteration stands           (lane, place_size, n_link)
@@ -19,6 +19,7 @@ module linkdyn_group_motion
         real(wp), allocatable :: margin(:, :)            !! smallest singular value, about, of the constraints with lengths by
                                                          !! the mechanism's size; the sign tells assemblies apart (lane, n_group)
         real(wp), allocatable :: drift(:, :)             !! its rate, on a way                   (lane, n_group)
+        real(wp) :: gap(lanes, -1:0) = 0                 !! size of what a group's motion was found from: velocity, acceleration
         real(wp), allocatable :: matrix(:, :, :), right(:, :, :)    !! (lane, row, column)
     end type group_motion
 
@@ -54,4 +55,18 @@ contains
         end do
         motion%place = motion%start_place
     end subroutine prepare_groups
+
+    !> Length of a group's right-hand sides, distances as parts of the mechanism's size.
+    pure function size_of_rows(group, right) result(length)
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: right(:, :)              !! (lane, row)
+        real(wp) :: length(lanes)
+        integer :: i
+
+        length = 0
+        do i = 1, size(right, 2)
+            length = length + (right(:, i)/group%row_unit(i))**2
+        end do
+        length = sqrt(length)
+    end function size_of_rows
 end module linkdyn_group_motion

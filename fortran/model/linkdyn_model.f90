@@ -91,6 +91,7 @@ module linkdyn_model
         real(wp), allocatable :: start(:, :)  !! places of the links at the coordinates' start (place_size, n)
         integer :: n_found = 1                !! assemblies among which that of the start was chosen; 0: others were not looked for
         integer :: chosen_by = 0              !! what decided it: one of `by_*`
+        real(wp), allocatable :: row_unit(:)  !! of its constraints: the mechanism's size for a distance, 1 for an angle (row)
         real(wp), allocatable :: probe(:, :)  !! what the margin is measured with (row, n_probe); see linkdyn_newton_group
         real(wp), allocatable :: unit(:)      !! of the corrections (column) [m, rad]
     end type group_type

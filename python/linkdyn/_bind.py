@@ -339,7 +339,7 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
 
 def ensemble(
     handle: int, q: Floats, qd: Floats, t: Floats, step: float, threads: int
-) -> tuple[Floats, Floats, Floats, NDArray[np.intc]]:
+) -> tuple[Floats, Floats, Floats, NDArray[np.intc], NDArray[np.intc]]:
     """Forward runs by rk4 from the starts q, qd (n, n_q) at t[0].
 
     Returns
@@ -350,14 +350,16 @@ def ensemble(
         (n,) last good instant of each [s].
     crossed
         (n,) change points passed.
+    outcome
+        (n,) why each stopped, as the status of a sample; 0: it has not.
     """
     n, n_q = q.shape
     found, rate = np.empty((n, len(t), n_q)), np.empty((n, len(t), n_q))
-    good_until, crossed = np.empty(n), np.empty(n, dtype=np.intc)
+    good_until, crossed, outcome = np.empty(n), np.empty(n, dtype=np.intc), np.empty(n, dtype=np.intc)
     if n > 0:
-        members = (good_until, crossed, _flat(q), _flat(qd), _flat(found), _flat(rate))
+        members = (good_until, crossed, outcome, _flat(q), _flat(qd), _flat(found), _flat(rate))
         _listen(_api.api_ensemble, handle, threads, step, t, *members)
-    return found, rate, good_until, crossed
+    return found, rate, good_until, crossed, outcome
 
 
 def _flat(array: NDArray[Any]) -> NDArray[Any]:

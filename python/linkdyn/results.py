@@ -121,8 +121,7 @@ def to_dataset(
         if "length" in variable:
             attributes["length"] = variable["length"]
         if variable["is_integer"]:
-            attributes["flag_values"] = np.arange(len(variable["flags"]), dtype=np.intc)
-            attributes["flag_meanings"] = " ".join(flag.replace(" ", "_") for flag in variable["flags"])
+            attributes |= flag_attributes(variable["flags"])
         target = coordinates if variable["name"] == "time" else variables
         target[variable["name"]] = (variable["dims"], arrays[variable["name"]], attributes)
     if wrench:
@@ -141,7 +140,16 @@ def to_dataset(
     return data
 
 
+def flag_attributes(flags: list[str]) -> dict[str, Any]:
+    """Attributes of a variable whose values 0, 1, ... have the names given."""
+    return {
+        "flag_values": np.arange(len(flags), dtype=np.intc),
+        "flag_meanings": " ".join(flag.replace(" ", "_") for flag in flags),
+    }
+
+
 def ensemble_dataset(
+    schema: dict[str, Any],
     scene: dict[str, Any],
     scene_text: str,
     time: NDArray[np.float64],
@@ -149,11 +157,14 @@ def ensemble_dataset(
     qd: NDArray[np.float64],
     good_until: NDArray[np.float64],
     crossed: NDArray[np.intc],
+    outcome: NDArray[np.intc],
 ) -> xr.Dataset:
     """The Dataset of an ensemble of forward runs.
 
     Parameters
     ----------
+    schema
+        Variables of a run's samples, from the engine: what a status is called.
     scene, scene_text
         The scene's description and file.
     time
@@ -164,13 +175,17 @@ def ensemble_dataset(
         (N,) [s].
     crossed
         (N,) change points passed.
+    outcome
+        (N,) why each stopped, as the status of a sample; 0: it has not.
     """
+    flags = next(variable["flags"] for variable in schema["variables"] if variable["name"] == "status")
     dims, coordinates = ("member", "time", "coordinate"), scene["coordinates"]
     variables = {
         "q": (dims, q, {"long_name": "generalized coordinate", "units": "m or rad"}),
         "qd": (dims, qd, {"long_name": "its rate", "units": "m/s or rad/s"}),
         "good_until": ("member", good_until, {"long_name": "last good instant", "units": "s"}),
         "change_points_passed": ("member", crossed, {"long_name": "change points passed"}),
+        "status": ("member", outcome, {"long_name": "why the member stopped"} | flag_attributes(flags)),
     }
     axes = {
         "time": ("time", time, {"units": "s"}),

@@ -478,7 +478,8 @@ class Scene:
         -------
         xarray.Dataset
             "q" and "qd" (member, time, coordinate), NaN from where a member cannot go on, "good_until" (member) [s], its
-            last good instant, and "change_points_passed" (member). Forces at any of these states: `inverse`.
+            last good instant, "status" (member), 0 if it came to the end or what it met there, named as for `inverse`, and
+            "change_points_passed" (member). Forces at any of these states: `inverse`.
 
         Raises
         ------
@@ -498,7 +499,10 @@ class Scene:
                 sign.show(min(1.0, n_done / max(1, len(start))))
         finally:
             sign.end()
-        return ensemble_dataset(self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts)))
+        schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False, is_forward=True)
+        return ensemble_dataset(
+            schema, self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts))
+        )
 
     def study(self, t_end: float | None = None) -> xr.Dataset:
         """Time against error of every solver and integrator on this scene.

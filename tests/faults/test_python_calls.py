@@ -19,6 +19,7 @@ import numpy as np
 import linkdyn
 platform = linkdyn.load({str(ROOT / "examples" / "stewart_tsai" / "scene.toml")!r})
 chain = linkdyn.load({str(ROOT / "examples" / "n_fourbar" / "scene_40.toml")!r})
+stiff = linkdyn.load({str(ROOT / "tests" / "python" / "scenes" / "stiff_spring.toml")!r}).with_({{"spring.S5.stiffness": 1e9}})
 """
 BATCH = "np.repeat(platform.motion(0.5)[0], 30_000_000 // 6, axis=0)"
 CALLS = {
@@ -28,7 +29,9 @@ CALLS = {
     "solve": f"platform.solve({BATCH}, solver='lapack')",
     "poses": f"[platform.poses({BATCH}) for _ in range(99)]",
     "ensemble": "chain.ensemble(np.full((2000, 1), 1.5), np.full((2000, 1), -1.0), [0, 1e4], step=1e-5)",
+    "ensemble, stiff spring": "stiff.ensemble(np.zeros((64, 1)), np.full((64, 1), 6.0), [0, 5], step=1e-8)",
     "forward": "chain.forward(1e6)",
+    "forward, stiff spring": "stiff.forward(t=[0, 5], method='gbs')",
     "sweep": "platform.sweep({'chunk': 2**20, 'axis': [{'coordinate': 'platform.x', 'linspace': [-1.6, -1.4, 10**8]}]}, solver='lapack')",
     "study": "platform.study(1e5)",
 }

@@ -74,6 +74,25 @@ def test_sign_of_life_and_first_signal(endless, signal_number, tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.parametrize("method", ["rk8pd", "gbs"])
+@pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
+def test_signal_between_output_instants(method, signal_number, tmp_path):
+    """A stiff spring asks for a million steps up to the next instant of output."""
+    scene = (ROOT / "tests" / "python" / "scenes" / "stiff_spring.toml").read_text()
+    assert "stiffness = 1e+31" in scene
+    (tmp_path / "scene.toml").write_text(scene.replace("stiffness = 1e+31", "stiffness = 1e9"))
+    command = ["forward", "scene.toml", "--until", "50", "--samples", "2", "--method", method, "--no-output"]
+    process = start(command, tmp_path, stderr=subprocess.DEVNULL)
+    try:
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(timeout=3)
+        process.send_signal(signal_number)
+        assert process.wait(timeout=PATIENCE / 2) in (-signal_number, 128 + signal_number)
+    finally:
+        process.kill()
+        process.wait()
+
+
 def test_no_sign_where_nobody_looks(tsai, tmp_path):
     """Neither in a file nor with --quiet."""
     tsai["time"] = {"end": 1, "samples": 2_000_000_000}

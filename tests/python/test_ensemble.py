@@ -7,6 +7,7 @@ from pathlib import Path
 import linkdyn
 import numpy as np
 import pytest
+import xarray as xr
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 TIMES = np.linspace(0.0, 0.2, 5)
@@ -54,6 +55,26 @@ def test_one_bad_member(motors: linkdyn.Scene) -> None:
     assert TIMES[0] < until < TIMES[-1]
     np.testing.assert_array_equal(np.isnan(mixed.q.values[1, :, 0]), until < TIMES)
     np.testing.assert_array_equal(mixed.q.values[[0, 2]], good.q.values[[0, 2]])
+    assert status_names(good) == ["ok", "ok", "ok"]
+    assert status_names(mixed)[0] == status_names(mixed)[2] == "ok" != status_names(mixed)[1]
+
+
+def status_names(run: xr.Dataset) -> list[str]:
+    names = run.status.attrs["flag_meanings"].split()
+    return [names[value] for value in run.status.values]
+
+
+def test_members_that_cannot_go_on_say_why() -> None:
+    """A group that closes at the start alone ends every member there, each for its own reason and without a search that has no
+    end; one that the step is too long for meets angles that no iteration can follow, or no numbers."""
+    folding = linkdyn.load(Path(__file__).parent / "scenes" / "group_at_its_end.toml")
+    start = folding.inverse(t=[0.0]).q.values
+    run = folding.ensemble(np.repeat(start, 3, axis=0), np.zeros((3, start.shape[1])), np.linspace(0.0, 0.05, 3), step=0.0125)
+    assert status_names(run) == ["unreachable"] * 3
+    assert np.all(run.good_until < 0.05) and np.isnan(run.q.values[:, -1]).all()
+    stiff = linkdyn.load(Path(__file__).parent / "scenes" / "stiff_spring.toml")
+    run = stiff.ensemble([[0.0]], [[6.0]], [0.0, 1.0], step=1e-3)
+    assert status_names(run)[0] in ("not_converged", "undefined") and run.good_until.values[0] < 1.0
 
 
 def test_no_members(motors: linkdyn.Scene) -> None:
