@@ -15,6 +15,7 @@ module linkdyn_equations
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_dense, only: dense_workspace, solve_dense
+    use linkdyn_dyad_map, only: is_surely_certain
     use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
     use linkdyn_elimination_run, only: run_plan, load_constants
     use linkdyn_formulation, only: formulation_type, build_formulation, style_lecture, style_sparse
@@ -477,6 +478,7 @@ contains
         where (workspace%state%uncertainty > largest_uncertainty) workspace%status = sample_singular
         do i = 1, size(model%step)
             if (.not. is_dyad(model%step(i)%kind)) cycle
+            if (all(is_surely_certain(workspace%state%plane%dyad(model%step(i)%first)))) cycle
             where (uncertainty_of_dyad(model, model%step(i), workspace%state%plane) > largest_uncertainty) &
                 workspace%status = sample_singular
         end do

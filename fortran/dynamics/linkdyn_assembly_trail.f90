@@ -2,17 +2,18 @@
 !>
 !> Samples are looked at in their order, `lanes` at a time. A step from one to the next that the rule of
 !> `linkdyn_following` does not believe at once is led along the straight way in the space of the coordinates, in steps as
-!> short as need be. A sample to which the way does not lead keeps the status that says so.
+!> short as need be: first side by side with others, in a few tries, then on its own. A sample to which the way does not
+!> lead keeps the status that says so.
 !>
 !> After such a stretch the motion goes on from the last sample before it, if a straight way leads on from there. Else
 !> it begins anew at the first sample that is reached from the scene's start, as a sample on its own is.
 !>
 !> A sample on its own, outside a motion, has the branches of the start, and its groups are led from the start.
 module linkdyn_assembly_trail
-    use linkdyn_following, only: way_report, is_step_sound
+    use linkdyn_following, only: way_report, is_step_sound, way_arrived
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
-    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, velocities_only
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, least_margins, &
         place_rates, follows_assembly
@@ -182,7 +183,7 @@ contains
 
     ! ---------------------------------------------------------------- from sample to sample
 
-    !> Take the next samples as long as every step is believed at once; if not even one is, lead the mechanism to it.
+    !> Take the next samples as long as every step is believed; if not even one is, lead the mechanism to it.
     subroutine go_on(model, q, trail, assembly, n_done)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
@@ -190,7 +191,7 @@ contains
         type(sample_assembly), intent(inout) :: assembly
         integer, intent(inout) :: n_done             !! samples dealt with
         real(wp) :: at(lanes, model%n_q)
-        logical :: is_believed(lanes)
+        logical :: is_closed(lanes), is_believed(lanes)
         integer :: n, lane, last
 
         ! The first lane stands where the trail does; lanes beyond the last sample repeat it.
@@ -199,7 +200,8 @@ contains
         do lane = 2, lanes
             at(lane, :) = q(:, n_done + min(lane - 1, n))
         end do
-        call judge_steps(model, at, n + 1, trail, is_believed)
+        call judge_steps(model, at, n + 1, trail, is_closed, is_believed)
+        if (.not. all(is_believed(2:n + 1))) call lead_steps(model, at, n + 1, is_closed, trail, is_believed)
         last = findloc([is_believed(2:n + 1), .false.], .false., dim=1)
         do lane = 2, last
             call keep_lane(model, trail%state, lane, n_done + lane - 1, assembly)
@@ -214,11 +216,12 @@ contains
     end subroutine go_on
 
     !> Which of the steps from each lane's place to the next one's are believed at once. The state has what was found there.
-    subroutine judge_steps(model, at, n, trail, is_believed)
+    subroutine judge_steps(model, at, n, trail, is_closed, is_believed)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: at(:, :)             !! (lane, n_q), the trail's own first
         integer, intent(in) :: n                     !! places; further lanes repeat the last
         type(assembly_trail), intent(inout) :: trail
+        logical, intent(out) :: is_closed(lanes)     !! at a lane's place
         logical, intent(out) :: is_believed(lanes)   !! the step to a lane; of the first lane there is none
         real(wp), dimension(lanes, size(trail%least_margin)) :: margin, drift
         real(wp) :: way(lanes, size(at, 2)), back(lanes), square(lanes)
@@ -228,7 +231,8 @@ contains
         do lane = 1, lanes
             way(lane, :) = at(min(lane, n - 1) + 1, :) - at(min(lane, n - 1), :)
         end do
-        call evaluate_places(model, at, way, trail, margin, drift, rate, is_believed)
+        call evaluate_places(model, at, way, trail, margin, drift, rate, is_closed)
+        is_believed = is_closed
         ! Rates are those of the way to the next place; back along the way to a place they are led by as much of them as that
         ! way lies along it.
         back = 0
@@ -246,10 +250,14 @@ contains
             end associate
         end do
         if (size(model%group) == 0) return
-        do lane = 2, n
-            if (is_believed(lane)) is_believed(lane) = fits_tangents(model, trail%state, lane, rate(lane - 1, :, :), &
-                back(lane)*rate(lane, :, :), margin(lane - 1:lane, model%n_branch + 1:))
-        end do
+        ! The rates at both ends of a step must explain where the groups' links have gone.
+        associate (place => trail%state%group%place)
+            do lane = 2, n
+                if (is_believed(lane)) is_believed(lane) = is_close( &
+                    model, place(lane - 1, :, :), place(lane, :, :), (rate(lane - 1, :, :) + back(lane)*rate(lane, :, :))/2, &
+                    minval(abs(margin(lane - 1:lane, model%n_branch + 1:)), dim=1))
+            end do
+        end associate
     end subroutine judge_steps
 
     !> The mechanism on the branches of the trail, groups led from there, on each lane at a place of its own; margins and
@@ -277,8 +285,9 @@ contains
                 state%group%moves = is_closed
             end if
             state%qd = way
-            state%qdd = 0
+            state%n_column = velocities_only
             call run_program(model, state)
+            state%n_column = 0
             call measure_margins(model, state, margin, drift)
             is_closed = is_closed .and. .not. (state%unreachable .or. state%not_converged)
             if (size(model%group) == 0) return
@@ -293,38 +302,78 @@ contains
         end associate
     end subroutine evaluate_places
 
-    !> Do the rates at both ends of a step explain where the groups' links have gone? What they leave open must be small
-    !> against the distance, about the margin, at which another assembly may be.
-    pure logical function fits_tangents(model, state, lane, before, now, margin) result(fits)
+    !> Steps that are not believed at once are led, each on a lane of its own, from the place found at their beginning. One
+    !> that is not long in coming to the place found at its end is believed.
+    subroutine lead_steps(model, at, n, is_closed, trail, is_believed)
         type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: lane                  !! of the step's end; its beginning is on the lane before
-        real(wp), intent(in) :: before(:, :), now(:, :)    !! rates per step (link_freedom, n_link)
-        real(wp), intent(in) :: margin(:, :)         !! at both ends (2, n_group)
+        real(wp), intent(in) :: at(:, :)             !! (lane, n_q), the trail's own first
+        integer, intent(in) :: n                     !! places
+        logical, intent(in) :: is_closed(lanes)      !! at a lane's place
+        type(assembly_trail), intent(inout) :: trail !! its state has what was found at the places
+        logical, intent(inout) :: is_believed(lanes) !! the step to a lane
+        type(way_report) :: report
+        real(wp) :: from(lanes, size(at, 2))
+        real(wp), allocatable :: found(:, :, :)      !! places of the groups' links (lane, place_size, n_link)
+        real(wp) :: nothing(link_freedom(model), model%n_link)
+        logical :: goes(lanes)
+        integer :: lane
+
+        goes = .false.
+        goes(2:n) = .not. is_believed(2:n) .and. is_closed(:n - 1) .and. is_closed(2:n)
+        if (.not. any(goes)) return
+        from(1, :) = at(1, :)
+        from(2:, :) = at(:lanes - 1, :)
+        associate (state => trail%state)
+            if (size(model%group) > 0) then
+                found = state%group%place
+                state%group%place(2:, :, :) = found(:lanes - 1, :, :)
+            end if
+            call lead_mechanism(model, goes, from, .true., state, report, is_hasty=.true.)
+            goes = goes .and. report%outcome == way_arrived .and. report%n_crossed == 0
+            if (model%n_branch > 0) state%branch = spread(trail%branch, 1, lanes)
+            if (size(model%group) > 0) then
+                nothing = 0
+                do lane = 2, n
+                    if (goes(lane)) goes(lane) = is_close(model, state%group%place(lane, :, :), found(lane, :, :), nothing, &
+                                                          abs(state%group%margin(lane, :)))
+                end do
+                state%group%place = found
+            end if
+        end associate
+        is_believed = is_believed .or. goes
+    end subroutine lead_steps
+
+    !> Are the groups' links where they have come from other places by what is explained? What is left open must be small
+    !> against the distance, about the margin, at which another assembly may be.
+    pure logical function is_close(model, from, to, explained, margin)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: from(:, :), to(:, :) !! (place_size, n_link)
+        real(wp), intent(in) :: explained(:, :)      !! shifts and turns (link_freedom, n_link)
+        real(wp), intent(in) :: margin(:)            !! (n_group)
         real(wp), parameter :: part = 0.125_wp
         real(wp) :: moved(link_freedom(model)), open, turn(lanes, 3)
         integer :: g, i, n
 
-        fits = .true.
+        is_close = .true.
         n = merge(2, 3, model%is_planar)
         do g = 1, size(model%group)
             open = 0
             do i = 1, size(model%group(g)%link)
-                associate (l => model%group(g)%link(i), place => state%group%place)
-                    moved(:n) = place(lane, :n, l) - place(lane - 1, :n, l)
+                associate (l => model%group(g)%link(i))
+                    moved(:n) = to(:n, l) - from(:n, l)
                     if (model%is_planar) then
-                        moved(3) = place(lane, 3, l) - place(lane - 1, 3, l)
+                        moved(3) = to(3, l) - from(3, l)
                     else
-                        turn = turn_between(spread(place(lane - 1, 4:, l), 1, lanes), spread(place(lane, 4:, l), 1, lanes))
+                        turn = turn_between(spread(from(4:, l), 1, lanes), spread(to(4:, l), 1, lanes))
                         moved(4:) = turn(1, :)
                     end if
-                    moved = moved - (before(:, l) + now(:, l))/2
+                    moved = moved - explained(:, l)
                     open = max(open, maxval(abs(moved(:n)))/scene_size(model), maxval(abs(moved(n + 1:))))
                 end associate
             end do
-            fits = fits .and. open <= part*minval(abs(margin(:, g)))
+            is_close = is_close .and. open <= part*margin(g)
         end do
-    end function fits_tangents
+    end function is_close
 
     !> Lead the mechanism to one sample.
     subroutine lead_on(model, q, sample, trail, assembly)

@@ -12,7 +12,7 @@ module linkdyn_led_mechanism
         way_forks, way_too_long
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
-    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, orientation_of, &
         link_freedom, place_size, is_length, gives_attitude, attitude_angles
@@ -162,7 +162,7 @@ contains
         qd = state%qd
         qdd = state%qdd
         n_column = state%n_column
-        state%n_column = 0
+        state%n_column = velocities_only
         state%qdd = 0
 
         is_short = length <= most_strides
@@ -345,7 +345,7 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: margin(:, :), drift(:, :)    !! (lane, n_map)
-        real(wp) :: lengths(lanes)
+        real(wp) :: per_lengths(lanes)
         integer :: i
 
         margin = 1
@@ -354,9 +354,9 @@ contains
             associate (d => model%step(i)%first)
                 select case (model%step(i)%kind)
                 case (step_rrr, step_rrp, step_rpr)
-                    lengths = lengths_of(state%plane%dyad(d))
-                    margin(:, d) = state%plane%dyad(d)%determinant/lengths
-                    drift(:, d) = state%plane%drift(:, d)/lengths
+                    per_lengths = 1/lengths_of(state%plane%dyad(d))
+                    margin(:, d) = per_lengths*state%plane%dyad(d)%determinant
+                    drift(:, d) = per_lengths*state%plane%drift(:, d)
                 case (step_csp)
                     call margin_csp(state%csp(d), margin(:, d), drift(:, d))
                 end select

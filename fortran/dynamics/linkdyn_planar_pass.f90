@@ -77,7 +77,7 @@ contains
             plane%linear(level_velocity, l) = vec2(state%qd(:, c(1)), state%qd(:, c(2)))
             plane%angular(:, level_given, o) = state%qdd(:, c(6))
             plane%linear(level_given, l) = vec2(state%qdd(:, c(1)), state%qdd(:, c(2)))
-            if (state%n_column == 0) return
+            if (state%n_column <= 0) return
             plane%linear(c(1), l)%x = 1
             plane%linear(c(2), l)%y = 1
             plane%angular(:, c(6), o) = 1

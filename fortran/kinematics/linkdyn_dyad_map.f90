@@ -13,7 +13,7 @@ module linkdyn_dyad_map
     implicit none (type, external)
     private
     public :: dyad_map, make_dyad_map, solve_dyad, lengths_of, transmission_angle
-    public :: drop_uncertain, half_chord, uncertainty_of_dyad_motion
+    public :: drop_uncertain, half_chord, uncertainty_of_dyad_motion, is_surely_certain
 
     type :: dyad_map
         type(vec2) :: first, second         !! [m] for a rotation, 1 for a slide
@@ -92,6 +92,16 @@ contains
                                      max(abs(acceleration1)*size1, abs(acceleration2)*size2), &
                                      length_of(acceleration1*map%first - acceleration2*map%second))
     end function uncertainty_of_dyad_motion
+
+    !> Is `uncertainty_of_motion` below `largest_uncertainty` whatever the motion? No gap exceeds twice the speed, and none of
+    !> the three parts the `whole`; so it is below 8 eps/s^4. Twice that leaves room for rounding.
+    pure function is_surely_certain(map) result(is_certain)
+        type(dyad_map), intent(in) :: map
+        logical :: is_certain(lanes)
+        real(wp), parameter :: least_square = sqrt(16*epsilon(1.0_wp)/largest_uncertainty)    !! of the sine
+
+        is_certain = map%determinant**2 > least_square*(map%first.dot.map%first)*(map%second.dot.map%second)
+    end function is_surely_certain
 
     pure function length_of(v) result(length)
         type(vec2), intent(in) :: v

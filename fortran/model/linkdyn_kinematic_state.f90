@@ -16,10 +16,12 @@ module linkdyn_kinematic_state
     use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of, lane_of, mat3_lane
     implicit none (type, external)
     private
-    public :: kinematic_state, prepare_kinematics, link_position, link_rotation
+    public :: kinematic_state, prepare_kinematics, link_position, link_rotation, velocities_only
+
+    integer, parameter :: velocities_only = -1                !! in place of a number of columns: accelerations are not wanted
 
     type :: kinematic_state
-        integer :: n_column = 0                               !! columns besides column 0
+        integer :: n_column = 0                               !! columns besides column 0, or `velocities_only`
         logical :: carries_legs = .false.                     !! legs that are carried get no columns (see linkdyn_carried_legs)
         logical :: world_rates = .true.                       !! angular rates in world axes of every link, also where no step needs them
         ! ---- INPUT
