@@ -11,7 +11,7 @@ module linkdyn_carried_assembly
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, least_margins, n_map, place_rates, &
+    use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, n_map, place_rates, &
         span_of, follows_assembly
     use linkdyn_model, only: model_type, link_freedom
     use linkdyn_newton_group, only: shifted
@@ -153,7 +153,7 @@ contains
                 drift(:, m) = secant(assembly%margin(:, m), margin(:, m), ahead)
             end do
         end if
-        least = least_margins(model)
+        least = model%least_margin
         do m = 1, size(margin, 2)
             doubtful = doubtful .or. .not. is_step_sound(least(m), assembly%margin(:, m), ahead*assembly%drift(:, m), &
                                                          margin(:, m), ahead*drift(:, m))
@@ -226,7 +226,7 @@ contains
         real(wp) :: least(n_map(model))
         integer :: seen(lanes), m
 
-        least = least_margins(model)
+        least = model%least_margin
         seen = 0
         do m = 1, size(least)
             where (goes .and. abs(margin(:, m)) > least(m))
@@ -247,7 +247,7 @@ contains
         real(wp) :: least(n_map(model))
         integer :: lane
 
-        least = least_margins(model)
+        least = model%least_margin
         do lane = 1, lanes
             associate (m => map_lost(lane))
                 if (m == 0 .or. .not. goes(lane)) cycle
@@ -266,17 +266,25 @@ contains
     end function secant
 
     !> The assembly of lane 1 of a state evaluated, for a sample; and whether change points have been passed since the one before.
-    subroutine keep_evaluated(model, assembly, state, sample, samples, n_crossed)
+    !> A sample within a step is not where the steps have got to: between it and there may be a change point, too.
+    subroutine keep_evaluated(model, t, assembly, state, sample, samples, n_crossed)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t                      !! of the sample [s]
         type(carried_assembly), intent(in) :: assembly
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: sample
         type(sample_assembly), intent(inout) :: samples
         integer, intent(inout) :: n_crossed            !! change points, up to the sample before, to this one
 
+        real(wp), dimension(lanes, n_map(model)) :: margin, drift
+        integer :: between, now
+
         if (.not. assembly%is_needed) return
         call keep_lane(model, state, 1, sample, samples)
-        if (assembly%n_crossed(1) /= n_crossed) samples%reached(sample) = reached_crossing
-        n_crossed = assembly%n_crossed(1)
+        call measure_margins(model, state, margin, drift)
+        between = count(abs(margin(1, :)) > model%least_margin .and. assembly%side(1, :)*margin(1, :) < 0)
+        now = assembly%n_crossed(1) + merge(between, -between, t >= assembly%t(1))
+        if (now /= n_crossed) samples%reached(sample) = reached_crossing
+        n_crossed = now
     end subroutine keep_evaluated
 end module linkdyn_carried_assembly
