@@ -645,8 +645,8 @@ contains
             passed = 0
             if (.not. run%system%assembly%is_needed) return
             call run%system%evaluate(spread(instant, 1, lanes), run%output, rate, failed)
-            passed = merge(run%system%assembly%n_crossed, count_passed(model, run%system%assembly, run%system%workspace%state), &
-                           failed .or. run%integrator%failed)
+            passed = merge(run%system%assembly%n_crossed, count_passed(model, spread(instant, 1, lanes), run%system%assembly, &
+                           run%system%workspace%state), failed .or. run%integrator%failed)
         end subroutine count_change_points
 
         !> With a pause now and then to hear whether to stop.

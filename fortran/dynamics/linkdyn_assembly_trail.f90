@@ -15,7 +15,7 @@ module linkdyn_assembly_trail
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, least_margins, &
+    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, &
         place_rates, follows_assembly
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
     use linkdyn_planar_motion, only: level_velocity
@@ -133,7 +133,7 @@ contains
         trail%q = model%start_q
         trail%branch = model%branch
         trail%place = start_places(model)
-        trail%least_margin = least_margins(model)
+        trail%least_margin = model%least_margin
         call prepare_kinematics(model, 0, trail%state)
     end subroutine begin_trail
 

@@ -11,7 +11,7 @@ module linkdyn_carried_assembly
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, least_margins, n_map, place_rates, &
+    use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, n_map, place_rates, &
         span_of, follows_assembly
     use linkdyn_model, only: model_type, link_freedom
     use linkdyn_newton_group, only: shifted
@@ -153,7 +153,7 @@ contains
                 drift(:, m) = secant(assembly%margin(:, m), margin(:, m), ahead)
             end do
         end if
-        least = least_margins(model)
+        least = model%least_margin
         do m = 1, size(margin, 2)
             doubtful = doubtful .or. .not. is_step_sound(least(m), assembly%margin(:, m), ahead*assembly%drift(:, m), &
                                                          margin(:, m), ahead*drift(:, m))
@@ -226,7 +226,7 @@ contains
         integer :: m
 
         where (goes) assembly%n_crossed = assembly%n_crossed + crossed(model, assembly, margin)
-        least = least_margins(model)
+        least = model%least_margin
         do m = 1, size(least)
             where (goes .and. abs(margin(:, m)) > least(m)) assembly%side(:, m) = margin(:, m)
         end do
@@ -242,7 +242,7 @@ contains
         real(wp) :: least(n_map(model))
         integer :: m
 
-        least = least_margins(model)
+        least = model%least_margin
         n = 0
         do m = 1, size(least)
             where (abs(margin(:, m)) > least(m)) n = n + merge(1, 0, assembly%side(:, m)*margin(:, m) < 0)
@@ -250,9 +250,11 @@ contains
         n = max(n, assembly%n_crossed_tried)
     end function crossed
 
-    !> Change points passed since the start up to the state evaluated last.
-    function count_passed(model, assembly, state) result(n)
+    !> Change points passed since the start up to the state evaluated last, which may lie before the one accepted: a step that has
+    !> to pass a rough place goes beyond the samples within it.
+    function count_passed(model, t, assembly, state) result(n)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)               !! of the state [s]
         type(carried_assembly), intent(in) :: assembly
         type(kinematic_state), intent(in) :: state
         integer :: n(lanes)
@@ -261,7 +263,7 @@ contains
         n = assembly%n_crossed
         if (.not. assembly%is_needed) return
         call measure_margins(model, state, margin, drift)
-        n = n + crossed(model, assembly, margin)
+        n = n + merge(1, -1, t >= assembly%t)*crossed(model, assembly, margin)
     end function count_passed
 
     !> A change point that was tried counts until the mechanism has got away from it.
@@ -274,7 +276,7 @@ contains
         real(wp) :: least(n_map(model))
         integer :: lane
 
-        least = least_margins(model)
+        least = model%least_margin
         do lane = 1, lanes
             associate (m => map_lost(lane))
                 if (m == 0 .or. .not. goes(lane)) cycle
@@ -293,8 +295,9 @@ contains
     end function secant
 
     !> The assembly of lane 1 of a state evaluated, for a sample; and whether change points have been passed since the one before.
-    subroutine keep_evaluated(model, assembly, state, sample, samples, n_crossed)
+    subroutine keep_evaluated(model, t, assembly, state, sample, samples, n_crossed)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t                      !! of the sample [s]
         type(carried_assembly), intent(in) :: assembly
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: sample
@@ -304,7 +307,7 @@ contains
 
         if (.not. assembly%is_needed) return
         call keep_lane(model, state, 1, sample, samples)
-        passed = count_passed(model, assembly, state)
+        passed = count_passed(model, spread(t, 1, lanes), assembly, state)
         if (passed(1) /= n_crossed) samples%reached(sample) = reached_crossing
         n_crossed = passed(1)
     end subroutine keep_evaluated

@@ -8,7 +8,7 @@ module linkdyn_led_mechanism
     use linkdyn_constants, only: two_pi
     use linkdyn_csp, only: margin_csp
     use linkdyn_dyad_map, only: lengths_of
-    use linkdyn_following, only: follower, footing, way_report, follow_way, untrusted, way_at_singularity, way_ends, &
+    use linkdyn_following, only: follower, footing, way_report, follow_way, way_at_singularity, way_ends, &
         way_forks, way_too_long
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
@@ -16,14 +16,14 @@ module linkdyn_led_mechanism
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, orientation_of, &
         link_freedom, place_size, is_length, gives_attitude, attitude_angles
-    use linkdyn_newton_group, only: shifted, least_group_margin
+    use linkdyn_newton_group, only: shifted
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, least_margins, n_map, place_rates, span_of
+    public :: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, n_map, place_rates, span_of
     public :: follows_assembly
 
     real(wp), parameter :: most_strides = 1000       !! of a way
@@ -137,7 +137,7 @@ contains
         led%from = from
         led%to = state%q
         led%branch = state%branch
-        led%least_margin = least_margins(model)
+        led%least_margin = model%least_margin
         allocate (led%turn(lanes, 3, model%n_attitude))
         led%turn = 0
         target_quaternion = state%quaternion
@@ -330,15 +330,6 @@ contains
 
         n_map = model%n_branch + size(model%group)
     end function n_map
-
-    !> Margins that cannot be told from zero.
-    pure function least_margins(model) result(least)
-        type(model_type), intent(in) :: model
-        real(wp) :: least(n_map(model))
-
-        least(:model%n_branch) = untrusted
-        least(model%n_branch + 1:) = least_group_margin
-    end function least_margins
 
     !> Margins of a state, and how fast they change with its velocities. The drift of groups is there on a way only.
     subroutine measure_margins(model, state, margin, drift)

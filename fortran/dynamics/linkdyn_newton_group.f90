@@ -13,17 +13,18 @@ module linkdyn_newton_group
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_mix, only: counter_uniform
-    use linkdyn_model, only: model_type, group_type, link_freedom, n_probe, scene_size
+    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad
     use linkdyn_planar_group, only: put_planar_links, assemble_gaps, assemble_gaps_ahead, move_planar_group, &
         is_planar_length, planar_speed
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_quaternion, only: turned_by
+    use linkdyn_scene, only: joint_revolute
     use linkdyn_spatial_group, only: put_spatial_links, assemble_errors, assemble_errors_ahead, refuse_turned_joints, &
         move_spatial_group, is_spatial_length, spatial_speed
     use linkdyn_uncertainty, only: uncertainty_of_motion
     implicit none (type, external)
     private
-    public :: prepare_margins, close_group, shifted, least_group_margin
+    public :: prepare_margins, close_group, shifted
 
     integer, parameter :: most_steps = 30
     ! Newton's method squares the error: after a correction below this, the next error is below rounding.
@@ -45,6 +46,7 @@ contains
         integer :: g, i, k, n, freedom
 
         freedom = link_freedom(model)
+        model%least_margin = [least_closed_margins(model), (least_group_margin, g=1, size(model%group))]
         do g = 1, size(model%group)
             associate (group => model%group(g))
                 n = freedom*size(group%link)
@@ -63,6 +65,54 @@ contains
             end associate
         end do
     end subroutine prepare_margins
+
+    !> Below which margins of closed forms cannot be told from zero. A dyad far from the origin is closed between places that
+    !> round by more of its links' lengths than one beside it, and one that hangs on other dyads has their rounding, too: of a
+    !> row of parallelograms all come to their change points at once.
+    pure function least_closed_margins(model) result(least)
+        type(model_type), intent(in) :: model
+        real(wp) :: least(model%n_branch)
+        real(wp) :: shortest
+        integer :: depth(0:model%n_link)     ! dyads one behind the other, up to a link
+        integer :: below, i, k
+
+        least = untrusted
+        depth = 0
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                below = 0
+                do k = 1, count(step%joint > 0)
+                    below = max(below, maxval(depth(model%joint(step%joint(k))%link)))
+                end do
+                depth(step%link(:step%n_link)) = below + merge(1, 0, is_dyad(step%kind))
+                if (.not. is_dyad(step%kind)) cycle
+                shortest = huge(1.0_wp)
+                do k = 1, 2
+                    if (has_arm(step, k)) shortest = min(shortest, arm_length(step, k))
+                end do
+                least(step%first) = untrusted*sqrt(depth(step%link(1))*max(1.0_wp, scene_size(model)/shortest))
+            end associate
+        end do
+
+    contains
+
+        !> Does a link of the dyad turn between two hinges?
+        pure logical function has_arm(step, k)
+            type(step_type), intent(in) :: step
+            integer, intent(in) :: k
+
+            has_arm = all(model%joint(step%joint([2*k - 1, 2]))%kind == joint_revolute)
+        end function has_arm
+
+        pure real(wp) function arm_length(step, k)
+            type(step_type), intent(in) :: step
+            integer, intent(in) :: k
+
+            associate (outer => model%joint(step%joint(2*k - 1)), inner => model%joint(step%joint(2)), l => step%link(k))
+                arm_length = norm2(inner%point(:, side_of(inner, l)) - outer%point(:, side_of(outer, l)))
+            end associate
+        end function arm_length
+    end function least_closed_margins
 
     !> Of a link's freedoms the first are shifts, the others turns.
     pure integer function n_shift(model)

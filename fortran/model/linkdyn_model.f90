@@ -111,6 +111,7 @@ module linkdyn_model
         integer :: n_leg = 0
         integer :: n_dyad = 0
         integer :: n_branch = 0               !! closed forms that have a branch: the dyads, in space the CSP groups
+        real(wp), allocatable :: least_margin(:)    !! of each map: below it is not told from zero (n_branch + groups)
         integer :: n_row = 0                  !! equations: 3 a planar, 6 a spatial link
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial
         real(wp) :: gravity(3) = 0
