@@ -145,7 +145,7 @@ contains
         real(wp), dimension(6, n, n_member) :: q, qd
         real(wp), target :: q_single(6, n)
         real(wp) :: q0(6, 1), qd0(6, 1), qdd0(6, 1), load(6, 1, 1), good_until(n_member)
-        integer :: n_crossed(n_member)
+        integer :: n_crossed(n_member), outcome(n_member)
         integer :: i
 
         call make_model(model, error)
@@ -158,9 +158,9 @@ contains
         end do
         options%integrator = integrator_options(method=method_rk4, step=0.01_wp)
         options%threads = 2
-        call run_ensemble(model, options, q_start, qd_start, [0.1_wp, 0.2_wp], q, qd, good_until, n_crossed, status)
+        call run_ensemble(model, options, q_start, qd_start, [0.1_wp, 0.2_wp], q, qd, good_until, n_crossed, outcome, status)
         call check(error, status%is_ok(), trim(status%message))
-        call check(error, all(good_until == 0.2_wp), "all members arrive")
+        call check(error, all(good_until == 0.2_wp) .and. all(outcome == 0), "all members arrive")
         i = n_member - 1
         model%scene%coordinate%has_start = .true.
         model%scene%coordinate%start_position = q_start(:, i)

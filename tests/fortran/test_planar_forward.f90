@@ -342,7 +342,7 @@ contains
         type(forward_options) :: options
         real(wp) :: q_start(1, n_member), qd_start(1, n_member), q(1, 1, n_member), qd(1, 1, n_member), alone(1, 1)
         real(wp) :: good_until(n_member)
-        integer :: n_crossed(n_member)
+        integer :: n_crossed(n_member), outcome(n_member)
         integer :: i
 
         call four_bar_chain(1, scene)
@@ -353,8 +353,8 @@ contains
         q_start(1, :) = [(0.2_wp + 0.1_wp*i, i=1, n_member)]
         qd_start(1, :) = [(0.5_wp*i - 1, i=1, n_member)]
         options%integrator = integrator_options(method=method_rk4, step=2.0e-3_wp)
-        call run_ensemble(model, options, q_start, qd_start, [0.8_wp], q, qd, good_until, n_crossed, status)
-        call check(error, status%is_ok() .and. all(good_until == 0.8_wp), "all arrive")
+        call run_ensemble(model, options, q_start, qd_start, [0.8_wp], q, qd, good_until, n_crossed, outcome, status)
+        call check(error, status%is_ok() .and. all(good_until == 0.8_wp) .and. all(outcome == 0), "all arrive")
         call check(error, minval(q) < pi/2 .and. maxval(q) > pi/2 + 1, "some pass the change point")
         do i = 1, n_member
             call start_at(scene, q_start(:, i))
