@@ -174,15 +174,22 @@ contains
         end do
     end subroutine refuse_other_start
 
-    !> What to do where coordinates do not say how the mechanism moves.
+    !> What to do where coordinates do not say how the mechanism moves, or nothing resists.
     function advice_at_start(model, status) result(text)
         type(model_type), intent(in) :: model
         integer, intent(in) :: status                  !! of the sample
         character(len=:), allocatable :: text
-        integer :: j
+        integer :: j, k
 
         text = ""
-        if (.not. model%is_planar .or. status /= sample_singular) return
+        if (status /= sample_singular) return
+        do k = 1, model%n_q
+            if (any(model%moves(k, :) .and. .not. model%link%is_massless)) cycle
+            text = ": no link that coordinate "//quoted(model%scene%coordinate(k)%name)//" moves has mass (expected 'mass' or " &
+                   //"'inertia' of one of them)"
+            return
+        end do
+        if (.not. model%is_planar) return
         do j = 1, model%n_joint
             if (all(model%joint(j)%link /= frame_link) .or. coordinate_of(model, j, 1) > 0) cycle
             text = " (expected another coordinate, one that moves there, such as joint "//quoted(model%joint(j)%name)//")"

@@ -34,6 +34,20 @@ def test_energy_of_a_free_run_stays():
     assert np.ptp(total) < 1e-8 * swing
 
 
+@pytest.mark.parametrize("name", ["fourbar", "rcsp_start"])
+def test_nothing_has_mass(name):
+    """No coordinate helps where nothing resists a force: the message asks for mass, not for another coordinate."""
+    description = tomllib.loads((EXAMPLES / name / "scene.toml").read_text())
+    for link in description["link"]:
+        link["mass"] = 0.0
+        link.pop("inertia", None)
+    for actuator in description["actuator"]:
+        actuator["law"] = {"type": "constant", "value": 1.0}
+    coordinate = description["coordinate"][0]
+    with pytest.raises(linkdyn.SceneError, match=rf"no link that coordinate '{coordinate['joint']}.*' moves has mass"):
+        linkdyn.Scene(description).forward(t_end=0.1)
+
+
 @pytest.mark.parametrize("name", ["fourbar", "fivebar_parallel", "slider_crank", "andrews"])
 def test_planar_runs_find_the_motion_back(name):
     # The drives give what inverse dynamics of the motion asks for; started on the motion, the mechanism keeps to it.
