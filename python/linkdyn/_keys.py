@@ -6,6 +6,8 @@ import re
 import tomllib
 from typing import Any
 
+from ._arguments import quoted
+
 __all__ = ["told_by_keys"]
 
 PLACE = re.compile(r"\Ascene:(\d+): ")
@@ -27,7 +29,7 @@ def told_by_keys(message: str, text: str) -> str:
     place = PLACE.match(message)
     if place is None:
         return message
-    keys = "".join(f"[{key!r}]" for key in _keys_at(text.splitlines()[: int(place[1])]))
+    keys = "".join(f"[{quoted(key)}]" for key in _keys_at(text.splitlines()[: int(place[1])]))
     return f"scene{keys}: {message[place.end():]}"
 
 
