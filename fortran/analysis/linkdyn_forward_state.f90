@@ -10,7 +10,7 @@ module linkdyn_forward_state
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, step_joint, gives_attitude, attitude_angles, has_assemblies
+    use linkdyn_model, only: model_type, step_pose, gives_attitude, attitude_angles
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
@@ -81,8 +81,6 @@ contains
             associate (step => model%step(i), angle => attitude_angles(model%step(i)))
                 layout%attitude_step(step%first) = i
                 if (.not. all(is_free(angle))) cycle
-                ! Iterations follow angles.
-                if (step%kind == step_joint .and. has_assemblies(model)) cycle
                 do k = 1, merge(3, 0, step%kind == step_pose)
                     layout%position(step%coordinate(k)) = layout%n + k
                 end do

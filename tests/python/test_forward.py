@@ -44,7 +44,7 @@ def test_nothing_has_mass(name):
     for actuator in description["actuator"]:
         actuator["law"] = {"type": "constant", "value": 1.0}
     coordinate = description["coordinate"][0]
-    with pytest.raises(linkdyn.SceneError, match=rf"no link that coordinate '{coordinate['joint']}.*' moves has mass"):
+    with pytest.raises(linkdyn.InputError, match=rf"no link that coordinate '{coordinate['joint']}.*' moves has mass"):
         linkdyn.Scene(description).forward(t_end=0.1)
 
 
