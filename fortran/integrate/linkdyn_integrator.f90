@@ -250,6 +250,7 @@ contains
             if (must_pause(self)) return
             kept = y
             call rk4_step(system, self%t, h, y, self%work, failed)
+            call self%pause%note_work()
             self%n_evaluation = self%n_evaluation + 4
             do k = 1, system%n
                 where (self%failed) y(:, k) = kept(:, k)
@@ -282,6 +283,7 @@ contains
             h = self%next_step
             t_before = self%t
             call self%gsl%take_step(self%t, t_end, h, solution, ok)
+            call self%pause%note_work()
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then
                 self%t = t_before
                 self%failed = .true.
@@ -322,6 +324,7 @@ contains
                 self%is_lost = .not. is_good
             end if
             if (self%is_there) then
+                call self%pause%note_work()
                 y_end = spread(solution, 1, lanes)
                 exit
             end if

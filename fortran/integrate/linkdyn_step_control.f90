@@ -134,7 +134,7 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(in) :: t_kink                 !! never beyond; not before t_end
-        type(pause_type), intent(in) :: pause          !! looked at before every trial; nothing in the results changes
+        type(pause_type), intent(inout) :: pause       !! looked at before every trial; nothing in the results changes
         integer, intent(out) :: outcome                !! one of `step_*`; t and y are as before if not accepted
         type(trial_type) :: trial
 
@@ -148,6 +148,7 @@ contains
             if (self%has_broken_law) outcome = step_breaks_law
             if (self%t + self%step == self%t .or. .not. self%step > 0) exit
             call try_length(self, system, self%step, t_end, trial)
+            call pause%note_work()
             if (trial%part <= 1) call look_at_end(self, system, trial)
             if (trial%part <= 1 .and. .not. trial%has_failed) then
                 if (any(self%roughness > 0)) call watch_roughness(self, system, trial)
