@@ -54,6 +54,7 @@ contains
         integer, intent(out) :: n_evaluation
         type(orbit) :: system
         type(step_control) :: control
+        type(pause_type) :: pause
         real(wp) :: start(4)
         integer :: i, outcome
 
@@ -63,7 +64,7 @@ contains
         gap = huge(1.0_wp)
         do i = 1, n_piece
             do while (control%t < two_pi*i/n_piece)
-                call control%take_step(system, two_pi*i/n_piece, two_pi*i/n_piece, pause_type(), outcome)
+                call control%take_step(system, two_pi*i/n_piece, two_pi*i/n_piece, pause, outcome)
                 if (outcome /= step_accepted) return
             end do
         end do
@@ -123,13 +124,14 @@ contains
         type(test_error), intent(inout) :: error
         type(orbit) :: system
         type(step_control) :: control
+        type(pause_type) :: pause
         integer :: i, outcome
 
         system%n = 4
         system%ends_at = 1
         call prepare(control, [1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], 1.0e-8_wp)
         do i = 1, 1000
-            call control%take_step(system, 3.0_wp, huge(1.0_wp), pause_type(), outcome)
+            call control%take_step(system, 3.0_wp, huge(1.0_wp), pause, outcome)
             if (outcome /= step_accepted) exit
         end do
         call check(error, outcome == step_too_short, "no step leads beyond the end")
