@@ -3,7 +3,7 @@
 #   make test    the same set-up, then every test
 #   make check   every test, then builds of other kinds with the tests that each is for: checked while running, sanitized,
 #                quadruple, other lanes and instructions, without GSL and OpenMP, with MPI, other BLAS kernels.
-#                `make check-NAME`: one of them; tools/check.py has their names
+#                `make check WAYS="test mpi"`: some, `make check-NAME`: one of them; tools/check.py has their names
 #   make fuzz    100,000 mutated scenes and calls; CASES=N for another number
 #   make bench   time against error of the solvers; `make bench-forward`: of the integrators; `make accuracy`: of all
 #                methods on hard cases. Tables and pictures go to results/benchmarks
@@ -50,7 +50,7 @@ test: real128 browser
 	@$(VENV)/bin/python tools/run_tests.py $(BUILD)
 
 check: real128 system-mpi
-	@$(VENV)/bin/python tools/check.py
+	@$(VENV)/bin/python tools/check.py $(WAYS)
 
 check-%: real128
 	@$(VENV)/bin/python tools/check.py $*

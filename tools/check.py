@@ -2,7 +2,7 @@
 
 Usage: check.py [NAME ...]
 
-Without a name: the tests of the ordinary build (`make test`) first, then every way. The last line is `N passed,
+Names are `test`, the tests of the ordinary build as `make test` runs them, the ways below, and `blas`. Without a name: all. The last line is `N passed,
 N failed`, exit status 1 if anything failed. What cannot run on this machine is said before it.
 """
 
@@ -193,14 +193,16 @@ def run_named(name: str) -> Iterator[tuple[str, Count | str]]:
 
 
 def main(*names: str) -> int:
-    if unknown := [name for name in names if name not in (*WAYS, "blas")]:
-        print(f"check.py: no way named {', '.join(unknown)} (expected {', '.join(WAYS)}, blas)")
+    known = ("test", *WAYS, "blas")
+    if unknown := [name for name in names if name not in known]:
+        print(f"check.py: no way named {', '.join(unknown)} (expected {', '.join(known)})")
         return 2
     total, lines = Count(), []
-    if not names:
-        total = run_all(ORDINARY, [])
-        lines.append(f"  {'test':14} {total}")
-    for name in names or (*WAYS, "blas"):
+    for name in names or known:
+        if name == "test":
+            total += run_all(ORDINARY, [])
+            lines.append(f"  {name:14} {total}")
+            continue
         says = WAYS[name].says if name in WAYS else "accuracy with other BLAS kernels"
         print(f"\n=== {name}: {says}", flush=True)
         for title, result in run_named(name):
