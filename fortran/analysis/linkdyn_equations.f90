@@ -39,7 +39,7 @@ module linkdyn_equations
     implicit none (type, external)
     private
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations
-    public :: prepare_workspace, solve_block, solve_equations, sample_system, fill_lane_matrix
+    public :: prepare_workspace, solve_block, solve_equations, sample_system, poses_that_close, fill_lane_matrix
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -47,6 +47,8 @@ module linkdyn_equations
     integer, parameter :: solver_gauss_jordan_plain = 5
     character(len=18), parameter :: solver_name(5) = &
         [character(len=18) :: "gauss-jordan", "lapack", "elimination", "reduced", "gauss-jordan-plain"]
+
+    integer, parameter :: n_wanted_pose = 32    !! that stand for the scene
 
     !> What is unknown; the rest is given.
     type :: unknown_choice
@@ -213,7 +215,6 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(sparse_system), intent(out) :: system
-        integer, parameter :: n_wanted_pose = 32
         type(kinematic_state) :: state
         type(slot_store) :: slot
         real(wp) :: value(lanes, size(equations%formulation%entry))
@@ -255,6 +256,42 @@ contains
             system%is_wanted = spread(.true., 1, system%n)
         end associate
     end subroutine sample_system
+
+    !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
+    function poses_that_close(model, batch) result(pose)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: batch(:, :)            !! (n_q, n)
+        real(wp), allocatable :: pose(:, :)            !! (n_q, at most n_wanted_pose)
+        type(kinematic_state) :: state
+        integer :: block, first, lane
+
+        allocate (pose(model%n_q, 0))
+        call prepare_kinematics(model, 0, state)
+        do block = 1, 8*n_wanted_pose/lanes + 8
+            call representative_poses(model, block, state)
+            call add_poses()
+        end do
+        if (size(pose, 2) > 0) return
+        do block = 1, 8*n_wanted_pose/lanes + 8
+            first = 1 + (block - 1)*lanes
+            if (first > size(batch, 2)) exit
+            state%q = transpose(batch(:, [(min(first + lane, size(batch, 2)), lane=0, lanes - 1)]))
+            call add_poses()
+        end do
+
+    contains
+
+        subroutine add_poses()
+            integer :: lane
+
+            call evaluate_kinematics(model, state)
+            do lane = 1, lanes
+                if (state%unreachable(lane) .or. state%not_converged(lane) .or. state%singular(lane)) cycle
+                if (size(pose, 2) == n_wanted_pose) return
+                pose = reshape([pose, state%q(lane, :)], [model%n_q, size(pose, 2) + 1])
+            end do
+        end subroutine add_poses
+    end function poses_that_close
 
     !> A block of poses that stand for the scene: its motion, and for every other pose a step away from it, so that
     !> no entry is small merely because the motion is special.

@@ -7,15 +7,19 @@ module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
         reached_straight
+    use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
+    use linkdyn_constants, only: least_accuracy
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
-        choose_solver
+        choose_solver, poses_that_close
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words
+    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch
     use linkdyn_interrupt, only: is_interrupted
+    use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
@@ -26,9 +30,11 @@ module linkdyn_inverse
     use linkdyn_planar_pass, only: map_placed
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_reactions, only: collect_reactions
+    use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
     use linkdyn_roads, only: road_counts
+    use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
-    use linkdyn_status, only: status_type, sample_ok, sample_undefined, message_len
+    use linkdyn_status, only: status_type, sample_ok, sample_undefined
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count, count_turns
     use linkdyn_vec3, only: vec3, operator(-)
@@ -47,34 +53,8 @@ module linkdyn_inverse
         logical :: wants_errors = .false.    !! error estimates of the forces
         logical :: wants_rcond = .false.     !! condition number of the equations; solver lapack always has it
         logical :: wants_distance = .false.  !! distance to the next singular position
+        logical :: by_record = .true.        !! elimination by a record of the scene, where it has one; false: by lanes alone
     end type inverse_options
-
-    !> Where results go; what is not associated is not computed.
-    type :: inverse_results
-        real(wp), pointer, contiguous :: driving_force(:, :) => null() !! (n_actuator, n) [N, N m]
-        real(wp), pointer, contiguous :: reaction(:, :, :) => null() !! (n_component, n_joint, n) world axes [N, N m]
-        real(wp), pointer, contiguous :: joint_variable(:, :) => null() !! (n_variable, n) [m, rad]
-        real(wp), pointer, contiguous :: joint_rate(:, :) => null() !! (n_variable, n)
-        integer, pointer, contiguous :: status(:) => null()     !! (n) one of `sample_*`
-        integer, pointer, contiguous :: assembly(:) => null()   !! (n) one of `reached_*`
-        real(wp), pointer, contiguous :: rcond(:) => null()     !! (n) NaN where the solver has none
-        real(wp), pointer, contiguous :: error(:) => null()     !! (n) NaN where the solver has none
-        real(wp), pointer, contiguous :: driving_force_error(:, :) => null() !! (n_actuator, n) estimates [N, N m]
-        real(wp), pointer, contiguous :: reaction_error(:, :, :) => null() !! (n_component, n_joint, n) [N, N m]
-        real(wp), pointer, contiguous :: singularity_distance(:) => null() !! (n) [m]
-        real(wp), pointer, contiguous :: growth(:) => null()    !! (n) reciprocal pivot growth; NaN but for gauss-jordan
-        real(wp), pointer, contiguous :: power_imbalance(:) => null() !! (n)
-        real(wp), pointer, contiguous :: transmission_angle(:, :) => null() !! (n_dyad, n) [rad]
-        real(wp), pointer, contiguous :: acceleration(:, :) => null() !! (n_q, n) of the coordinates, found or given
-        real(wp), pointer, contiguous :: kinetic_energy(:) => null() !! (n) [J]
-        real(wp), pointer, contiguous :: potential_energy(:) => null() !! (n) of gravity and springs [J]
-        real(wp), pointer, contiguous :: closure(:) => null()   !! (n) largest gap of a joint [m, rad]
-        real(wp), pointer, contiguous :: position(:, :, :) => null() !! (3, n_link, n) origins [m]
-        real(wp), pointer, contiguous :: rotation(:, :, :, :) => null() !! (3, 3, n_link, n) columns: the link's axes
-        type(road_counts) :: roads                              !! of the samples
-        integer :: lost_sample = 0                              !! the first to which the assembly was not followed; 0: none
-        character(len=message_len) :: lost_in_words = ""        !! why
-    end type inverse_results
 
     !> Scratch of one thread.
     type :: thread_space
@@ -98,6 +78,7 @@ module linkdyn_inverse
         type(error_probe), allocatable :: probe                 !! there if errors are wanted
         type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
         logical :: wants_distance = .false.
+        type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
         procedure :: free => free_solver
@@ -124,7 +105,10 @@ contains
             allocate (solver%condition)
             call make_condition(model, solver%equations%unknown, solver%condition, status)
         end if
-        if (status%is_ok()) allocate (solver%pool)
+        if (.not. status%is_ok()) return
+        allocate (solver%pool)
+        if (options%by_record .and. options%solver == solver_elimination .and. .not. options%wants_errors &
+            .and. .not. options%wants_rcond .and. .not. options%wants_distance) allocate (solver%records)
     end subroutine prepare_inverse
 
     !> Give the scratch back. No batch may be running.
@@ -132,6 +116,10 @@ contains
         class(inverse_solver), intent(inout) :: self
         type(thread_space), pointer :: space
 
+        if (associated(self%records)) then
+            call self%records%free()
+            deallocate (self%records)
+        end if
         if (.not. associated(self%pool)) return
         do while (associated(self%pool%first))
             space => self%pool%first
@@ -175,7 +163,8 @@ contains
     !> told of that one's coordinates and dyads.
     !>
     !> When the process is told to stop the batch is left unfinished: ask `is_interrupted`.
-    subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, turns, quaternion)
+    recursive subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, turns, &
+                                      quaternion)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
@@ -191,18 +180,21 @@ contains
                                                                 !! the others' rates are angular velocities
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
-        integer :: n, n_block, n_thread, share, block, n_dense
+        type(recorded_forces), pointer :: recorded
+        integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
+        integer :: n, n_left, n_block, n_thread, share, block, n_dense
         logical :: wants_rates, wants_world, has_stand_ins
 
         n = size(q, 2)
-        n_block = (n + lanes - 1)/lanes
-        n_thread = team_size(threads, n_block)
-        share = max(1, min(largest_share, n_block/(2*n_thread)))
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
                       .or. has_stand_ins .or. solver%wants_distance
         n_dense = 0
+        nullify (recorded)
+        if (associated(solver%records) .and. .not. (has_stand_ins .or. present(known) .or. present(quaternion) &
+                                                    .or. present(given_force))) &
+            call need_record(model, solver, results, q, recorded)
         if (has_assemblies(model) .or. has_stand_ins) then
             if (present(known)) then
                 assembly = known
@@ -212,6 +204,12 @@ contains
                 call make_room(model, 1, assembly)
             end if
         end if
+        if (associated(recorded)) call run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, left)
+        n_left = n
+        if (allocated(left)) n_left = size(left)
+        n_block = (n_left + lanes - 1)/lanes
+        n_thread = team_size(threads, n_block)
+        share = max(1, min(largest_share, n_block/(2*n_thread)))
 
         call hold_blas_threads()
         !$omp parallel num_threads(n_thread) default(shared) private(space)
@@ -222,7 +220,7 @@ contains
             if (is_interrupted()) cycle
             call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition, &
                            space%singularity)
-            n_dense = n_dense + count(space%workspace%fell_back(:min(lanes, n - (block - 1)*lanes)))
+            n_dense = n_dense + count(space%workspace%fell_back(:min(lanes, n_left - (block - 1)*lanes)))
         end do
         !$omp end do
         call return_space(solver, space)
@@ -244,6 +242,14 @@ contains
         end if
 
     contains
+
+        !> Of those that are left.
+        pure integer function sample_of(place)
+            integer, intent(in) :: place
+
+            sample_of = place
+            if (allocated(left)) sample_of = left(place)
+        end function sample_of
 
         !> One block from samples to samples.
         subroutine run_block(block, workspace, reaction, variable, rate, probe, condition, singularity)
@@ -291,7 +297,7 @@ contains
             workspace%state%by_quaternion = .false.
             if (present(quaternion)) workspace%state%by_quaternion = any(quaternion(:, :, (block - 1)*lanes + 1) /= 0, dim=1)
             do lane = 1, lanes
-                sample = min((block - 1)*lanes + lane, n)
+                sample = sample_of(min((block - 1)*lanes + lane, n_left))
                 workspace%state%q(lane, :) = q(:, sample)
                 workspace%state%qd(lane, :) = qd(:, sample)
                 workspace%state%qdd(lane, :) = qdd(:, sample)
@@ -344,8 +350,8 @@ contains
             end if
             outcome = workspace%status
             where (outcome == sample_ok .and. .not. total <= huge(1.0_wp)) outcome = sample_undefined
-            do lane = 1, min(lanes, n - (block - 1)*lanes)
-                sample = (block - 1)*lanes + lane
+            do lane = 1, min(lanes, n_left - (block - 1)*lanes)
+                sample = sample_of((block - 1)*lanes + lane)
                 failed = outcome(lane) /= sample_ok
                 if (associated(results%status)) results%status(sample) = outcome(lane)
                 if (associated(results%driving_force)) then
@@ -401,6 +407,126 @@ contains
             end do
         end subroutine scatter
     end subroutine run_prepared
+
+    ! ---------------------------------------------------------------- by a record of the scene
+
+    !> The record for the results wanted, made when they are wanted first; null if the scene has none.
+    recursive subroutine need_record(model, solver, results, q, recorded)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(inverse_results), intent(in) :: results
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(recorded_forces), pointer, intent(out) :: recorded
+        type(result_list) :: list
+        real(wp), allocatable :: pose(:, :)
+
+        call list_results(results, 0, list)
+        nullify (recorded)
+        if (size(list%of) == 0) return
+        !$omp critical (linkdyn_need_record)
+        recorded => solver%records%find(list%of%id)
+        if (.not. associated(recorded)) then
+            recorded => solver%records%add()
+            pose = poses_that_close(model, q)
+            call record_forces(model, list%of%id, pose, recorded)
+            if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
+        end if
+        !$omp end critical (linkdyn_need_record)
+        if (.not. recorded%is_usable) nullify (recorded)
+    end subroutine need_record
+
+    !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference
+    !> would be a defect, and the lanes are believed.
+    recursive logical function agrees_with_lanes(model, solver, recorded, pose) result(agrees)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        type(recorded_forces), intent(in) :: recorded
+        real(wp), intent(in) :: pose(:, :)                     !! (n_q, pose)
+        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads rates and loads
+        type(inverse_solver) :: by_lanes
+        type(inverse_results) :: found(2)
+        type(sample_assembly) :: assembly
+        real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :)
+        integer, allocatable :: left(:)
+        logical, allocatable :: is_compared(:)
+        integer :: i, k, n
+
+        n = size(pose, 2)
+        qd = reshape([(modulo(k*golden, 1.0_wp) - 0.5_wp, k=1, size(pose))], shape(pose))
+        qdd = reshape([(modulo(k*golden + 0.3_wp, 1.0_wp) - 0.5_wp, k=1, size(pose))], shape(pose))
+        allocate (load(6, model%n_load, n))
+        load = reshape([(modulo(k*golden + 0.7_wp, 1.0_wp) - 0.5_wp, k=1, size(load))], shape(load))
+        agrees = .true.
+        if (.not. any(recorded%wanted == result_driving_force .or. recorded%wanted == result_reaction)) return
+        do i = 1, 2
+            allocate (found(i)%status(n))
+            if (any(recorded%wanted == result_driving_force)) allocate (found(i)%driving_force(model%n_actuator, n))
+            if (any(recorded%wanted == result_reaction)) allocate (found(i)%reaction(model%n_component, model%n_joint, n))
+        end do
+        by_lanes%equations = solver%equations
+        call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1))
+        call make_room(model, 1, assembly)
+        call run_by_record(recorded, 1, pose, qd, qdd, load, assembly, found(2), left)
+        is_compared = [(found(1)%status(i) == sample_ok .and. all(left /= i), i=1, n)]
+        agrees = any(is_compared)
+        do i = 1, n
+            if (.not. is_compared(i)) cycle
+            if (associated(found(1)%driving_force)) &
+                agrees = agrees .and. are_alike(found(1)%driving_force(:, i), found(2)%driving_force(:, i))
+            if (associated(found(1)%reaction)) &
+                agrees = agrees .and. are_alike([found(1)%reaction(:, :, i)], [found(2)%reaction(:, :, i)])
+        end do
+        do i = 1, 2
+            deallocate (found(i)%status)
+            if (associated(found(i)%driving_force)) deallocate (found(i)%driving_force)
+            if (associated(found(i)%reaction)) deallocate (found(i)%reaction)
+        end do
+    end function agrees_with_lanes
+
+    !> Equal but for rounding?
+    pure logical function are_alike(a, b)
+        real(wp), intent(in) :: a(:), b(:)
+
+        are_alike = maxval(abs(a - b)) <= least_accuracy*max(maxval(abs(a)), maxval(abs(b)), tiny(1.0_wp))
+    end function are_alike
+
+    !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.
+    subroutine run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, left)
+        type(recorded_forces), intent(in) :: recorded
+        integer, intent(in) :: threads
+        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
+        real(wp), intent(in), contiguous, target :: load(:, :, :)                   !! (6, n_load, n)
+        type(sample_assembly), intent(in), target :: assembly
+        type(inverse_results), intent(inout) :: results
+        integer, allocatable, intent(out) :: left(:)
+        type(sample_arrays) :: arrays
+        type(result_list) :: list
+        logical, allocatable :: goes(:), is_left(:)
+        integer :: n, i
+
+        n = size(q, 2)
+        allocate (is_left(n))
+        goes = [(is_finite(q(:, i)) .and. is_finite(qd(:, i)) .and. is_finite(qdd(:, i)), i=1, n)]
+        if (recorded%needs_branches) then
+            if (size(assembly%status) == n) goes = goes .and. assembly%status == sample_ok
+            call set_block(arrays, in_branch, size(assembly%branch, 1), size(assembly%branch, 2), assembly%branch)
+        end if
+        call set_block(arrays, in_q, size(q, 1), n, q)
+        call set_block(arrays, in_qd, size(q, 1), n, qd)
+        call set_block(arrays, in_qdd, size(q, 1), n, qdd)
+        call set_block(arrays, in_load, 6*size(load, 2), n, load)
+        call list_results(results, n, list)
+        call run_recorded(recorded, threads, n, arrays, goes, list, is_left)
+        call clear_measures(results)
+        left = pack([(i, i=1, n)], is_left)
+    end subroutine run_by_record
+
+    !> Written so that what is no number is not.
+    pure logical function is_finite(x)
+        real(wp), intent(in) :: x(:)
+
+        is_finite = sum(abs(x)) <= huge(1.0_wp)
+    end function is_finite
 
     !> Sizes of values, lane by lane: their sum is finite if they all are.
     pure subroutine add_sizes(value, total)
@@ -513,33 +639,6 @@ contains
                 angle(:, model%step(i)%first) = transmission_angle(map_placed(model, model%step(i), state%plane))
         end do
     end subroutine measure_dyads
-
-    !> Results of some samples, as if there were no others.
-    function part_of_results(whole, first, last) result(part)
-        type(inverse_results), intent(in) :: whole
-        integer, intent(in) :: first, last             !! samples
-        type(inverse_results) :: part
-
-        if (associated(whole%driving_force)) part%driving_force => whole%driving_force(:, first:last)
-        if (associated(whole%reaction)) part%reaction => whole%reaction(:, :, first:last)
-        if (associated(whole%joint_variable)) part%joint_variable => whole%joint_variable(:, first:last)
-        if (associated(whole%joint_rate)) part%joint_rate => whole%joint_rate(:, first:last)
-        if (associated(whole%status)) part%status => whole%status(first:last)
-        if (associated(whole%assembly)) part%assembly => whole%assembly(first:last)
-        if (associated(whole%rcond)) part%rcond => whole%rcond(first:last)
-        if (associated(whole%error)) part%error => whole%error(first:last)
-        if (associated(whole%driving_force_error)) part%driving_force_error => whole%driving_force_error(:, first:last)
-        if (associated(whole%reaction_error)) part%reaction_error => whole%reaction_error(:, :, first:last)
-        if (associated(whole%growth)) part%growth => whole%growth(first:last)
-        if (associated(whole%power_imbalance)) part%power_imbalance => whole%power_imbalance(first:last)
-        if (associated(whole%transmission_angle)) part%transmission_angle => whole%transmission_angle(:, first:last)
-        if (associated(whole%acceleration)) part%acceleration => whole%acceleration(:, first:last)
-        if (associated(whole%kinetic_energy)) part%kinetic_energy => whole%kinetic_energy(first:last)
-        if (associated(whole%potential_energy)) part%potential_energy => whole%potential_energy(first:last)
-        if (associated(whole%closure)) part%closure => whole%closure(first:last)
-        if (associated(whole%position)) part%position => whole%position(:, :, first:last)
-        if (associated(whole%rotation)) part%rotation => whole%rotation(:, :, :, first:last)
-    end function part_of_results
 
     !> Angular accelerations found for an attitude become second derivatives of roll, pitch, yaw. What the rates of angles
     !> give is in column 0 already; what those of a quaternion's are not is taken away.

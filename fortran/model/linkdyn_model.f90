@@ -68,6 +68,8 @@ module linkdyn_model
         integer :: first = 0                  !! index of its own state in the workspace (attitudes, legs, dyads, CSP groups, groups)
         logical :: from_second = .false.      !! an open-chain joint walked from its second link to its first
         logical :: base_moves = .false.       !! the base link of a leg moves
+        logical :: has_branches = .false.     !! there are two ways to close: see the model's `branch`
+        integer :: branch = 0                 !! of a straight leg: +1, its slide's axis points from U to S, or -1
     end type step_type
 
     !> A UPS leg as the link at its spherical joint sees it.

@@ -30,6 +30,7 @@ module linkdyn_planner
         integer :: n_step = 0
         integer :: n_group = 0
         logical :: closed_forms = .true.        !! are to be used where there are some
+        logical :: straight_legs = .false.      !! are closed in any axes
         logical, allocatable :: known(:)        !! (0:n_link)
         integer, allocatable :: given(:, :)     !! coordinate that gives a joint variable; 0: none (3, n_joint)
     end type planning
@@ -56,10 +57,11 @@ contains
     end function mobility_of
 
     !> Fill `model%step`.
-    subroutine plan_steps(model, status, closed_forms)
+    subroutine plan_steps(model, status, closed_forms, straight_legs)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms    !! false: everything by Newton's method, to compare with
+        logical, intent(in), optional :: straight_legs   !! true: a leg in closed form however its links' axes lie, for records
         type(planning) :: plan
         type(grouping_type) :: grouping
         type(tie_type), allocatable :: tie(:)
@@ -68,6 +70,7 @@ contains
 
         if (.not. status%is_ok()) return
         if (present(closed_forms)) plan%closed_forms = closed_forms
+        if (present(straight_legs)) plan%straight_legs = straight_legs
         allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, model%n_joint), model%group(model%n_link))
         plan%known = .false.
         plan%known(0) = .true.
@@ -287,6 +290,7 @@ contains
         model%n_dyad = model%n_dyad + 1
         model%n_branch = model%n_dyad
         step%first = model%n_dyad
+        step%has_branches = any(step%kind == [step_rrr, step_rrp, step_rpr])
         call add_step(plan, step)
     end subroutine close_dyad
 
@@ -379,10 +383,12 @@ contains
         if (all(step%link(1) /= member) .or. all(step%link(2) /= member)) return
         model%n_branch = model%n_branch + 1
         step%first = model%n_branch
+        step%has_branches = .true.
         call add_step(plan, step)
     end subroutine close_csp_group
 
-    !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_ups_leg`.
+    !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_ups_leg`; or,
+    !> where legs need only be straight, in any axes and in this order from whichever end.
     subroutine close_ups_leg(model, member, plan)
         type(model_type), intent(inout) :: model
         integer, intent(in) :: member(2)
@@ -392,6 +398,10 @@ contains
         step = step_type(kind=step_ups, n_link=2, link=member, joint=joints_of_pair(model, member, plan))
         if (any(step%joint == 0)) return
         if (model%joint(step%joint(1))%kind /= joint_universal) call turn_round(step)
+        if (plan%straight_legs) then
+            call close_straight_leg(model, plan, step)
+            return
+        end if
         if (.not. is_ups_leg(model, step)) return
         model%n_leg = model%n_leg + 1
         step%first = model%n_leg
@@ -424,6 +434,73 @@ contains
                          .and. all(prismatic%frame(:, :, 1) == prismatic%frame(:, :, 2))
         end associate
     end function is_ups_leg
+
+    !> A leg by its line from U to S alone. Both links turn together, in axes that nobody else has.
+    subroutine close_straight_leg(model, plan, step)
+        type(model_type), intent(inout) :: model
+        type(planning), intent(inout) :: plan
+        type(step_type), intent(inout) :: step
+
+        if (any(model%joint(step%joint)%kind /= [joint_universal, joint_prismatic, joint_spherical])) return
+        if (any(plan%given(:, step%joint) > 0)) return
+        if (.not. is_straight_leg(model, step)) return
+        step%branch = way_of_slide(model, step)
+        call add_step(plan, step)
+        model%n_orientation = model%n_orientation + 1
+        model%link(step%link)%orientation = model%n_orientation
+    end subroutine close_straight_leg
+
+    !> Does the slide run along the line from U to S, square to the second axis of the universal joint?
+    pure logical function is_straight_leg(model, step)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        real(wp) :: lower(3), upper(3), axis(3)
+        integer :: side
+
+        associate (universal => model%joint(step%joint(1)), slide => model%joint(step%joint(2)), &
+                   ball => model%joint(step%joint(3)))
+            ! from U and from S to the slide's markers, both in the slide's frame
+            side = side_of(slide, step%link(1))
+            lower = in_frame(slide%point(:, side) - universal%point(:, side_of(universal, step%link(1))), side)
+            axis = in_frame(universal%frame(:, 3, side_of(universal, step%link(1))), side)
+            side = side_of(slide, step%link(2))
+            upper = in_frame(slide%point(:, side) - ball%point(:, side_of(ball, step%link(2))), side)
+            is_straight_leg = all(abs(lower(:2) - upper(:2)) <= alignment*max(maxval(abs(lower)), maxval(abs(upper)))) &
+                              .and. abs(axis(3)) <= alignment
+        end associate
+
+    contains
+
+        pure function in_frame(v, side) result(w)
+            real(wp), intent(in) :: v(3)
+            integer, intent(in) :: side
+            real(wp) :: w(3)
+
+            w = matmul(transpose(model%joint(step%joint(2))%frame(:, :, side)), v)
+        end function in_frame
+    end function is_straight_leg
+
+    !> +1 if the axis of a leg's slide points from U to S at the start, -1 if it points back. Without a start the upper link
+    !> is thought to be drawn out, not in.
+    pure integer function way_of_slide(model, step) result(way)
+        type(model_type), intent(in) :: model
+        type(step_type), intent(in) :: step
+        real(wp) :: along
+        integer :: side
+
+        associate (universal => model%joint(step%joint(1)), slide => model%joint(step%joint(2)), &
+                   ball => model%joint(step%joint(3)), spec => model%scene%joint(step%joint(2)))
+            way = merge(1, -1, slide%link(1) == step%link(1))
+            if (.not. spec%has_start) return
+            side = side_of(slide, step%link(1))
+            along = dot_product(slide%point(:, side) - universal%point(:, side_of(universal, step%link(1))), &
+                                slide%frame(:, 3, side))
+            side = side_of(slide, step%link(2))
+            along = along - dot_product(slide%point(:, side) - ball%point(:, side_of(ball, step%link(2))), &
+                                        slide%frame(:, 3, side))
+            way = merge(1, -1, along + way*spec%start(1) > 0)
+        end associate
+    end function way_of_slide
 
     subroutine need_world(model, link)
         type(model_type), intent(inout) :: model

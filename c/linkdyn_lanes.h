@@ -1,0 +1,57 @@
+/* Kernels on lanes: instructions in compact form, and the machines that run them.
+ *
+ * A machine is one build of linkdyn_lanes_machine.c for an instruction set. It runs `lanes` samples side by side, or one
+ * alone; what it computes does not depend on which, nor on the machine, as long as both have multiply-adds.
+ */
+#ifndef LINKDYN_LANES_H
+#define LINKDYN_LANES_H
+
+#include <stdint.h>
+
+/* Instructions: what they compute from x, b, c. The order is that of the tables in linkdyn_lanes_machine.c. */
+enum {
+    LANE_MULTIPLY,            /* x c */
+    LANE_MULTIPLY_ADD,        /* x b + c */
+    LANE_SUBTRACT_PRODUCT,    /* c - x b */
+    LANE_MULTIPLY_SUBTRACT,   /* x b - c */
+    LANE_ADD,                 /* x + c */
+    LANE_SUBTRACT,            /* c - x */
+    LANE_SUBTRACT_FROM,       /* x - c */
+    LANE_RECIPROCAL,          /* 1/c */
+    LANE_ROOT,                /* square root of c */
+    LANE_ABSOLUTE,            /* |c| */
+    LANE_WHOLE,               /* whole number nearest to c */
+    LANE_MINIMUM,             /* x if x < c, else c */
+    LANE_MAXIMUM,             /* x if x > c, else c */
+    LANE_SELECT,              /* b if x > 0, else c */
+    LANE_ARCTANGENT,          /* angle of (c, x) */
+    LANE_SINE_COSINE,         /* sine of c to `out`, cosine to slot b */
+    LANE_END,
+    LANE_KINDS
+};
+
+/* An instruction's code is 8 kind + form. Form: sum of these. */
+enum {
+    FORM_ACCUMULATOR = 1,     /* c is the last result, still in registers */
+    FORM_STORE = 2,           /* the result goes to slot `out` */
+    FORM_CONSTANT = 4         /* x is a constant, the same for all lanes: `a` counts constants */
+};
+
+struct instruction16 { uint16_t code, out, a, b, c; };
+struct instruction32 { uint32_t code, out, a, b, c; };
+
+struct lane_machine {
+    const char *name;
+    int lanes;
+    int fuses;                /* has multiply-adds */
+    void (*run16)(const struct instruction16 *step, double *slot, const double *constant);
+    void (*run32)(const struct instruction32 *step, double *slot, const double *constant);
+    void (*run_one16)(const struct instruction16 *step, double *slot, const double *constant);
+    void (*run_one32)(const struct instruction32 *step, double *slot, const double *constant);
+    /* rows of samples to slots: sample i of the source at source + i ld; lanes beyond count repeat the last sample */
+    void (*gather)(const double *source, long ld, int count, int n, double *slot);
+    /* slots to rows of samples, with the sign of each; returns the lanes, one a bit, in which a number is not finite */
+    uint64_t (*scatter)(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld, int count);
+};
+
+#endif

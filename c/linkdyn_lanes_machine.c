@@ -1,0 +1,233 @@
+/* One machine of linkdyn_lanes.h. Compiled once for each instruction set, never with contraction of products and sums:
+ * multiply-adds are instructions of the kernel, so that all machines agree to the last bit.
+ *
+ * MACHINE: its name. The rest follows from what the compiler may use.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "linkdyn_lanes.h"
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+#define VECTOR_LANES 8
+#define WIDE_VECTORS 2        /* 16 lanes: the slots of a hexapod then fit into the first cache; 32 lanes took a fifth longer */
+#elif defined(__AVX2__) && defined(__FMA__)
+#define VECTOR_LANES 4
+#define WIDE_VECTORS 4
+#else
+#define VECTOR_LANES 2
+#define WIDE_VECTORS 8
+#endif
+enum { LANES = VECTOR_LANES*WIDE_VECTORS };
+
+#define CONCAT2(a, b) a##b
+#define CONCAT(a, b) CONCAT2(a, b)
+#define QUOTED2(a) #a
+#define QUOTED(a) QUOTED2(a)
+
+/* ---------------------------------------------------------------- lanes side by side */
+
+typedef double wide_vd __attribute__((vector_size(8*VECTOR_LANES), may_alias));
+typedef int64_t wide_vi __attribute__((vector_size(8*VECTOR_LANES), may_alias));
+
+#define vd wide_vd
+#define vi wide_vi
+#define DUP(x) ((vd){0} + (x))
+#define vector_sine_cosine wide_sine_cosine
+#define vector_arctangent wide_arctangent
+#define vector_whole wide_whole
+#include "linkdyn_lanes_math.h"
+
+#if VECTOR_LANES == 8
+static inline vd wide_multiply_add(vd a, vd b, vd c) { return (vd)_mm512_fmadd_pd((__m512d)a, (__m512d)b, (__m512d)c); }
+static inline vd wide_multiply_subtract(vd a, vd b, vd c) { return (vd)_mm512_fmsub_pd((__m512d)a, (__m512d)b, (__m512d)c); }
+static inline vd wide_subtract_product(vd a, vd b, vd c) { return (vd)_mm512_fnmadd_pd((__m512d)a, (__m512d)b, (__m512d)c); }
+static inline vd wide_root(vd a) { return (vd)_mm512_sqrt_pd((__m512d)a); }
+#elif VECTOR_LANES == 4
+static inline vd wide_multiply_add(vd a, vd b, vd c) { return (vd)_mm256_fmadd_pd((__m256d)a, (__m256d)b, (__m256d)c); }
+static inline vd wide_multiply_subtract(vd a, vd b, vd c) { return (vd)_mm256_fmsub_pd((__m256d)a, (__m256d)b, (__m256d)c); }
+static inline vd wide_subtract_product(vd a, vd b, vd c) { return (vd)_mm256_fnmadd_pd((__m256d)a, (__m256d)b, (__m256d)c); }
+static inline vd wide_root(vd a) { return (vd)_mm256_sqrt_pd((__m256d)a); }
+#else
+static inline vd wide_multiply_add(vd a, vd b, vd c) { return (vd){fma(a[0], b[0], c[0]), fma(a[1], b[1], c[1])}; }
+static inline vd wide_multiply_subtract(vd a, vd b, vd c) { return (vd){fma(a[0], b[0], -c[0]), fma(a[1], b[1], -c[1])}; }
+static inline vd wide_subtract_product(vd a, vd b, vd c) { return (vd){fma(-a[0], b[0], c[0]), fma(-a[1], b[1], c[1])}; }
+static inline vd wide_root(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
+#endif
+static inline vd wide_choose(vi yes, vd a, vd b) { return (vd)(((vi)a & yes) | ((vi)b & ~yes)); }
+
+#define vector_multiply_add wide_multiply_add
+#define vector_multiply_subtract wide_multiply_subtract
+#define vector_subtract_product wide_subtract_product
+#define vector_root wide_root
+#define vector_choose(condition, yes, no) wide_choose((vi)(condition), yes, no)
+#define VECTORS WIDE_VECTORS
+#define INSTRUCTION instruction16
+#define RUN run16
+#include "linkdyn_lanes_run.h"
+#undef INSTRUCTION
+#undef RUN
+#define INSTRUCTION instruction32
+#define RUN run32
+#include "linkdyn_lanes_run.h"
+#undef INSTRUCTION
+#undef RUN
+#undef VECTORS
+#undef vector_choose
+
+/* ---------------------------------------------------------------- one sample alone: a vector of one */
+
+typedef double one_vd __attribute__((vector_size(8), may_alias));
+typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
+
+#undef vd
+#undef vi
+#undef vector_sine_cosine
+#undef vector_arctangent
+#undef vector_whole
+#undef vector_multiply_add
+#undef vector_multiply_subtract
+#undef vector_subtract_product
+#undef vector_root
+#undef VECTOR_LANES
+#define VECTOR_LANES 1
+#define vd one_vd
+#define vi one_vi
+#define vector_sine_cosine one_sine_cosine
+#define vector_arctangent one_arctangent
+#define vector_whole one_whole
+#include "linkdyn_lanes_math.h"
+
+static inline vd one_multiply_add(vd a, vd b, vd c) { return (vd){__builtin_fma(a[0], b[0], c[0])}; }
+static inline vd one_multiply_subtract(vd a, vd b, vd c) { return (vd){__builtin_fma(a[0], b[0], -c[0])}; }
+static inline vd one_subtract_product(vd a, vd b, vd c) { return (vd){__builtin_fma(-a[0], b[0], c[0])}; }
+static inline vd one_root(vd a) { return (vd){__builtin_sqrt(a[0])}; }
+static inline vd one_choose(vi yes, vd a, vd b) { return (vd)(((vi)a & yes) | ((vi)b & ~yes)); }
+
+#define vector_multiply_add one_multiply_add
+#define vector_multiply_subtract one_multiply_subtract
+#define vector_subtract_product one_subtract_product
+#define vector_root one_root
+#define vector_choose(condition, yes, no) one_choose((vi)(condition), yes, no)
+#define VECTORS 1
+#define INSTRUCTION instruction16
+#define RUN run_one16
+#include "linkdyn_lanes_run.h"
+#undef INSTRUCTION
+#undef RUN
+#define INSTRUCTION instruction32
+#define RUN run_one32
+#include "linkdyn_lanes_run.h"
+#undef vd
+#undef vi
+#undef VECTOR_LANES
+
+/* ---------------------------------------------------------------- samples into lanes and back */
+
+#if defined(__AVX512F__) && defined(__AVX512DQ__)
+
+#define TILE 8
+#define UNROLL _Pragma("GCC unroll 8")      /* or the tile would live in memory */
+/* transpose 8 vectors of 8 */
+static inline void turn_tile(__m512d r[8])
+{
+    __m512d t[8], u[8];
+    UNROLL for (int k = 0; k < 4; k++) {
+        t[2*k] = _mm512_unpacklo_pd(r[2*k], r[2*k + 1]);
+        t[2*k + 1] = _mm512_unpackhi_pd(r[2*k], r[2*k + 1]);
+    }
+    const __m512i low = _mm512_setr_epi64(0, 1, 8, 9, 4, 5, 12, 13), high = _mm512_setr_epi64(2, 3, 10, 11, 6, 7, 14, 15);
+    UNROLL for (int h = 0; h < 2; h++)
+        UNROLL for (int k = 0; k < 2; k++) {
+            u[4*h + k] = _mm512_permutex2var_pd(t[4*h + k], low, t[4*h + 2 + k]);
+            u[4*h + 2 + k] = _mm512_permutex2var_pd(t[4*h + k], high, t[4*h + 2 + k]);
+        }
+    UNROLL for (int k = 0; k < 4; k++) {
+        r[k] = _mm512_shuffle_f64x2(u[k], u[4 + k], 0x44);
+        r[4 + k] = _mm512_shuffle_f64x2(u[k], u[4 + k], 0xee);
+    }
+}
+
+static void gather(const double *source, long ld, int count, int n, double *slot)
+{
+    for (int k = 0; k < n; k += TILE) {
+        const int m = n - k < TILE ? n - k : TILE;
+        const __mmask8 mask = (__mmask8)((1u << m) - 1);
+        for (int lane = 0; lane < LANES; lane += TILE) {
+            __m512d r[TILE];
+            UNROLL for (int l = 0; l < TILE; l++) {
+                const int i = lane + l < count ? lane + l : count - 1;
+                r[l] = _mm512_maskz_loadu_pd(mask, source + i*ld + k);
+            }
+            turn_tile(r);
+            for (int j = 0; j < m; j++) _mm512_storeu_pd(slot + (long)(k + j)*LANES + lane, r[j]);
+        }
+    }
+}
+
+static uint64_t scatter(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld, int count)
+{
+    const __m512d zero = _mm512_setzero_pd();
+    uint64_t bad = 0;
+    for (int lane = 0; lane < count; lane += TILE) {
+        const int last = count - lane < TILE ? count - lane : TILE;
+        __m512d finite = zero;               /* stays zero while all numbers are finite */
+        for (int k = 0; k < n; k += TILE) {
+            const int m = n - k < TILE ? n - k : TILE;
+            const __mmask8 mask = (__mmask8)((1u << m) - 1);
+            __m512d r[TILE];
+            UNROLL for (int j = 0; j < TILE; j++) {
+                const int i = j < m ? k + j : k;
+                r[j] = _mm512_load_pd(slot + (long)which[i]*LANES + lane);
+                r[j] = _mm512_xor_pd(r[j], _mm512_set1_pd(sign[i] < 0 ? -0.0 : 0.0));
+                finite = _mm512_fmadd_pd(r[j], zero, finite);
+            }
+            turn_tile(r);
+            UNROLL for (int l = 0; l < TILE; l++)
+                if (l < last) _mm512_mask_storeu_pd(target + (lane + l)*ld + k, mask, r[l]);
+        }
+        bad |= (uint64_t)(_mm512_cmp_pd_mask(finite, finite, _CMP_UNORD_Q) & ((1u << last) - 1)) << lane;
+    }
+    return bad;
+}
+
+#else
+
+static void gather(const double *source, long ld, int count, int n, double *slot)
+{
+    for (int lane = 0; lane < LANES; lane++) {
+        const double *row = source + (lane < count ? lane : count - 1)*ld;
+        for (int k = 0; k < n; k++) slot[(long)k*LANES + lane] = row[k];
+    }
+}
+
+static uint64_t scatter(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld, int count)
+{
+    uint64_t bad = 0;
+    for (int lane = 0; lane < count; lane++) {
+        double *row = target + lane*ld, finite = 0.0;    /* stays zero while all numbers are finite */
+        for (int k = 0; k < n; k++) {
+            const double x = slot[(long)which[k]*LANES + lane];
+            row[k] = sign[k] < 0 ? -x : x;
+            finite += x*0.0;
+        }
+        if (!(finite == 0.0)) bad |= (uint64_t)1 << lane;
+    }
+    return bad;
+}
+
+#endif
+
+const struct lane_machine CONCAT(linkdyn_machine_, MACHINE) = {
+    QUOTED(MACHINE), LANES,
+#if defined(__FMA__) || defined(__ARM_FEATURE_FMA)
+    1,
+#else
+    0,
+#endif
+    run16, run32, run_one16, run_one32, gather, scatter,
+};

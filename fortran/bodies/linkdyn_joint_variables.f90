@@ -1,0 +1,94 @@
+!> Joint variables of placed and moving links.
+module linkdyn_joint_variables
+    use linkdyn_bodies, only: world_axes, omega_of, point_velocity, rotation_of
+    use linkdyn_constants, only: pi
+    use linkdyn_joint_kind, only: marker_pair
+    use linkdyn_kinds, only: wp
+    use linkdyn_mechanism, only: mechanism_type, pair_of, marker_point
+    use linkdyn_scene, only: coordinate_joint
+    use linkdyn_value, only: value, nearest_whole, operator(+), operator(-), operator(*)
+    use linkdyn_vector, only: vector, operator(-), operator(.cross.), operator(.dot.)
+    implicit none (type, external)
+    private
+    public :: joint_variables, joint_rates, variable_near, variable_rate, coordinate_of_variable
+
+contains
+
+    !> All variables of a joint; angles in (-pi, pi], but where they are coordinates as these count.
+    function joint_variables(mechanism, j) result(q)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(value), allocatable :: q(:)
+        integer :: k, c
+
+        q = mechanism%kind(mechanism%model%joint(j)%kind)%is%variables(pair_of(mechanism, j))
+        do k = 1, size(q)
+            c = coordinate_of_variable(mechanism, j, k)
+            if (c > 0) q(k) = mechanism%q(c)
+            if (mechanism%kind(mechanism%model%joint(j)%kind)%is%is_slide(k) .and. mechanism%slide(j)%node > 0) &
+                q(k) = mechanism%slide(j)
+        end do
+    end function joint_variables
+
+    !> Their rates.
+    function joint_rates(mechanism, j) result(qd)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(value), allocatable :: qd(:)
+        type(marker_pair) :: pair
+        type(vector) :: omega, gap_rate
+        integer :: k, c
+
+        pair = pair_of(mechanism, j)
+        associate (link => mechanism%model%joint(j)%link, bodies => mechanism%bodies)
+            omega = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
+            gap_rate = point_velocity(bodies, link(2), marker_point(mechanism, j, 2)) &
+                       - point_velocity(bodies, link(1), marker_point(mechanism, j, 1)) &
+                       - (omega_of(bodies, link(1), world_axes) .cross.pair%gap)
+        end associate
+        qd = mechanism%kind(mechanism%model%joint(j)%kind)%is%rates(pair, omega, gap_rate)
+        do k = 1, size(qd)
+            c = coordinate_of_variable(mechanism, j, k)
+            if (c > 0) qd(k) = mechanism%qd(c)
+        end do
+    end function joint_rates
+
+    !> One variable; an angle that is no coordinate is the one nearest to `target` of those that differ by full turns.
+    function variable_near(mechanism, j, variable, target) result(q)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, variable
+        type(value), intent(in) :: target
+        type(value) :: q
+        type(value), allocatable :: all(:)
+
+        all = joint_variables(mechanism, j)
+        q = all(variable)
+        if (coordinate_of_variable(mechanism, j, variable) > 0) return
+        if (mechanism%kind(mechanism%model%joint(j)%kind)%is%is_slide(variable)) return
+        q = q + (2*pi)*nearest_whole((1/(2*pi))*(target - q))
+    end function variable_near
+
+    function variable_rate(mechanism, j, variable) result(qd)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, variable
+        type(value) :: qd
+        type(value), allocatable :: all(:)
+
+        all = joint_rates(mechanism, j)
+        qd = all(variable)
+    end function variable_rate
+
+    !> The coordinate that a joint variable is; 0: none.
+    pure integer function coordinate_of_variable(mechanism, j, variable) result(k)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, variable
+
+        associate (coordinate => mechanism%model%scene%coordinate)
+            do k = 1, size(coordinate)
+                if (coordinate(k)%kind == coordinate_joint .and. coordinate(k)%joint == j &
+                    .and. coordinate(k)%variable == variable) return
+            end do
+        end associate
+        k = 0
+    end function coordinate_of_variable
+end module linkdyn_joint_variables

@@ -1,0 +1,299 @@
+!> The mechanism while it is traced: the plan, its numbers as values, the inputs, and the motion found so far.
+module linkdyn_mechanism
+    use linkdyn_bodies, only: bodies_type, make_bodies, rotation_of, point_position
+    use linkdyn_inertia_wrench, only: mass_properties
+    use linkdyn_joint_kind, only: marker_pair
+    use linkdyn_joint_kinds, only: joint_kind_box, list_joint_kinds
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, step_ups, side_of
+    use linkdyn_numbers, only: number_places, place_numbers
+    use linkdyn_rates, only: rate_map, set_rate
+    use linkdyn_system, only: system_type
+    use linkdyn_value, only: value
+    use linkdyn_vector, only: vector, rotation, vector_of, components, zero_vector, identity_rotation, operator(+), operator(-), &
+        operator(*), operator(.cross.), operator(.rotate.), operator(.unrotate.)
+    implicit none (type, external)
+    private
+    public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, pair_of, gravity_of, in_own_axes
+    public :: load_point, spring_numbers, spring_point, drive_numbers
+    public :: watch, must_be_positive, least_square
+    public :: solve_velocities, leave_velocities, take_velocities
+
+    integer, parameter :: solve_velocities = 0             !! by elimination, group by group
+    integer, parameter :: leave_velocities = 1             !! unknowns of one system
+    integer, parameter :: take_velocities = 2              !! given
+
+    !> Square of the sine of a transmission angle down to which rates and forces surely keep three digits, whatever the motion:
+    !> their uncertainty is below 8 eps/sine**4. Twice that leaves room for rounding.
+    real(wp), parameter :: least_square = sqrt(16*epsilon(1.0_wp)/1.0e-3_wp)
+
+    !> From the axes in which the scene has a link to those in which it is traced.
+    type :: own_axes_type
+        type(rotation) :: r
+        type(vector) :: shift                              !! of the scene's origin, own axes [m]
+    end type own_axes_type
+
+    type :: mechanism_type
+        type(model_type), pointer :: model => null()
+        type(number_places) :: at                          !! where numbers stand
+        type(value), allocatable :: number(:)              !! those of the scene, constants or inputs
+        type(joint_kind_box), allocatable :: kind(:)
+        type(own_axes_type), allocatable :: own(:)         !! (0:link)
+        type(bodies_type) :: bodies
+        type(value), allocatable :: q(:), qd(:), qdd(:)    !! coordinates and their derivatives [m, rad]
+        type(value), allocatable :: quaternion(:, :)       !! (4, pose) of links whose pose is given; absent: angles give it
+        type(rate_map) :: rates                            !! of the coordinates
+        type(value), allocatable :: slide(:)               !! (joint) of the second marker along z of the first [m]
+        type(vector), allocatable :: universal_axis(:)     !! (joint) first axis of a leg's universal joint in leg axes
+        integer :: velocity_road = solve_velocities        !! how velocities of groups are found
+        type(system_type), pointer :: velocities => null() !! their equations, if they are left unknown
+        type(value), allocatable :: given_velocity(:, :)   !! (6, link) if they are given
+        type(value), allocatable :: watched(:)             !! magnitudes that must stay below one
+        logical :: is_solved = .true.                      !! false once a system had no pivots
+        type(vector), allocatable :: ways(:, :)            !! (2, dyad) how its inner joint moves with each of its links
+        type(value), allocatable :: positive(:)            !! what must be positive, or a loop cannot close, or hardly
+    end type mechanism_type
+
+contains
+
+    !> Nothing has been placed but the frame.
+    subroutine begin_mechanism(model, number, q, qd, qdd, mechanism)
+        type(model_type), intent(in), target :: model
+        type(value), intent(in) :: number(:)               !! as `linkdyn_numbers` lists them
+        type(value), intent(in) :: q(:), qd(:), qdd(:)
+        type(mechanism_type), intent(out) :: mechanism
+
+        mechanism%model => model
+        call place_numbers(model, mechanism%at)
+        mechanism%number = number
+        call list_joint_kinds(mechanism%kind)
+        call choose_own_axes(mechanism)
+        mechanism%q = q
+        mechanism%qd = qd
+        mechanism%qdd = qdd
+        call set_rate(mechanism%rates, q, qd)
+        call set_rate(mechanism%rates, qd, qdd)
+        allocate (mechanism%slide(model%n_joint), mechanism%universal_axis(model%n_joint), mechanism%watched(0), &
+                  mechanism%positive(0), mechanism%ways(2, model%n_dyad))
+        call make_bodies(model%link%orientation, gravity_of(mechanism), mechanism%bodies)
+    end subroutine begin_mechanism
+
+    ! ---------------------------------------------------------------- numbers of the scene
+
+    function gravity_of(mechanism) result(g)
+        type(mechanism_type), intent(in) :: mechanism
+        type(vector) :: g
+
+        g = point_at(mechanism, mechanism%at%gravity)
+    end function gravity_of
+
+    !> Mass properties in the axes in which a link is traced.
+    function properties_of(mechanism, link) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: link
+        type(mass_properties) :: p
+        type(value) :: tensor(3, 3)
+        type(vector) :: column(3)
+        integer :: k
+
+        associate (at => mechanism%at%link(link), r => mechanism%own(link)%r)
+            p%mass = mechanism%number(at)
+            p%cog = in_own_axes(mechanism, link, point_at(mechanism, at + 1))
+            associate (i => mechanism%number(at + 4:at + 9))
+                tensor = reshape([i(1), i(4), i(6), i(4), i(2), i(5), i(6), i(5), i(3)], [3, 3])
+            end associate
+            ! R I R^T
+            do k = 1, 3
+                column(k) = r.rotate.vector_of(tensor(:, k))
+            end do
+            do k = 1, 3
+                associate (row => r.rotate.vector_of([part(column(1), k), part(column(2), k), part(column(3), k)]))
+                    p%inertia(k, :) = components(row)
+                end associate
+            end do
+        end associate
+    end function properties_of
+
+    function part(v, k) result(x)
+        type(vector), intent(in) :: v
+        integer, intent(in) :: k
+        type(value) :: x
+        type(value) :: c(3)
+
+        c = components(v)
+        x = c(k)
+    end function part
+
+    !> A point of a link, from the axes in which the scene has it to those in which the link is traced.
+    function in_own_axes(mechanism, link, point) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: link
+        type(vector), intent(in) :: point              !! [m]
+        type(vector) :: p
+
+        p = mechanism%own(link)%shift + (mechanism%own(link)%r.rotate.point)
+    end function in_own_axes
+
+    !> A joint's marker, own axes.
+    function marker_point(mechanism, joint, side) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint, side                 !! side: 1 or 2
+        type(vector) :: p
+
+        p = in_own_axes(mechanism, mechanism%model%joint(joint)%link(side), scene_point(mechanism, joint, side))
+    end function marker_point
+
+    !> Frame of a joint's marker: from the marker's axes to the link's own.
+    function marker_frame(mechanism, joint, side) result(f)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint, side
+        type(rotation) :: f
+
+        f = mechanism%own(mechanism%model%joint(joint)%link(side))%r*scene_frame(mechanism, joint, side)
+    end function marker_frame
+
+    !> A joint's marker as the scene has it, link axes.
+    function scene_point(mechanism, joint, side) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint, side
+        type(vector) :: p
+
+        p = point_at(mechanism, mechanism%at%marker(side, joint))
+    end function scene_point
+
+    function scene_frame(mechanism, joint, side) result(f)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint, side
+        type(rotation) :: f
+
+        associate (k => mechanism%at%marker(side, joint))
+            f = rotation(point_at(mechanism, k + 3), point_at(mechanism, k + 6), point_at(mechanism, k + 9))
+        end associate
+    end function scene_frame
+
+    !> The axes in which each link is traced: the scene's, but those of a leg for a leg's links: z from U to S, y along the
+    !> second axis of the universal joint, origins in U and S.
+    subroutine choose_own_axes(mechanism)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(rotation) :: frame
+        type(vector) :: y, z
+        integer :: i, l, side(2)
+
+        allocate (mechanism%own(0:mechanism%model%n_link))
+        do l = 0, mechanism%model%n_link
+            mechanism%own(l)%r = identity_rotation()
+            mechanism%own(l)%shift = zero_vector()
+        end do
+        do i = 1, size(mechanism%model%step)
+            associate (step => mechanism%model%step(i), model => mechanism%model)
+                if (step%kind /= step_ups) cycle
+                associate (u => step%joint(1), slide => step%joint(2), s => step%joint(3))
+                    side = [side_of(model%joint(u), step%link(1)), side_of(model%joint(slide), step%link(1))]
+                    frame = scene_frame(mechanism, u, side(1))
+                    y = frame%z
+                    frame = scene_frame(mechanism, slide, side(2))
+                    call set_axes(step%link(1), y, frame, scene_point(mechanism, u, side(1)))
+                    ! the slide keeps both links parallel: y in the slide's frame is the same for the upper link
+                    y = frame.unrotate.y
+                    frame = scene_frame(mechanism, slide, 3 - side(2))
+                    call set_axes(step%link(2), frame.rotate.y, frame, &
+                                  scene_point(mechanism, s, side_of(model%joint(s), step%link(2))))
+                end associate
+            end associate
+        end do
+
+    contains
+
+        subroutine set_axes(link, y, slide_frame, origin)
+            integer, intent(in) :: link
+            type(vector), intent(in) :: y, origin
+            type(rotation), intent(in) :: slide_frame
+            type(vector) :: x
+
+            z = slide_frame%z
+            if (mechanism%model%step(i)%branch < 0) z = -z
+            x = y.cross.z
+            mechanism%own(link)%r = rotation(vector(x%x, y%x, z%x), vector(x%y, y%y, z%y), vector(x%z, y%z, z%z))
+            mechanism%own(link)%shift = -(mechanism%own(link)%r.rotate.origin)
+        end subroutine set_axes
+    end subroutine choose_own_axes
+
+    !> Where a load acts, own axes.
+    function load_point(mechanism, i) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(vector) :: p
+
+        p = in_own_axes(mechanism, mechanism%model%scene%load(i)%link, point_at(mechanism, mechanism%at%load(i)))
+    end function load_point
+
+    !> Stiffness, damping, rest.
+    function spring_numbers(mechanism, i) result(k)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value) :: k(3)
+
+        k = mechanism%number(mechanism%at%spring(i):mechanism%at%spring(i) + 2)
+    end function spring_numbers
+
+    !> Where a spring holds one of its links, own axes.
+    function spring_point(mechanism, i, side) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i, side
+        type(vector) :: p
+
+        p = in_own_axes(mechanism, mechanism%model%scene%spring(i)%link(side), point_at(mechanism, mechanism%at%spring(i) + 3*side))
+    end function spring_point
+
+    !> Parameters of a drive, as `drive_spec` lists them.
+    function drive_numbers(mechanism, i) result(k)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value) :: k(8)
+
+        k = mechanism%number(mechanism%at%drive(i):mechanism%at%drive(i) + 7)
+    end function drive_numbers
+
+    function point_at(mechanism, k) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: k
+        type(vector) :: p
+
+        p = vector_of(mechanism%number(k:k + 2))
+    end function point_at
+
+    ! ---------------------------------------------------------------- joints of placed links
+
+    !> Both markers of a joint as they stand.
+    function pair_of(mechanism, joint) result(pair)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint
+        type(marker_pair) :: pair
+
+        associate (link => mechanism%model%joint(joint)%link, bodies => mechanism%bodies)
+            pair%first = rotation_of(bodies, link(1))*marker_frame(mechanism, joint, 1)
+            pair%second = rotation_of(bodies, link(2))*marker_frame(mechanism, joint, 2)
+            pair%gap = point_position(bodies, link(2), marker_point(mechanism, joint, 2)) &
+                       - point_position(bodies, link(1), marker_point(mechanism, joint, 1))
+        end associate
+    end function pair_of
+
+    ! ---------------------------------------------------------------- conditions
+
+    !> The alarms of a system that was solved become the mechanism's.
+    subroutine watch(mechanism, system)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(system_type), intent(in) :: system
+
+        mechanism%is_solved = mechanism%is_solved .and. system%is_solved
+        if (system%is_solved) mechanism%watched = [mechanism%watched, system%watched]
+    end subroutine watch
+
+    !> A value that is not positive where a loop cannot close, or where digits are lost because it hardly can.
+    subroutine must_be_positive(mechanism, v)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(value), intent(in) :: v
+
+        mechanism%positive = [mechanism%positive, v]
+    end subroutine must_be_positive
+end module linkdyn_mechanism

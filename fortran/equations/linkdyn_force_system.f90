@@ -1,0 +1,316 @@
+!> The equations of motion: joint reactions and driving forces in balance with what each link's motion asks for.
+!>
+!> For every moving link, about a point P of it,
+!>
+!>     sum of all forces that act                           = force of Newton and Euler
+!>     sum of their moments about P, and of all moments     = moment of Newton and Euler
+!>
+!> Some of what acts is unknown: a reaction along every direction in which its joint transmits, and driving forces.
+module linkdyn_force_system
+    use linkdyn_acting, only: acting_type, turned, at_joint_variable
+    use linkdyn_bodies, only: world_axes, own_axes
+    use linkdyn_inertia_wrench, only: inertia_wrench, mass_properties
+    use linkdyn_joint_kind, only: along_axes, along_x_and_y, along_normal
+    use linkdyn_layout, only: layout_type, about_cog, about_origin
+    use linkdyn_mechanism, only: mechanism_type, properties_of, marker_point, marker_frame
+    use linkdyn_scene, only: name_len
+    use linkdyn_system, only: system_type, unknown, require, solved
+    use linkdyn_value, only: value, is_zero, operator(*)
+    use linkdyn_vector, only: vector, rotation, zero_vector, unit_vector, components, operator(+), operator(-), operator(*), &
+        operator(.cross.)
+    implicit none (type, external)
+    private
+    public :: force_unknowns, add_reactions, add_unknown_drives, balance_links, reaction_of, label_len
+
+    integer, parameter :: label_len = name_len + 4
+    character(len=2), parameter :: component_name(6) = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+
+    type :: force_unknowns
+        type(acting_type), allocatable :: reaction(:)  !! (joint)
+        type(value), allocatable :: effort(:)          !! (actuator) driving force or torque, known or unknown [N, N m]
+        logical :: wants_names = .false.               !! for a matrix that people read
+        character(len=label_len), allocatable :: name(:)       !! of the unknowns, in their order
+        character(len=label_len), allocatable :: equation(:)   !! of the equations, in theirs
+    end type force_unknowns
+
+contains
+
+    ! ---------------------------------------------------------------- unknowns
+
+    !> Reactions of all joints as unknowns.
+    subroutine add_reactions(mechanism, layout, system, unknowns)
+        type(mechanism_type), intent(in) :: mechanism
+        type(layout_type), intent(in) :: layout
+        type(system_type), intent(inout) :: system
+        type(force_unknowns), intent(inout) :: unknowns
+        integer :: j
+
+        allocate (unknowns%reaction(mechanism%model%n_joint), unknowns%effort(mechanism%model%n_actuator))
+        allocate (unknowns%name(0), unknowns%equation(0))
+        do j = 1, mechanism%model%n_joint
+            call add_reaction(mechanism, layout%unknown_side(j), j, system, unknowns)
+        end do
+    end subroutine add_reactions
+
+    subroutine add_reaction(mechanism, side, j, system, unknowns)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: side                    !! in the axes of this link; 0: world axes
+        integer, intent(in) :: j
+        type(system_type), intent(inout) :: system
+        type(force_unknowns), intent(inout) :: unknowns
+        type(acting_type) :: acting
+
+        associate (joint => mechanism%model%joint(j), kind => mechanism%kind(mechanism%model%joint(j)%kind)%is)
+            acting%joint = j
+            if (side > 0) acting%turning = mechanism%bodies%body(joint%link(side))%turning
+            acting%force = sum_along(kind%forces, is_force=.true.)
+            acting%moment = sum_along(kind%moments, is_force=.false.)
+            unknowns%reaction(j) = acting
+        end associate
+
+    contains
+
+        function sum_along(directions, is_force) result(total)
+            integer, intent(in) :: directions
+            logical, intent(in) :: is_force
+            type(vector) :: total
+            type(rotation) :: frame
+            integer :: k
+
+            total = zero_vector()
+            select case (directions)
+            case (along_axes)
+                do k = 1, 3
+                    call add(unit_vector(k), is_force, component_name(merge(k, k + 3, is_force)), total)
+                end do
+            case (along_x_and_y)
+                frame = frame_in(max(side, 1))
+                call add(frame%x, is_force, merge("F1", "M1", is_force), total)
+                call add(frame%y, is_force, merge("F2", "M2", is_force), total)
+            case (along_normal)
+                call add(normal(), is_force, merge("F1", "M1", is_force), total)
+            end select
+        end function sum_along
+
+        !> One more unknown. In a plane nothing acts across it: such an unknown does not exist.
+        subroutine add(direction, is_force, name, total)
+            type(vector), intent(in) :: direction
+            logical, intent(in) :: is_force
+            character(len=2), intent(in) :: name
+            type(vector), intent(inout) :: total
+            character(len=2) :: own_name
+
+            own_name = name
+            if (mechanism%model%is_planar) then
+                if (is_force .and. is_zero(direction%x) .and. is_zero(direction%y)) return
+                if (.not. is_force .and. is_zero(direction%z)) return
+                if (name(2:) == "1" .or. name(2:) == "2") own_name = merge("Fn", "Mz", is_force)
+            end if
+            total = total + unknown(system)*direction
+            if (unknowns%wants_names) unknowns%name = [character(len=label_len) :: unknowns%name, &
+                                                       trim(mechanism%model%joint(j)%name)//" "//own_name]
+        end subroutine add
+
+        !> Frame of one marker in the axes of the unknowns.
+        function frame_in(s) result(frame)
+            integer, intent(in) :: s
+            type(rotation) :: frame
+
+            associate (from => mechanism%bodies%body(mechanism%model%joint(j)%link(s))%turning)
+                frame = marker_frame(mechanism, j, s)
+                frame%x = turned(mechanism%bodies, frame%x, from, acting%turning)
+                frame%y = turned(mechanism%bodies, frame%y, from, acting%turning)
+                frame%z = turned(mechanism%bodies, frame%z, from, acting%turning)
+            end associate
+        end function frame_in
+
+        !> Square to both axes of a universal joint. A leg knows that of its base in its own axes.
+        function normal() result(n)
+            type(vector) :: n
+            type(rotation) :: frame
+            type(vector) :: axis(2)
+            integer :: s
+
+            do s = 1, 2
+                if (side == 3 - s .and. mechanism%universal_axis(j)%x%node > 0) then
+                    axis(s) = mechanism%universal_axis(j)
+                else
+                    frame = frame_in(s)
+                    axis(s) = frame%z
+                end if
+            end do
+            n = axis(1) .cross.axis(2)
+        end function normal
+    end subroutine add_reaction
+
+    !> Driving forces of some actuators as unknowns.
+    subroutine add_unknown_drives(mechanism, is_unknown, system, unknowns)
+        type(mechanism_type), intent(in) :: mechanism
+        logical, intent(in) :: is_unknown(:)           !! (actuator)
+        type(system_type), intent(inout) :: system
+        type(force_unknowns), intent(inout) :: unknowns
+        character(len=3) :: symbol
+        integer :: i
+
+        do i = 1, size(is_unknown)
+            if (.not. is_unknown(i)) cycle
+            unknowns%effort(i) = unknown(system)
+            if (.not. unknowns%wants_names) cycle
+            associate (actuator => mechanism%model%scene%actuator(i))
+                associate (joint => mechanism%model%joint(actuator%joint))
+                    symbol = merge("F  ", "tau", mechanism%kind(joint%kind)%is%is_slide(actuator%variable))
+                    unknowns%name = [character(len=label_len) :: unknowns%name, trim(symbol)//" "//joint%name]
+                end associate
+            end associate
+        end do
+    end subroutine add_unknown_drives
+
+    ! ---------------------------------------------------------------- equations
+
+    !> All links' equations. Efforts of all actuators must be there, unknown or not.
+    subroutine balance_links(mechanism, layout, acting, system, unknowns)
+        type(mechanism_type), intent(in) :: mechanism
+        type(layout_type), intent(in) :: layout
+        type(acting_type), intent(in) :: acting(:)     !! what is known: loads, springs
+        type(system_type), intent(inout) :: system
+        type(force_unknowns), intent(inout) :: unknowns
+        type(acting_type), allocatable :: all(:)
+        integer, allocatable :: first(:), which(:)
+        integer :: i, l
+
+        associate (model => mechanism%model)
+            all = [unknowns%reaction, (at_joint_variable(mechanism, model%scene%actuator(i)%joint, &
+                                                         model%scene%actuator(i)%variable, unknowns%effort(i)), &
+                                       i=1, model%n_actuator), acting]
+            call sort_by_links(mechanism, all, first, which)
+            do l = 1, model%n_link
+                call balance_link(mechanism, layout, l, all(which(first(l):first(l + 1) - 1)), system, unknowns)
+            end do
+        end associate
+    end subroutine balance_links
+
+    !> What acts on link l is which(first(l):first(l + 1) - 1).
+    subroutine sort_by_links(mechanism, acting, first, which)
+        type(mechanism_type), intent(in) :: mechanism
+        type(acting_type), intent(in) :: acting(:)
+        integer, allocatable, intent(out) :: first(:), which(:)
+        integer :: link(2, size(acting)), n(0:mechanism%model%n_link), i, side, l
+
+        n = 0
+        do i = 1, size(acting)
+            link(:, i) = [acting(i)%link, 0]
+            if (acting(i)%joint > 0) link(:, i) = mechanism%model%joint(acting(i)%joint)%link
+            n(link(:, i)) = n(link(:, i)) + 1
+        end do
+        allocate (first(mechanism%model%n_link + 1), which(sum(n(1:))))
+        first(1) = 1
+        do l = 1, mechanism%model%n_link
+            first(l + 1) = first(l) + n(l)
+        end do
+        n(1:) = first(:mechanism%model%n_link)
+        do i = 1, size(acting)
+            do side = 1, 2
+                l = link(side, i)
+                if (l == 0) cycle
+                which(n(l)) = i
+                n(l) = n(l) + 1
+            end do
+        end do
+    end subroutine sort_by_links
+
+    !> Six equations of a link; in a plane the three that say something.
+    subroutine balance_link(mechanism, layout, l, acting, system, unknowns)
+        type(mechanism_type), intent(in) :: mechanism
+        type(layout_type), intent(in) :: layout
+        integer, intent(in) :: l
+        type(acting_type), intent(in) :: acting(:)     !! on this link
+        type(system_type), intent(inout) :: system
+        type(force_unknowns), intent(inout) :: unknowns
+        type(mass_properties) :: properties
+        type(vector) :: force, moment, p, f, m
+        type(value) :: row(6)
+        integer :: axes, turning, i, k
+
+        axes = merge(own_axes, world_axes, layout%in_own_axes(l))
+        turning = merge(mechanism%bodies%body(l)%turning, 0, layout%in_own_axes(l))
+        properties = properties_of(mechanism, l)
+        select case (layout%moment_joint(l))
+        case (about_origin)
+            p = zero_vector()
+        case (about_cog)
+            p = properties%cog
+        case default
+            p = own_marker(layout%moment_joint(l))
+        end select
+        call inertia_wrench(mechanism%bodies, l, properties, p, axes, force, moment)
+        force = -force
+        moment = -moment
+        do i = 1, size(acting)
+            f = turned(mechanism%bodies, acting(i)%force, acting(i)%turning, turning)
+            m = turned(mechanism%bodies, acting(i)%moment, acting(i)%turning, turning)
+            if (is_first(acting(i))) then
+                f = -f
+                m = -m
+            end if
+            force = force + f
+            moment = moment + m + (arm_to(acting(i)) .cross.f)
+        end do
+        row = [components(force), components(moment)]
+        do k = 1, 6
+            if (mechanism%model%is_planar .and. any(k == [3, 4, 5])) cycle
+            call require(system, row(k))
+            if (unknowns%wants_names) unknowns%equation = &
+                [character(len=label_len) :: unknowns%equation, trim(mechanism%model%link(l)%name)//" "//component_name(k)]
+        end do
+
+    contains
+
+        !> Is the link the first of the joint at which this acts?
+        logical function is_first(acting)
+            type(acting_type), intent(in) :: acting
+
+            is_first = .false.
+            if (acting%joint > 0) is_first = mechanism%model%joint(acting%joint)%link(1) == l
+        end function is_first
+
+        !> The link's own marker of a joint, own axes.
+        function own_marker(j) result(point)
+            integer, intent(in) :: j
+            type(vector) :: point
+
+            point = marker_point(mechanism, j, merge(1, 2, mechanism%model%joint(j)%link(1) == l))
+        end function own_marker
+
+        !> From P to where it acts, at a joint the second marker's point, in the axes of the equations.
+        function arm_to(acting) result(arm)
+            type(acting_type), intent(in) :: acting
+            type(vector) :: arm
+            type(rotation) :: frame
+
+            if (acting%joint == 0) then
+                arm = acting%point - p
+            else
+                arm = own_marker(acting%joint) - p
+                if (is_first(acting) .and. mechanism%slide(acting%joint)%node > 0) then
+                    frame = marker_frame(mechanism, acting%joint, 1)
+                    arm = arm + mechanism%slide(acting%joint)*frame%z
+                end if
+            end if
+            arm = turned(mechanism%bodies, arm, mechanism%bodies%body(l)%turning, turning)
+        end function arm_to
+    end subroutine balance_link
+
+    !> A joint's reaction in world axes, once the equations are solved: Fx Fy Fz Mx My Mz of the first link on the second.
+    function reaction_of(mechanism, unknowns, system, j) result(r)
+        type(mechanism_type), intent(in) :: mechanism
+        type(force_unknowns), intent(in) :: unknowns
+        type(system_type), intent(inout) :: system
+        integer, intent(in) :: j
+        type(value) :: r(6)
+
+        associate (acting => unknowns%reaction(j), bodies => mechanism%bodies)
+            r(:3) = solved(system, components(turned(bodies, acting%force, acting%turning, 0)))
+            r(4:) = solved(system, components(turned(bodies, acting%moment, acting%turning, 0)))
+        end associate
+    end function reaction_of
+end module linkdyn_force_system

@@ -1,0 +1,203 @@
+!> What a kernel of a scene takes: blocks of numbers, each a column of an array for every sample.
+!>
+!> What a request leaves out (loads that are not there, rates of a mechanism at rest, numbers that do not vary) is a
+!> constant, and folds away.
+module linkdyn_inputs
+    use linkdyn_drive_laws, only: follows_target, is_given
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, step_group, step_csp, is_dyad
+    use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
+    use linkdyn_record, only: new_input
+    use linkdyn_value, only: value, constant, zero
+    implicit none (type, external)
+    private
+    public :: trace_request, sample_set, input_blocks, make_inputs, append_inputs, n_block
+    public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_unknown
+    public :: in_velocity, in_found
+
+    ! ---- the blocks
+    integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
+    integer, parameter :: in_quaternion = 2     !! of links whose attitude is integrated by one (4 n_attitude)
+    integer, parameter :: in_qd = 3             !! (n_q)
+    integer, parameter :: in_qdd = 4            !! (n_q)
+    integer, parameter :: in_load = 5           !! (6 n_load) [N, N m]
+    integer, parameter :: in_target = 6         !! of the drives' laws: value and rate (2 n_actuator)
+    integer, parameter :: in_effort = 7         !! driving forces that are given (n_actuator) [N, N m]
+    integer, parameter :: in_branch = 8         !! +1 or -1 (n_branch)
+    integer, parameter :: in_place = 9          !! x y z and quaternion of links placed by iteration (7 n_link)
+    integer, parameter :: in_number = 10        !! numbers of the scene that vary
+    integer, parameter :: in_unknown = 11       !! unknowns that a dense solver found
+    integer, parameter :: in_velocity = 12      !! of links in groups, linear and angular, from a dense solver (6 n_link)
+    integer, parameter :: in_found = 13         !! what another program of the same record has found
+    integer, parameter :: n_block = 13
+
+    !> What is wanted of a trace.
+    type :: trace_request
+        logical :: at_rest = .false.                       !! positions alone
+        logical :: by_quaternion = .false.                 !! poses are given by position and quaternion
+        logical :: velocities_given = .false.              !! those of links in groups
+        logical, allocatable :: has_load(:, :)             !! (6, load); absent: none
+        logical, allocatable :: drive_is_unknown(:)        !! (actuator); absent: all are
+        logical, allocatable :: acceleration_is_unknown(:) !! (coordinate); absent: none is
+        integer, allocatable :: varying(:)                 !! numbers of the scene that are inputs; absent: none
+    end type trace_request
+
+    type :: block_numbers
+        real(wp), allocatable :: x(:, :)                   !! (number, sample)
+    end type block_numbers
+
+    !> Numbers of all blocks at representative samples.
+    type :: sample_set
+        integer :: n = 0
+        type(block_numbers) :: of(n_block)
+    end type sample_set
+
+    !> Which numbers of a block are inputs, and where they begin.
+    type :: block_places
+        integer :: first = 1                               !! among the inputs of the kernel
+        integer, allocatable :: which(:)                   !! in the block
+        type(value), allocatable :: v(:)                   !! all of the block, inputs and constants
+    end type block_places
+
+    type :: input_blocks
+        type(block_places) :: of(n_block)
+        integer :: n = 0                                   !! inputs in all
+    end type input_blocks
+
+contains
+
+    !> Make the inputs that a request asks for.
+    subroutine make_inputs(model, request, sample, blocks)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request
+        type(sample_set), intent(in) :: sample
+        type(input_blocks), intent(out) :: blocks
+        type(number_places) :: at
+        real(wp), allocatable :: number(:)
+        logical :: is_input(7*model%n_link)
+        integer :: k, i, l
+
+        call place_numbers(model, at)
+        allocate (number(at%n))
+        call collect_numbers(model, at, number)
+        call add(in_q, [(.true., k=1, model%n_q)])
+        call add(in_quaternion, [(request%by_quaternion, k=1, 4*model%n_attitude)])
+        call add(in_qd, [(.not. request%at_rest, k=1, model%n_q)])
+        call add(in_qdd, [(.not. request%at_rest .and. .not. is_unknown(k), k=1, model%n_q)])
+        call add(in_load, [((has_load(i, k), i=1, 6), k=1, model%n_load)])
+        call add(in_target, [((follows_target(model%scene%actuator(k)%drive) .and. is_known(k), i=1, 2), k=1, model%n_actuator)])
+        call add(in_effort, [(is_given(model%scene%actuator(k)%drive) .and. is_known(k), k=1, model%n_actuator)])
+        call add(in_branch, [(any(model%step%has_branches .and. model%step%first == k), k=1, model%n_branch)])
+        is_input = .false.
+        do k = 1, size(model%group)
+            do i = 1, size(model%group(k)%link)
+                l = model%group(k)%link(i)
+                is_input(7*l - 6:7*l) = .true.
+                if (model%is_planar) is_input([7*l - 4, 7*l - 2, 7*l - 1]) = .false.
+            end do
+        end do
+        call add(in_place, is_input)
+        call add(in_number, [(varies(k), k=1, at%n)], number)
+        call add(in_velocity, [((request%velocities_given .and. is_in_group(l) .and. (i == 1 .or. i == 2 .or. i == 6 &
+                                 .or. .not. model%is_planar), i=1, 6), l=1, model%n_link)])
+
+    contains
+
+        logical function is_unknown(k)
+            integer, intent(in) :: k
+
+            is_unknown = .false.
+            if (allocated(request%acceleration_is_unknown)) is_unknown = request%acceleration_is_unknown(k)
+        end function is_unknown
+
+        !> Do constraints say how the link moves?
+        logical function is_in_group(l)
+            integer, intent(in) :: l
+            integer :: s
+
+            is_in_group = .false.
+            do s = 1, size(model%step)
+                if (model%step(s)%kind == step_group) then
+                    is_in_group = is_in_group .or. any(model%group(model%step(s)%first)%link == l)
+                else if (is_dyad(model%step(s)%kind) .or. model%step(s)%kind == step_csp) then
+                    is_in_group = is_in_group .or. any(model%step(s)%link == l)
+                end if
+            end do
+        end function is_in_group
+
+        logical function is_known(k)
+            integer, intent(in) :: k
+
+            is_known = .false.
+            if (allocated(request%drive_is_unknown)) is_known = .not. request%drive_is_unknown(k)
+        end function is_known
+
+        logical function has_load(i, k)
+            integer, intent(in) :: i, k
+
+            has_load = .false.
+            if (allocated(request%has_load)) has_load = request%has_load(i, k)
+        end function has_load
+
+        logical function varies(k)
+            integer, intent(in) :: k
+
+            varies = .false.
+            if (allocated(request%varying)) varies = any(request%varying == k)
+        end function varies
+
+        subroutine add(block, is_input, number)
+            integer, intent(in) :: block
+            logical, intent(in) :: is_input(:)
+            real(wp), intent(in), optional :: number(:)    !! of what is no input; absent: zero
+
+            call add_block(block, is_input, sample, blocks, number)
+        end subroutine add
+    end subroutine make_inputs
+
+    !> Inputs for some numbers of a block; the others are constants.
+    subroutine add_block(block, is_input, sample, blocks, number)
+        integer, intent(in) :: block
+        logical, intent(in) :: is_input(:)
+        type(sample_set), intent(in) :: sample
+        type(input_blocks), intent(inout) :: blocks
+        real(wp), intent(in), optional :: number(:)
+        integer :: k
+
+        associate (b => blocks%of(block))
+            b%first = blocks%n + 1
+            b%which = pack([(k, k=1, size(is_input))], is_input)
+            allocate (b%v(size(is_input)))
+            do k = 1, size(is_input)
+                if (is_input(k)) then
+                    blocks%n = blocks%n + 1
+                    b%v(k) = new_input(numbers_at(k))
+                else if (present(number)) then
+                    b%v(k) = constant(number(k))
+                else
+                    b%v(k) = zero()
+                end if
+            end do
+        end associate
+
+    contains
+
+        function numbers_at(k) result(x)
+            integer, intent(in) :: k
+            real(wp) :: x(sample%n)
+
+            x = 0
+            if (allocated(sample%of(block)%x)) x = sample%of(block)%x(k, :)
+        end function numbers_at
+    end subroutine add_block
+
+    !> A block more, all of it inputs.
+    subroutine append_inputs(block, n, sample, blocks)
+        integer, intent(in) :: block, n
+        type(sample_set), intent(in) :: sample
+        type(input_blocks), intent(inout) :: blocks
+        integer :: k
+
+        call add_block(block, [(.true., k=1, n)], sample, blocks)
+    end subroutine append_inputs
+end module linkdyn_inputs

@@ -1,0 +1,72 @@
+!> What each link's motion asks for beyond loads and springs: the wrenches that drives and joints must supply.
+module linkdyn_link_wrenches
+    use linkdyn_acting, only: acting_type, turned
+    use linkdyn_bodies, only: own_axes, world_axes, omega_of, rotation_of
+    use linkdyn_inertia_wrench, only: inertia_wrench
+    use linkdyn_mechanism, only: mechanism_type, properties_of, marker_point, marker_frame
+    use linkdyn_trace, only: traced_type
+    use linkdyn_value, only: value
+    use linkdyn_vector, only: vector, rotation, zero_vector, operator(+), operator(-), operator(*), operator(.cross.)
+    implicit none (type, external)
+    private
+    public :: link_wrenches
+
+contains
+
+    !> Force and moment about each link's origin, own axes.
+    subroutine link_wrenches(traced, force, moment)
+        type(traced_type), intent(in) :: traced
+        type(vector), intent(out) :: force(:), moment(:)    !! (link) [N, N m]
+        integer :: i, l
+
+        do l = 1, traced%mechanism%model%n_link
+            call inertia_wrench(traced%mechanism%bodies, l, properties_of(traced%mechanism, l), zero_vector(), own_axes, &
+                                force(l), moment(l))
+        end do
+        do i = 1, size(traced%acting)
+            call take_off(traced%mechanism, traced%acting(i), force, moment)
+        end do
+    end subroutine link_wrenches
+
+    !> What acts is supplied already.
+    subroutine take_off(mechanism, acting, force, moment)
+        type(mechanism_type), intent(in) :: mechanism
+        type(acting_type), intent(in) :: acting
+        type(vector), intent(inout) :: force(:), moment(:)
+        type(vector) :: point
+        type(rotation) :: frame
+        integer :: side
+
+        if (acting%joint == 0) then
+            call take(acting%link, acting%point, opposite=.false.)
+            return
+        end if
+        do side = 1, 2
+            point = marker_point(mechanism, acting%joint, side)
+            if (side == 1 .and. mechanism%slide(acting%joint)%node > 0) then
+                frame = marker_frame(mechanism, acting%joint, 1)
+                point = point + mechanism%slide(acting%joint)*frame%z
+            end if
+            call take(mechanism%model%joint(acting%joint)%link(side), point, opposite=side == 1)
+        end do
+
+    contains
+
+        subroutine take(link, point, opposite)
+            integer, intent(in) :: link
+            type(vector), intent(in) :: point
+            logical, intent(in) :: opposite
+            type(vector) :: f, m
+
+            if (link == 0) return
+            f = turned(mechanism%bodies, acting%force, acting%turning, mechanism%bodies%body(link)%turning)
+            m = turned(mechanism%bodies, acting%moment, acting%turning, mechanism%bodies%body(link)%turning)
+            if (opposite) then
+                f = -f
+                m = -m
+            end if
+            force(link) = force(link) - f
+            moment(link) = moment(link) - m - (point.cross.f)
+        end subroutine take
+    end subroutine take_off
+end module linkdyn_link_wrenches

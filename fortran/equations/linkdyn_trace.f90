@@ -1,0 +1,206 @@
+!> The physics of a scene, run once on values: motion, equations, and what becomes of their unknowns.
+module linkdyn_trace
+    use linkdyn_acting, only: acting_type
+    use linkdyn_drive_laws, only: drive_effort
+    use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
+    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, append_inputs, in_q, in_quaternion, in_qd, &
+        in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_unknown, in_velocity
+    use linkdyn_layout, only: layout_type
+    use linkdyn_loads, only: apply_load
+    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch, leave_velocities, take_velocities
+    use linkdyn_model, only: model_type
+    use linkdyn_placing, only: run_step
+    use linkdyn_springs, only: apply_spring
+    use linkdyn_system, only: system_type, unknown, solve, give_solution
+    use linkdyn_value, only: value, zero, one, is_zero, operator(+), square, min
+    implicit none (type, external)
+    private
+    public :: traced_type, begin_trace, trace_steps, trace_motion, trace_velocities, trace_equations, trace_what_acts
+    public :: solve_equations
+    public :: take_unknowns, alarm_of, reach_of
+
+    type :: traced_type
+        type(input_blocks) :: in
+        type(mechanism_type) :: mechanism
+        type(system_type) :: system                        !! equations of motion
+        type(force_unknowns) :: unknowns
+        type(value), allocatable :: acceleration(:)        !! of the coordinates, known or unknown (n_q)
+        type(value), allocatable :: place(:, :)            !! of links in groups closed by iteration (7, link)
+        type(acting_type), allocatable :: acting(:)        !! what is known to act: loads, springs
+    end type traced_type
+
+contains
+
+    !> Inputs, and a mechanism of which nothing is placed yet. Unknown accelerations of coordinates become unknowns of the
+    !> equations.
+    subroutine begin_trace(model, request, sample, traced)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+        integer :: k
+
+        call make_inputs(model, request, sample, traced%in)
+        associate (in => traced%in%of)
+            traced%acceleration = in(in_qdd)%v
+            if (allocated(request%acceleration_is_unknown)) then
+                do k = 1, model%n_q
+                    if (request%acceleration_is_unknown(k)) traced%acceleration(k) = unknown(traced%system)
+                end do
+            end if
+            call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
+            if (request%by_quaternion) traced%mechanism%quaternion = reshape(in(in_quaternion)%v, [4, model%n_attitude])
+            traced%place = reshape(in(in_place)%v, [7, model%n_link])
+            if (request%velocities_given) then
+                traced%mechanism%velocity_road = take_velocities
+                traced%mechanism%given_velocity = reshape(in(in_velocity)%v, [6, model%n_link])
+            end if
+        end associate
+    end subroutine begin_trace
+
+    !> The first steps of the plan. Accelerations of links in groups become unknowns, too, if they are to be `merged` into the
+    !> equations, which keeps these sparse.
+    subroutine trace_steps(n_step, merged, traced)
+        integer, intent(in) :: n_step
+        logical, intent(in) :: merged
+        type(traced_type), intent(inout) :: traced
+        type(value) :: way
+        integer :: i
+
+        associate (branch => traced%in%of(in_branch)%v, step => traced%mechanism%model%step)
+            do i = 1, n_step
+                way = one()
+                if (step(i)%has_branches) way = branch(step(i)%first)
+                if (merged) then
+                    call run_step(traced%mechanism, step(i), way, traced%place, traced%system)
+                else
+                    call run_step(traced%mechanism, step(i), way, traced%place)
+                end if
+            end do
+        end associate
+    end subroutine trace_steps
+
+    !> Leave the velocities of links in groups unknown, in a system of their own: inputs, and their equations.
+    subroutine trace_velocities(model, request, sample, traced, velocities)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+        type(system_type), intent(inout), target :: velocities
+
+        call begin_trace(model, request, sample, traced)
+        traced%mechanism%velocity_road = leave_velocities
+        traced%mechanism%velocities => velocities
+        call trace_steps(size(model%step), .false., traced)
+    end subroutine trace_velocities
+
+    !> Inputs and the motion of all links.
+    subroutine trace_motion(model, request, sample, traced, merged)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+        logical, intent(in) :: merged
+
+        call begin_trace(model, request, sample, traced)
+        call trace_steps(size(model%step), merged, traced)
+    end subroutine trace_motion
+
+    !> Equations of all links.
+    subroutine trace_equations(request, layout, traced)
+        type(trace_request), intent(in) :: request
+        type(layout_type), intent(in) :: layout
+        type(traced_type), intent(inout) :: traced
+
+        call add_reactions(traced%mechanism, layout, traced%system, traced%unknowns)
+        call trace_what_acts(request, traced)
+        call balance_links(traced%mechanism, layout, traced%acting, traced%system, traced%unknowns)
+    end subroutine trace_equations
+
+    !> Driving forces, unknown or given, loads and springs.
+    subroutine trace_what_acts(request, traced)
+        type(trace_request), intent(in) :: request
+        type(traced_type), intent(inout) :: traced
+        type(acting_type), allocatable :: spring(:)
+        logical, allocatable :: drive_is_unknown(:)
+        integer :: i
+
+        associate (model => traced%mechanism%model)
+            drive_is_unknown = [(.true., i=1, model%n_actuator)]
+            if (allocated(request%drive_is_unknown)) drive_is_unknown = request%drive_is_unknown
+            if (.not. allocated(traced%unknowns%effort)) allocate (traced%unknowns%effort(model%n_actuator))
+            call add_unknown_drives(traced%mechanism, drive_is_unknown, traced%system, traced%unknowns)
+            do i = 1, model%n_actuator
+                if (drive_is_unknown(i)) cycle
+                traced%unknowns%effort(i) = given_effort(traced, i)
+            end do
+            allocate (traced%acting(0))
+            do i = 1, model%n_load
+                associate (component => traced%in%of(in_load)%v(6*i - 5:6*i))
+                    if (.not. all(is_zero(component))) traced%acting = &
+                        [traced%acting, apply_load(traced%mechanism, i, component)]
+                end associate
+            end do
+            do i = 1, size(model%scene%spring)
+                call apply_spring(traced%mechanism, i, spring)
+                traced%acting = [traced%acting, spring]
+            end do
+        end associate
+    end subroutine trace_what_acts
+
+    !> Driving force of an actuator whose force is not unknown.
+    function given_effort(traced, i) result(effort)
+        type(traced_type), intent(in) :: traced
+        integer, intent(in) :: i
+        type(value) :: effort
+        type(value) :: target(2)
+
+        associate (in => traced%in%of)
+            target = in(in_target)%v(2*i - 1:2*i)
+            if (any(in(in_effort)%which == i)) target(1) = in(in_effort)%v(i)
+        end associate
+        effort = drive_effort(traced%mechanism, i, target(1), target(2))
+    end function given_effort
+
+    !> Eliminate the unknowns, those wanted last.
+    subroutine solve_equations(traced, is_last)
+        type(traced_type), intent(inout) :: traced
+        logical, intent(in), optional :: is_last(:)        !! (unknown)
+
+        call solve(traced%system, is_last)
+        call watch(traced%mechanism, traced%system)
+    end subroutine solve_equations
+
+    !> The unknowns are inputs: somebody else has found them.
+    subroutine take_unknowns(sample, traced)
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+
+        call append_inputs(in_unknown, traced%system%n_unknown, sample, traced%in)
+        call give_solution(traced%system, traced%in%of(in_unknown)%v)
+    end subroutine take_unknowns
+
+    !> Sum of the squares of what is watched: beyond one, rounding may have grown. Not a number if anything was none.
+    function alarm_of(traced) result(alarm)
+        type(traced_type), intent(in) :: traced
+        type(value) :: alarm
+        integer :: i
+
+        alarm = zero()
+        do i = 1, size(traced%mechanism%watched)
+            alarm = alarm + square(traced%mechanism%watched(i))
+        end do
+    end function alarm_of
+
+    !> Smallest of the values that must be positive. One if nothing can fail.
+    function reach_of(traced) result(reach)
+        type(traced_type), intent(in) :: traced
+        type(value) :: reach
+        integer :: i
+
+        reach = one()
+        do i = 1, size(traced%mechanism%positive)
+            reach = min(traced%mechanism%positive(i), reach)
+        end do
+    end function reach_of
+end module linkdyn_trace

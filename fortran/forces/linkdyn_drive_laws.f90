@@ -1,0 +1,60 @@
+!> What actuators do in forward dynamics: driving forces from time and from the motion of their joints.
+!>
+!> What depends on time alone, the position wanted and its rate, or the force itself, is given as inputs.
+module linkdyn_drive_laws
+    use linkdyn_joint_variables, only: variable_near, variable_rate
+    use linkdyn_mechanism, only: mechanism_type, drive_numbers
+    use linkdyn_scene, only: drive_spec, drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd
+    use linkdyn_value, only: value, operator(+), operator(-), operator(*), operator(/)
+    implicit none (type, external)
+    private
+    public :: drive_effort, follows_target, is_given
+
+contains
+
+    !> Driving force of actuator i.
+    function drive_effort(mechanism, i, target, target_rate) result(effort)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value), intent(in) :: target, target_rate    !! of the law [m, rad], or the force itself in `target` [N, N m]
+        type(value) :: effort                             !! [N, N m]
+        type(value) :: k(8), position, rate
+
+        k = drive_numbers(mechanism, i)
+        associate (actuator => mechanism%model%scene%actuator(i))
+            select case (actuator%drive%kind)
+            case (drive_spring_damper)
+                position = variable_near(mechanism, actuator%joint, actuator%variable, k(3))
+                rate = variable_rate(mechanism, actuator%joint, actuator%variable)
+                effort = -(k(1)*(position - k(3)) + k(2)*rate)
+            case (drive_dc_motor)
+                ! behind a reducer, under position feedback; the lecture: tau = n eta K_T (K_P lag - K_E n rate)/R_a
+                position = variable_near(mechanism, actuator%joint, actuator%variable, target)
+                rate = variable_rate(mechanism, actuator%joint, actuator%variable)
+                effort = (k(1)*k(2)*k(3)/k(6))*(k(5)*(target - position) - (k(4)*k(1))*rate)
+            case (drive_pd)
+                position = variable_near(mechanism, actuator%joint, actuator%variable, target)
+                rate = variable_rate(mechanism, actuator%joint, actuator%variable)
+                effort = k(1)*(target - position) + k(2)*(target_rate - rate)
+            case (drive_constant)
+                effort = k(1)
+            case default
+                effort = target
+            end select
+        end associate
+    end function drive_effort
+
+    !> Does the drive compare a joint variable with a law of time?
+    pure elemental logical function follows_target(drive)
+        type(drive_spec), intent(in) :: drive
+
+        follows_target = drive%kind == drive_dc_motor .or. drive%kind == drive_pd
+    end function follows_target
+
+    !> Is the force itself given: by a table, or found by inverse dynamics?
+    pure elemental logical function is_given(drive)
+        type(drive_spec), intent(in) :: drive
+
+        is_given = drive%kind == drive_table .or. drive%kind == drive_inverse
+    end function is_given
+end module linkdyn_drive_laws

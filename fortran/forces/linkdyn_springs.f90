@@ -1,0 +1,102 @@
+!> Springs with dampers: between two markers, along their line, or at a joint variable.
+module linkdyn_springs
+    use linkdyn_acting, only: acting_type, at_joint_variable
+    use linkdyn_bodies, only: point_position, point_velocity
+    use linkdyn_joint_variables, only: variable_near, variable_rate
+    use linkdyn_kinds, only: wp
+    use linkdyn_mechanism, only: mechanism_type, spring_numbers, spring_point, must_be_positive
+    use linkdyn_value, only: value, operator(+), operator(-), operator(*), sqrt, reciprocal, square
+    use linkdyn_vector, only: vector, zero_vector, operator(-), operator(*), operator(.dot.)
+    implicit none (type, external)
+    private
+    public :: apply_spring, spring_energy
+
+contains
+
+    !> What one spring of the scene does to its links.
+    subroutine apply_spring(mechanism, i, acting)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: i
+        type(acting_type), allocatable, intent(out) :: acting(:)    !! one at a joint, two at markers
+        type(value) :: length, rate, tension
+        type(vector) :: line, pull
+        integer :: side
+
+        associate (spring => mechanism%model%scene%spring(i))
+            call measure_spring(mechanism, i, length, rate, line)
+            associate (k => spring_numbers(mechanism, i))
+                tension = k(1)*(length - k(3)) + k(2)*rate
+            end associate
+            if (spring%joint > 0) then
+                acting = [at_joint_variable(mechanism, spring%joint, spring%variable, -tension)]
+                return
+            end if
+            call keep_direction(mechanism, i, length)
+            allocate (acting(2))
+            do side = 1, 2
+                pull = tension*line
+                if (side == 2) pull = -pull
+                acting(side)%link = spring%link(side)
+                acting(side)%point = spring_point(mechanism, i, side)
+                acting(side)%force = pull
+                acting(side)%moment = zero_vector()
+            end do
+        end associate
+    end subroutine apply_spring
+
+    !> Rounding leaves markers uncertain by a few eps of their distances from the origin: where they nearly coincide, half of
+    !> the digits of their direction must remain.
+    subroutine keep_direction(mechanism, i, length)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: i
+        type(value), intent(in) :: length
+        type(vector) :: point(2)
+        integer :: side
+
+        do side = 1, 2
+            point(side) = point_position(mechanism%bodies, mechanism%model%scene%spring(i)%link(side), &
+                                         spring_point(mechanism, i, side))
+        end do
+        call must_be_positive(mechanism, square(length) - (2*epsilon(1.0_wp))*((point(1).dot.point(1)) + (point(2).dot.point(2))))
+    end subroutine keep_direction
+
+    !> Energy stored.
+    function spring_energy(mechanism, i) result(energy)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value) :: energy                          !! [J]
+        type(value) :: length, rate, k(3)
+        type(vector) :: line
+
+        call measure_spring(mechanism, i, length, rate, line)
+        k = spring_numbers(mechanism, i)
+        energy = (0.5_wp*k(1))*square(length - k(3))
+    end function spring_energy
+
+    !> Length or joint variable of a spring, its rate, and between markers the direction from the first to the second.
+    subroutine measure_spring(mechanism, i, length, rate, line)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value), intent(out) :: length, rate
+        type(vector), intent(out) :: line
+        type(vector) :: span, velocity
+        type(value) :: k(3)
+
+        associate (spring => mechanism%model%scene%spring(i), bodies => mechanism%bodies)
+            if (spring%joint > 0) then
+                k = spring_numbers(mechanism, i)
+                length = variable_near(mechanism, spring%joint, spring%variable, k(3))
+                rate = variable_rate(mechanism, spring%joint, spring%variable)
+                line = zero_vector()
+                return
+            end if
+            span = point_position(bodies, spring%link(2), spring_point(mechanism, i, 2)) &
+                   - point_position(bodies, spring%link(1), spring_point(mechanism, i, 1))
+            velocity = point_velocity(bodies, spring%link(2), spring_point(mechanism, i, 2)) &
+                       - point_velocity(bodies, spring%link(1), spring_point(mechanism, i, 1))
+            length = sqrt(span.dot.span)
+            line = reciprocal(length)*span
+            rate = line.dot.velocity
+        end associate
+    end subroutine measure_spring
+end module linkdyn_springs

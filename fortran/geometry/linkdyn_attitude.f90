@@ -1,0 +1,123 @@
+!> Rotations from angles and quaternions, on values.
+!>
+!> R = Rx(roll) Ry(pitch) Rz(yaw) takes link axes to world axes, as in the lecture.
+module linkdyn_attitude
+    use linkdyn_kinds, only: wp
+    use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sin, cos, atan2, sqrt, reciprocal, square
+    use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(*), operator(.cross.), operator(.dot.)
+    implicit none (type, external)
+    private
+    public :: rotation_about_z, rotation_by_angles, angular_velocity, angular_acceleration, angles_of_rotation
+    public :: rates_of_angles, rotation_by_quaternion, turned_quaternion
+
+contains
+
+    function rotation_about_z(angle) result(r)
+        type(value), intent(in) :: angle    !! [rad]
+        type(rotation) :: r
+
+        r%x = vector(cos(angle), sin(angle), zero())
+        r%y = vector(-sin(angle), cos(angle), zero())
+        r%z = unit_vector(3)
+    end function rotation_about_z
+
+    function rotation_by_angles(angle) result(r)
+        type(value), intent(in) :: angle(3) !! roll, pitch, yaw [rad]
+        type(rotation) :: r
+        type(value), dimension(3) :: s, c
+
+        s = sin(angle)
+        c = cos(angle)
+        r%x = vector(c(2)*c(3), c(1)*s(3) + (s(1)*s(2))*c(3), s(1)*s(3) - (c(1)*s(2))*c(3))
+        r%y = vector(-(c(2)*s(3)), c(1)*c(3) - (s(1)*s(2))*s(3), s(1)*c(3) + (c(1)*s(2))*s(3))
+        r%z = vector(s(2), -(s(1)*c(2)), c(1)*c(2))
+    end function rotation_by_angles
+
+    !> The sum of the rates, each about the axis that its angle turns about: roll about x, pitch about y turned by roll,
+    !> yaw about z of the turned axes.
+    function angular_velocity(angle, rate) result(omega)
+        type(value), intent(in) :: angle(3), rate(3)
+        type(vector) :: omega
+        type(rotation) :: r
+
+        r = rotation_by_angles(angle)
+        omega = rate(1)*unit_vector(1) + rate(2)*pitch_axis(angle) + rate(3)*r%z
+    end function angular_velocity
+
+    !> Its derivative: roll carries the axis of pitch round, roll and pitch that of yaw.
+    function angular_acceleration(angle, rate, rate2) result(alpha)
+        type(value), intent(in) :: angle(3), rate(3), rate2(3)
+        type(vector) :: alpha
+        type(vector) :: x, y
+        type(rotation) :: r
+
+        r = rotation_by_angles(angle)
+        x = unit_vector(1)
+        y = pitch_axis(angle)
+        alpha = rate2(1)*x + rate2(2)*y + rate2(3)*r%z + (rate(1)*rate(2))*(x.cross.y) &
+                + rate(3)*((rate(1)*x + rate(2)*y).cross.r%z)
+    end function angular_acceleration
+
+    function pitch_axis(angle) result(y)
+        type(value), intent(in) :: angle(3)
+        type(vector) :: y
+
+        y = vector(zero(), cos(angle(1)), sin(angle(1)))
+    end function pitch_axis
+
+    !> Roll, pitch, yaw of a rotation, pitch within a right angle.
+    function angles_of_rotation(r) result(angle)
+        type(rotation), intent(in) :: r
+        type(value) :: angle(3)
+
+        angle(1) = atan2(-r%z%y, r%z%z)
+        angle(2) = atan2(r%z%x, sqrt(square(r%z%y) + square(r%z%z)))
+        angle(3) = atan2(-r%y%x, r%x%x)
+    end function angles_of_rotation
+
+    !> Rates of roll, pitch, yaw from the angular velocity. Not finite where pitch is a right angle.
+    function rates_of_angles(r, omega) result(rate)
+        type(rotation), intent(in) :: r
+        type(vector), intent(in) :: omega    !! in the axes that the rotation starts from [rad/s]
+        type(value) :: rate(3)
+        type(value) :: c2, sine, cosine
+
+        ! z of the turned axes is (sin pitch, -sin roll cos pitch, cos roll cos pitch)
+        c2 = reciprocal(sqrt(square(r%z%y) + square(r%z%z)))
+        sine = -(r%z%y*c2)
+        cosine = r%z%z*c2
+        rate(2) = cosine*omega%y + sine*omega%z
+        rate(3) = (cosine*omega%z - sine*omega%y)*c2
+        rate(1) = omega%x - r%z%x*rate(3)
+    end function rates_of_angles
+
+    !> Rotation of a unit quaternion (scalar first).
+    function rotation_by_quaternion(p) result(r)
+        type(value), intent(in) :: p(4)
+        type(rotation) :: r
+        type(value) :: x2, y2, z2, w2
+
+        x2 = 2.0_wp*p(2)
+        y2 = 2.0_wp*p(3)
+        z2 = 2.0_wp*p(4)
+        w2 = 2.0_wp*p(1)
+        r%x = vector(one() - (p(3)*y2 + p(4)*z2), p(2)*y2 + p(4)*w2, p(2)*z2 - p(3)*w2)
+        r%y = vector(p(2)*y2 - p(4)*w2, one() - (p(2)*x2 + p(4)*z2), p(3)*z2 + p(2)*w2)
+        r%z = vector(p(2)*z2 + p(3)*w2, p(3)*z2 - p(2)*w2, one() - (p(2)*x2 + p(3)*y2))
+    end function rotation_by_quaternion
+
+    !> A quaternion after a small turn, a vector in world axes; of unit length again.
+    function turned_quaternion(p, turn) result(q)
+        type(value), intent(in) :: p(4)
+        type(vector), intent(in) :: turn     !! [rad]
+        type(value) :: q(4)
+        type(vector) :: h
+
+        h = 0.5_wp*turn
+        q(1) = p(1) - (h%x*p(2) + h%y*p(3) + h%z*p(4))
+        q(2) = p(2) + (h%x*p(1) + h%y*p(4) - h%z*p(3))
+        q(3) = p(3) + (h%y*p(1) + h%z*p(2) - h%x*p(4))
+        q(4) = p(4) + (h%z*p(1) + h%x*p(3) - h%y*p(2))
+        q = reciprocal(sqrt(square(q(1)) + square(q(2)) + square(q(3)) + square(q(4))))*q
+    end function turned_quaternion
+end module linkdyn_attitude

@@ -1,0 +1,210 @@
+!> Constraints of joints and their rates, derived from their values alone.
+!>
+!> A joint's kind says which values vanish while it holds. Here these are written for two free bodies, whose places and
+!> motion are symbols, differentiated twice with respect to time, and only then are the symbols replaced by what is known
+!> of the two links. So a closed form, in which a gap is zero by construction, still has its equation of velocities; and
+!> with a displacement in place of the velocity the same rate is a row of Newton's method.
+module linkdyn_constraint_rates
+    use linkdyn_joint_kind, only: marker_pair
+    use linkdyn_kinds, only: wp
+    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
+    use linkdyn_rates, only: rate_map, set_rate, rate_of
+    use linkdyn_record, only: new_unknown
+    use linkdyn_substitution, only: substitution, replace, substituted
+    use linkdyn_value, only: value, operator(+), operator(-), operator(*), sin
+    use linkdyn_vector, only: vector, rotation, components, operator(+), operator(-), operator(*), operator(.cross.), &
+        operator(.rotate.)
+    implicit none (type, external)
+    private
+    public :: body_state, constraint_type, constraints_of_joint, constraint_of_variable
+    public :: values_of, velocities_of, accelerations_of
+
+    !> Place and motion of a body, world axes; symbols of a free one, or what is put in their place.
+    type :: body_state
+        type(vector) :: position, velocity, acceleration
+        type(rotation) :: r
+        type(vector) :: omega, alpha
+    end type body_state
+
+    !> Values that vanish, and their rates, in the symbols of two free bodies.
+    type :: constraint_type
+        integer :: link(2) = 0
+        type(body_state) :: symbol(2)
+        type(value), allocatable :: c(:), rate(:), rate2(:)
+    end type constraint_type
+
+contains
+
+    !> Those of a joint.
+    function constraints_of_joint(mechanism, j) result(constraint)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(constraint_type) :: constraint
+        type(rate_map) :: rates
+        type(marker_pair) :: pair
+
+        call free_pair(mechanism, j, constraint, rates, pair)
+        constraint%c = mechanism%kind(mechanism%model%joint(j)%kind)%is%constraints(pair)
+        call differentiate(constraint, rates)
+    end function constraints_of_joint
+
+    !> That of a joint variable which is coordinate k. An angle is compared by the sine of half its difference, which has
+    !> the same zero and the same slope there, and does not mind full turns.
+    function constraint_of_variable(mechanism, j, variable, k) result(constraint)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, variable, k
+        type(constraint_type) :: constraint
+        type(rate_map) :: rates
+        type(marker_pair) :: pair
+        type(value), allocatable :: q(:)
+
+        call free_pair(mechanism, j, constraint, rates, pair)
+        call set_rate(rates, mechanism%q(k), mechanism%qd(k))
+        call set_rate(rates, mechanism%qd(k), mechanism%qdd(k))
+        associate (kind => mechanism%kind(mechanism%model%joint(j)%kind)%is)
+            q = kind%variables(pair)
+            constraint%c = [q(variable) - mechanism%q(k)]
+            call differentiate(constraint, rates)
+            if (.not. kind%is_slide(variable)) constraint%c = [2.0_wp*sin(0.5_wp*constraint%c(1))]
+        end associate
+    end function constraint_of_variable
+
+    !> The markers of a joint on two free bodies, and how everything that is fixed in these moves.
+    subroutine free_pair(mechanism, j, constraint, rates, pair)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(constraint_type), intent(inout) :: constraint
+        type(rate_map), intent(inout) :: rates
+        type(marker_pair), intent(out) :: pair
+        type(rotation) :: frame(2)
+        type(vector) :: point(2), arm
+        integer :: side
+
+        constraint%link = mechanism%model%joint(j)%link
+        do side = 1, 2
+            associate (body => constraint%symbol(side))
+                body%position = new_symbol()
+                body%velocity = new_symbol()
+                body%acceleration = new_symbol()
+                body%r = rotation(new_symbol(), new_symbol(), new_symbol())
+                body%omega = new_symbol()
+                body%alpha = new_symbol()
+                call set_vector_rate(rates, body%position, body%velocity)
+                call set_vector_rate(rates, body%velocity, body%acceleration)
+                call set_vector_rate(rates, body%omega, body%alpha)
+                frame(side) = body%r*marker_frame(mechanism, j, side)
+                arm = body%r.rotate.marker_point(mechanism, j, side)
+                call set_vector_rate(rates, frame(side)%x, body%omega.cross.frame(side)%x)
+                call set_vector_rate(rates, frame(side)%y, body%omega.cross.frame(side)%y)
+                call set_vector_rate(rates, frame(side)%z, body%omega.cross.frame(side)%z)
+                call set_vector_rate(rates, arm, body%omega.cross.arm)
+                point(side) = body%position + arm
+            end associate
+        end do
+        pair = marker_pair(frame(1), frame(2), point(2) - point(1))
+    end subroutine free_pair
+
+    function new_symbol() result(v)
+        type(vector) :: v
+
+        v = vector(new_unknown(), new_unknown(), new_unknown())
+    end function new_symbol
+
+    subroutine set_vector_rate(rates, v, rate)
+        type(rate_map), intent(inout) :: rates
+        type(vector), intent(in) :: v, rate
+
+        call set_rate(rates, components(v), components(rate))
+    end subroutine set_vector_rate
+
+    subroutine differentiate(constraint, rates)
+        type(constraint_type), intent(inout) :: constraint
+        type(rate_map), intent(inout) :: rates
+        integer :: k
+
+        associate (n => size(constraint%c))
+            allocate (constraint%rate(n), constraint%rate2(n))
+            do k = 1, n
+                constraint%rate(k) = rate_of(rates, constraint%c(k))
+                constraint%rate2(k) = rate_of(rates, constraint%rate(k))
+            end do
+        end associate
+    end subroutine differentiate
+
+    ! ---------------------------------------------------------------- for given bodies
+
+    !> The values for two bodies as they stand.
+    function values_of(constraint, body) result(c)
+        type(constraint_type), intent(in) :: constraint
+        type(body_state), intent(in) :: body(2)
+        type(value), allocatable :: c(:)
+        type(substitution) :: map
+
+        call replace_places(constraint, body, map)
+        c = substituted(map, constraint%c)
+    end function values_of
+
+    !> Their rates for velocities, or for small displacements in place of these.
+    function velocities_of(constraint, body) result(rate)
+        type(constraint_type), intent(in) :: constraint
+        type(body_state), intent(in) :: body(2)
+        type(value), allocatable :: rate(:)
+        type(substitution) :: map
+
+        call replace_places(constraint, body, map)
+        call replace_velocities(constraint, body, map)
+        rate = substituted(map, constraint%rate)
+    end function velocities_of
+
+    !> Their second rates.
+    function accelerations_of(constraint, body) result(rate2)
+        type(constraint_type), intent(in) :: constraint
+        type(body_state), intent(in) :: body(2)
+        type(value), allocatable :: rate2(:)
+        type(substitution) :: map
+        integer :: side
+
+        call replace_places(constraint, body, map)
+        call replace_velocities(constraint, body, map)
+        do side = 1, 2
+            call replace_vector(map, constraint%symbol(side)%acceleration, body(side)%acceleration)
+            call replace_vector(map, constraint%symbol(side)%alpha, body(side)%alpha)
+        end do
+        rate2 = substituted(map, constraint%rate2)
+    end function accelerations_of
+
+    subroutine replace_places(constraint, body, map)
+        type(constraint_type), intent(in) :: constraint
+        type(body_state), intent(in) :: body(2)
+        type(substitution), intent(inout) :: map
+        integer :: side
+
+        do side = 1, 2
+            associate (symbol => constraint%symbol(side))
+                call replace_vector(map, symbol%position, body(side)%position)
+                call replace_vector(map, symbol%r%x, body(side)%r%x)
+                call replace_vector(map, symbol%r%y, body(side)%r%y)
+                call replace_vector(map, symbol%r%z, body(side)%r%z)
+            end associate
+        end do
+    end subroutine replace_places
+
+    subroutine replace_velocities(constraint, body, map)
+        type(constraint_type), intent(in) :: constraint
+        type(body_state), intent(in) :: body(2)
+        type(substitution), intent(inout) :: map
+        integer :: side
+
+        do side = 1, 2
+            call replace_vector(map, constraint%symbol(side)%velocity, body(side)%velocity)
+            call replace_vector(map, constraint%symbol(side)%omega, body(side)%omega)
+        end do
+    end subroutine replace_velocities
+
+    subroutine replace_vector(map, old, new)
+        type(substitution), intent(inout) :: map
+        type(vector), intent(in) :: old, new
+
+        call replace(map, components(old), components(new))
+    end subroutine replace_vector
+end module linkdyn_constraint_rates

@@ -1,0 +1,319 @@
+!> The planar dyads in closed form: where both links stand. How they move follows from their joints' constraints.
+!>
+!> R stands for a revolute, P for a prismatic joint, in the order outer, inner, outer. A and B are the outer joints' points
+!> on known links, C is the inner joint. All positions are found by vectors, without an angle; where two assemblies meet
+!> both are kept apart by a sign, the branch.
+module linkdyn_dyads
+    use linkdyn_bodies, only: point_position, rotation_of
+    use linkdyn_kinds, only: wp
+    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, must_be_positive, least_square
+    use linkdyn_model, only: step_type, side_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr
+    use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), operator(/), sqrt, max, reciprocal, square
+    use linkdyn_vector, only: vector, rotation, unit_vector, zero_vector, operator(+), operator(-), operator(*), operator(.dot.), &
+        operator(.cross.), operator(.rotate.)
+    implicit none (type, external)
+    private
+    public :: place_dyad
+
+    !> One of the dyad's links with its outer and its inner joint.
+    type :: half_type
+        integer :: link = 0
+        integer :: known = 0                               !! link at the other side of the outer joint
+        integer :: outer = 0, inner = 0                    !! joints
+        integer :: side = 0, inner_side = 0                !! of the link in these
+        integer :: sense = 1                               !! +1: a slide at the outer joint grows as the link moves along its axis
+    end type half_type
+
+contains
+
+    !> Place both links. The branch is +1 or -1.
+    subroutine place_dyad(mechanism, step, branch)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(value), intent(in) :: branch
+        type(half_type) :: half(2)
+
+        half(1) = half_of(mechanism, step, 1)
+        half(2) = half_of(mechanism, step, 2)
+        associate (ways => mechanism%ways(:, step%first))
+            select case (step%kind)
+            case (step_rrr)
+                call place_rrr(mechanism, half, branch, ways)
+            case (step_rrp)
+                call place_rrp(mechanism, half, branch, ways)
+            case (step_rpr)
+                call place_rpr(mechanism, half, branch, ways)
+            case (step_prp)
+                call place_prp(mechanism, half, ways)
+            case (step_ppr)
+                call place_ppr(mechanism, half, ways)
+            end select
+        end associate
+    end subroutine place_dyad
+
+    pure function half_of(mechanism, step, i) result(half)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        integer, intent(in) :: i
+        type(half_type) :: half
+
+        half%link = step%link(i)
+        half%outer = step%joint(2*i - 1)
+        half%inner = step%joint(2)
+        half%side = side_of(mechanism%model%joint(half%outer), half%link)
+        half%inner_side = side_of(mechanism%model%joint(half%inner), half%link)
+        half%known = mechanism%model%joint(half%outer)%link(3 - half%side)
+    end function half_of
+
+    ! ---------------------------------------------------------------- the five kinds
+
+    !> Two circles meet: C from A along the line AB and across it.
+    subroutine place_rrr(mechanism, half, branch, ways)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half(2)
+        type(value), intent(in) :: branch
+        type(vector), intent(out) :: ways(2)
+        type(vector) :: own(2), d, arm
+        type(value) :: length(2), sum, difference, square_distance, distance, along, across, half_per_square
+
+        own(1) = own_arm(mechanism, half(1))
+        own(2) = own_arm(mechanism, half(2))
+        length = sqrt(own.dot.own)
+        sum = length(1) + length(2)
+        difference = length(1) - length(2)
+        d = outer_point(mechanism, half(2)) - outer_point(mechanism, half(1))
+        square_distance = d.dot.d
+        distance = sqrt(square_distance)
+        half_per_square = 0.5_wp*reciprocal(square_distance)
+        along = 0.5_wp + (sum*difference)*half_per_square
+        ! The lengths first: a short distance added to a length would lose its digits.
+        across = ((sum - distance)*(sum + distance))*((distance + difference)*(distance - difference))
+        ! 16 times the square of the triangle's area: that of the sine, times (2 length(1) length(2))**2
+        call must_be_positive(mechanism, across - (4*least_square)*square(length(1)*length(2)))
+        across = (branch*sqrt(across))*half_per_square
+        arm = along*d + across*left_of(d)
+        call hang(mechanism, half(1), turn_onto(own(1), arm))
+        call hang(mechanism, half(2), turn_onto(own(2), arm - d))
+        ways = [arm, arm - d]
+    end subroutine place_rrr
+
+    !> A circle about A meets the line of a slide: C0 is the inner joint at slide zero, u the slide's direction.
+    subroutine place_rrp(mechanism, half, branch, ways)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half(2)
+        type(value), intent(in) :: branch
+        type(vector), intent(out) :: ways(2)
+        type(vector) :: own, u, d, arm
+        type(value) :: length, height, forward
+
+        own = own_arm(mechanism, half(1))
+        length = sqrt(own.dot.own)
+        call turn_with_known(mechanism, half(2))
+        u = slide_direction(mechanism, half(2))
+        d = point_at_zero(mechanism, half(2)) - outer_point(mechanism, half(1))
+        height = left_of(u) .dot.d
+        forward = branch*half_chord(mechanism, length, height)
+        arm = forward*u + height*left_of(u)
+        call hang(mechanism, half(1), turn_onto(own, arm))
+        call slide_out(mechanism, half(2), u, forward - (d.dot.u))
+        ways = [left_of(arm), u]
+    end subroutine place_rrp
+
+    !> A pair of sliding links between two hinges: the pair turns so that B falls on its line.
+    subroutine place_rpr(mechanism, half, branch, ways)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half(2)
+        type(value), intent(in) :: branch
+        type(vector), intent(out) :: ways(2)
+        type(rotation) :: frame(2), r
+        type(vector) :: u_own, d, u, left, offset(2)
+        type(value) :: height, distance2, forward, per
+        integer :: i
+
+        ! both links turn as one: in the axes of the first, u_own is the slide's direction
+        do i = 1, 2
+            frame(i) = marker_frame(mechanism, half(i)%inner, half(i)%inner_side)
+            offset(i) = marker_point(mechanism, half(i)%inner, half(i)%inner_side) &
+                        - marker_point(mechanism, half(i)%outer, half(i)%side)
+        end do
+        u_own = frame(1)%z
+        ! of B beside the line through A, in slide axes
+        left = left_of(frame(1)%z)
+        height = (offset(1) .dot.left) - (offset(2) .dot.left_of(frame(2)%z))
+        d = outer_point(mechanism, half(2)) - outer_point(mechanism, half(1))
+        distance2 = d.dot.d
+        forward = branch*half_chord(mechanism, sqrt(distance2), height)
+        per = reciprocal(distance2)
+        u = per*(forward*d - height*left_of(d))
+        do i = 1, 2
+            r = turn_onto(frame(i)%z, u)
+            call hang(mechanism, half(i), r)
+        end do
+        ways = [left_of(d), u]
+    end subroutine place_rpr
+
+    !> Two slides and a hinge between: C where both lines meet.
+    subroutine place_prp(mechanism, half, ways)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half(2)
+        type(vector), intent(out) :: ways(2)
+        type(vector) :: u(2), gap
+        type(value) :: per
+        integer :: i
+
+        do i = 1, 2
+            call turn_with_known(mechanism, half(i))
+            u(i) = slide_direction(mechanism, half(i))
+        end do
+        call must_be_positive(mechanism, square(left_of(u(1)) .dot.u(2)) - least_square)
+        gap = point_at_zero(mechanism, half(2)) - point_at_zero(mechanism, half(1))
+        per = reciprocal(left_of(u(1)) .dot.u(2))
+        call slide_out(mechanism, half(1), u(1), -(per*(left_of(u(2)) .dot.gap)))
+        call slide_out(mechanism, half(2), u(2), -(per*(left_of(u(1)) .dot.gap)))
+        ways = u
+    end subroutine place_prp
+
+    !> A slide on a known link, a slide on that slide, a hinge at B: everything turns with the known link.
+    subroutine place_ppr(mechanism, half, ways)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half(2)
+        type(vector), intent(out) :: ways(2)
+        type(rotation) :: frame
+        type(vector) :: u(2), gap, inner, own
+        type(value) :: per
+
+        call turn_with_known(mechanism, half(1))
+        frame = marker_frame(mechanism, half(1)%inner, half(1)%inner_side)
+        u(1) = slide_direction(mechanism, half(1))
+        u(2) = rotation_of(mechanism%bodies, half(1)%link) .rotate.frame%z
+        call must_be_positive(mechanism, square(left_of(u(1)) .dot.u(2)) - least_square)
+        frame = marker_frame(mechanism, half(2)%inner, half(2)%inner_side)
+        mechanism%bodies%turning(mechanism%bodies%body(half(2)%link)%turning)%r = turn_onto(frame%z, u(2))
+        ! from the inner marker of the second link to its hinge
+        own = rotation_of(mechanism%bodies, half(2)%link) .rotate.(marker_point(mechanism, half(2)%outer, half(2)%side) &
+                                                                   - marker_point(mechanism, half(2)%inner, half(2)%inner_side))
+        inner = point_at_zero(mechanism, half(1)) + own
+        gap = outer_point(mechanism, half(2)) - inner
+        per = reciprocal(left_of(u(1)) .dot.u(2))
+        call slide_out(mechanism, half(1), u(1), -(per*(left_of(u(2)) .dot.gap)))
+        call hang(mechanism, half(2), rotation_of(mechanism%bodies, half(2)%link))
+        ways = u
+    end subroutine place_ppr
+
+    ! ---------------------------------------------------------------- geometry
+
+    !> A vector of the plane turned left by a right angle.
+    function left_of(v) result(w)
+        type(vector), intent(in) :: v
+        type(vector) :: w
+
+        w = vector(-v%y, v%x, zero())
+    end function left_of
+
+    !> Rotation that turns a vector of the link onto a direction of the plane of any length ratio one.
+    function turn_onto(own, arm) result(r)
+        type(vector), intent(in) :: own                    !! in the link [m]
+        type(vector), intent(in) :: arm                    !! as it stands, of the same length [m]
+        type(rotation) :: r
+        type(value) :: c, s, per
+
+        per = reciprocal(own.dot.own)
+        c = arm%x*(own%x*per) + arm%y*(own%y*per)
+        s = arm%y*(own%x*per) - arm%x*(own%y*per)
+        r%x = vector(c, s, zero())
+        r%y = vector(-s, c, zero())
+        r%z = unit_vector(3)
+    end function turn_onto
+
+    !> Half the chord that a line at a given height cuts from a circle.
+    function half_chord(mechanism, radius, height) result(chord)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(value), intent(in) :: radius, height
+        type(value) :: chord
+        type(value) :: product
+
+        product = (radius - height)*(radius + height)
+        call must_be_positive(mechanism, product - least_square*square(radius))
+        chord = sqrt(product)
+    end function half_chord
+
+    ! ---------------------------------------------------------------- the halves
+
+    !> From the outer to the inner joint in the link.
+    function own_arm(mechanism, half) result(arm)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: arm
+
+        arm = marker_point(mechanism, half%inner, half%inner_side) - marker_point(mechanism, half%outer, half%side)
+    end function own_arm
+
+    !> Where the outer joint's point on the known link is.
+    function outer_point(mechanism, half) result(point)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: point
+
+        point = point_position(mechanism%bodies, half%known, marker_point(mechanism, half%outer, 3 - half%side))
+    end function outer_point
+
+    !> The link hangs on its outer hinge, turned as given.
+    subroutine hang(mechanism, half, r)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half
+        type(rotation), intent(in) :: r
+
+        mechanism%bodies%turning(mechanism%bodies%body(half%link)%turning)%r = r
+        mechanism%bodies%body(half%link)%position = outer_point(mechanism, half) &
+                                                    - (r.rotate.marker_point(mechanism, half%outer, half%side))
+    end subroutine hang
+
+    !> A link on a slide of a known link turns with that.
+    subroutine turn_with_known(mechanism, half)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half
+        type(rotation) :: own, known, r
+
+        associate (bodies => mechanism%bodies)
+            if (bodies%body(half%link)%turning == bodies%body(half%known)%turning) return
+            own = marker_frame(mechanism, half%outer, half%side)
+            known = marker_frame(mechanism, half%outer, 3 - half%side)
+            r = rotation_of(bodies, half%known)
+            bodies%turning(bodies%body(half%link)%turning)%r = turn_onto(own%z, r.rotate.known%z)
+        end associate
+    end subroutine turn_with_known
+
+    !> Along which the link moves as its slide on the known link grows.
+    function slide_direction(mechanism, half) result(u)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: u
+        type(rotation) :: frame
+
+        frame = marker_frame(mechanism, half%outer, 3 - half%side)
+        u = rotation_of(mechanism%bodies, half%known) .rotate.frame%z
+    end function slide_direction
+
+    !> Where the inner joint's point of a link on a slide is while the outer markers' points coincide.
+    function point_at_zero(mechanism, half) result(point)
+        type(mechanism_type), intent(in) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector) :: point
+
+        point = outer_point(mechanism, half) + (rotation_of(mechanism%bodies, half%link) .rotate.own_arm(mechanism, half))
+    end function point_at_zero
+
+    !> The link stands `forward` along its slide.
+    subroutine slide_out(mechanism, half, u, forward)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(half_type), intent(in) :: half
+        type(vector), intent(in) :: u
+        type(value), intent(in) :: forward
+
+        mechanism%bodies%body(half%link)%position = &
+            outer_point(mechanism, half) + forward*u &
+            - (rotation_of(mechanism%bodies, half%link) .rotate.marker_point(mechanism, half%outer, half%side))
+        mechanism%slide(half%outer) = forward
+        if (half%side == 1) mechanism%slide(half%outer) = -forward
+    end subroutine slide_out
+end module linkdyn_dyads

@@ -1,0 +1,278 @@
+!> Velocities and accelerations of links placed together, from the constraints of their joints.
+!>
+!> Whatever placed them, a closed form or iteration: the rates of the constraints are linear in the velocities, and the
+!> second rates, with the same matrix, in the accelerations. Both are solved while tracing.
+module linkdyn_group_rates
+    use linkdyn_bodies, only: in_two_axes, world_axes, set_vector, forget_vector, omega_of, alpha_of, rotation_of, &
+        acceleration_of_origin
+    use linkdyn_constraint_rates, only: body_state, constraint_type, constraints_of_joint, constraint_of_variable, values_of, &
+        velocities_of, accelerations_of
+    use linkdyn_mechanism, only: mechanism_type, watch, solve_velocities, leave_velocities
+    use linkdyn_system, only: system_type, unknown, require, solve, solved
+    use linkdyn_value, only: value, zero, operator(+)
+    use linkdyn_vector, only: vector, components, vector_of, zero_vector
+    implicit none (type, external)
+    private
+    public :: group_constraints, list_constraints, move_group, find_displacement
+
+    !> All constraints of a group.
+    type :: group_constraints
+        integer, allocatable :: link(:)                !! the group's links
+        logical, allocatable :: turns(:)               !! (link) with a turning of its own, the first of the group that has it
+        type(constraint_type), allocatable :: of(:)
+    end type group_constraints
+
+contains
+
+    !> Constraints of the joints, and of those variables that are coordinates.
+    subroutine list_constraints(mechanism, link, joint, coordinate, constraints)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: link(:), joint(:)
+        integer, intent(in) :: coordinate(:, :)        !! that gives a joint's variable; 0: none (3, joint)
+        type(group_constraints), intent(out) :: constraints
+        integer :: i, k, n, t
+
+        constraints%link = link
+        allocate (constraints%turns(size(link)), constraints%of(size(joint) + count(coordinate > 0)))
+        do i = 1, size(link)
+            t = mechanism%bodies%body(link(i))%turning
+            constraints%turns(i) = .not. any(mechanism%bodies%turning(t)%omega%is_known) &
+                                   .and. all(mechanism%bodies%body(link(:i - 1))%turning /= t)
+        end do
+        n = 0
+        do i = 1, size(joint)
+            n = n + 1
+            constraints%of(n) = constraints_of_joint(mechanism, joint(i))
+            do k = 1, 3
+                if (coordinate(k, i) == 0) cycle
+                n = n + 1
+                constraints%of(n) = constraint_of_variable(mechanism, joint(i), k, coordinate(k, i))
+            end do
+        end do
+    end subroutine list_constraints
+
+    !> Velocities and accelerations of a group whose links are placed. With a system of equations the accelerations stay
+    !> unknowns of it; else they are solved for at once.
+    subroutine move_group(mechanism, constraints, equations)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        type(system_type), intent(inout), optional :: equations
+        type(system_type) :: velocities, accelerations
+        integer :: i
+
+        select case (mechanism%velocity_road)
+        case (solve_velocities)
+            call require_velocities(velocities)
+            call solve(velocities)
+            call watch(mechanism, velocities)
+            call settle_velocities(mechanism, constraints, velocities)
+        case (leave_velocities)
+            call require_velocities(mechanism%velocities)
+            call set_accelerations_aside()
+            return
+        case default
+            call put_given_velocities(mechanism, constraints)
+        end select
+        if (present(equations)) then
+            call require_accelerations(equations)
+        else
+            call require_accelerations(accelerations)
+            call solve(accelerations)
+            call settle_accelerations(mechanism, constraints, accelerations)
+        end if
+
+    contains
+
+        subroutine require_velocities(system)
+            type(system_type), intent(inout) :: system
+
+            call make_velocities_unknown(mechanism, constraints, system)
+            do i = 1, size(constraints%of)
+                call require(system, velocities_of(constraints%of(i), states(mechanism, constraints%of(i)%link)))
+            end do
+        end subroutine require_velocities
+
+        !> Of no use before the velocities are known.
+        subroutine set_accelerations_aside()
+            do i = 1, size(constraints%link)
+                associate (body => mechanism%bodies%body(constraints%link(i)))
+                    call set_vector(body%acceleration, world_axes, zero_vector())
+                    call set_vector(mechanism%bodies%turning(body%turning)%alpha, world_axes, zero_vector())
+                end associate
+            end do
+        end subroutine set_accelerations_aside
+
+        subroutine require_accelerations(system)
+            type(system_type), intent(inout) :: system
+
+            call take_accelerations(mechanism, constraints, system)
+            do i = 1, size(constraints%of)
+                call require(system, accelerations_of(constraints%of(i), states(mechanism, constraints%of(i)%link)))
+            end do
+        end subroutine require_accelerations
+    end subroutine move_group
+
+    !> Newton's step: the displacements that close the linearised constraints. The coordinates must be at rest. After it the
+    !> links' velocities are these displacements, per unit of time.
+    subroutine find_displacement(mechanism, constraints)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        type(system_type) :: displacements
+        type(body_state) :: state(2)
+        integer :: i
+
+        call make_velocities_unknown(mechanism, constraints, displacements)
+        do i = 1, size(constraints%of)
+            state = states(mechanism, constraints%of(i)%link)
+            call require(displacements, values_of(constraints%of(i), state) + velocities_of(constraints%of(i), state))
+        end do
+        call solve(displacements)
+        call watch(mechanism, displacements)
+        call settle_velocities(mechanism, constraints, displacements)
+    end subroutine find_displacement
+
+    ! ---------------------------------------------------------------- states of links
+
+    !> What is known, or unknown, of two links.
+    function states(mechanism, link) result(state)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: link(2)
+        type(body_state) :: state(2)
+        integer :: side
+
+        associate (bodies => mechanism%bodies)
+            do side = 1, 2
+                associate (body => bodies%body(link(side)))
+                    state(side)%position = body%position
+                    state(side)%r = rotation_of(bodies, link(side))
+                    state(side)%velocity = body%velocity
+                    state(side)%omega = omega_of(bodies, link(side), world_axes)
+                    if (.not. any(body%acceleration%is_known)) cycle
+                    state(side)%acceleration = acceleration_of_origin(bodies, link(side), world_axes)
+                    state(side)%alpha = alpha_of(bodies, link(side), world_axes)
+                end associate
+            end do
+        end associate
+    end function states
+
+    subroutine make_velocities_unknown(mechanism, constraints, system)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        type(system_type), intent(inout) :: system
+        integer :: i
+
+        do i = 1, size(constraints%link)
+            associate (body => mechanism%bodies%body(constraints%link(i)))
+                body%velocity = unknown_shift(mechanism, system)
+                if (constraints%turns(i)) &
+                    call set_vector(mechanism%bodies%turning(body%turning)%omega, world_axes, unknown_turn(mechanism, system))
+            end associate
+        end do
+    end subroutine make_velocities_unknown
+
+    subroutine put_given_velocities(mechanism, constraints)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        integer :: i
+
+        do i = 1, size(constraints%link)
+            associate (body => mechanism%bodies%body(constraints%link(i)), &
+                       given => mechanism%given_velocity(:, constraints%link(i)))
+                body%velocity = vector_of(given(:3))
+                if (constraints%turns(i)) &
+                    call set_vector(mechanism%bodies%turning(body%turning)%omega, world_axes, vector_of(given(4:)))
+            end associate
+        end do
+    end subroutine put_given_velocities
+
+    subroutine settle_velocities(mechanism, constraints, system)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        type(system_type), intent(inout) :: system
+        integer :: i
+
+        do i = 1, size(constraints%link)
+            associate (body => mechanism%bodies%body(constraints%link(i)))
+                body%velocity = solved_vector(system, body%velocity)
+                if (constraints%turns(i)) call settle(mechanism%bodies%turning(body%turning)%omega, system)
+            end associate
+        end do
+    end subroutine settle_velocities
+
+    subroutine take_accelerations(mechanism, constraints, system)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        type(system_type), intent(inout) :: system
+        integer :: i
+
+        do i = 1, size(constraints%link)
+            associate (body => mechanism%bodies%body(constraints%link(i)))
+                call set_vector(body%acceleration, world_axes, unknown_shift(mechanism, system))
+                if (constraints%turns(i)) &
+                    call set_vector(mechanism%bodies%turning(body%turning)%alpha, world_axes, unknown_turn(mechanism, system))
+            end associate
+        end do
+    end subroutine take_accelerations
+
+    subroutine settle_accelerations(mechanism, constraints, system)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        type(system_type), intent(inout) :: system
+        integer :: i
+
+        do i = 1, size(constraints%link)
+            associate (body => mechanism%bodies%body(constraints%link(i)))
+                call settle(body%acceleration, system)
+                if (constraints%turns(i)) call settle(mechanism%bodies%turning(body%turning)%alpha, system)
+            end associate
+        end do
+    end subroutine settle_accelerations
+
+    subroutine settle(pair, system)
+        type(in_two_axes), intent(inout) :: pair
+        type(system_type), intent(inout) :: system
+        type(vector) :: v
+
+        v = solved_vector(system, pair%v(world_axes))
+        call forget_vector(pair)
+        call set_vector(pair, world_axes, v)
+    end subroutine settle
+
+    function solved_vector(system, v) result(w)
+        type(system_type), intent(inout) :: system
+        type(vector), intent(in) :: v
+        type(vector) :: w
+
+        w = vector_of(solved(system, components(v)))
+    end function solved_vector
+
+    !> In a plane links shift along x and y and turn about z.
+    function unknown_shift(mechanism, system) result(v)
+        type(mechanism_type), intent(in) :: mechanism
+        type(system_type), intent(inout) :: system
+        type(vector) :: v
+
+        v%x = unknown(system)
+        v%y = unknown(system)
+        if (mechanism%model%is_planar) then
+            v%z = zero()
+        else
+            v%z = unknown(system)
+        end if
+    end function unknown_shift
+
+    function unknown_turn(mechanism, system) result(v)
+        type(mechanism_type), intent(in) :: mechanism
+        type(system_type), intent(inout) :: system
+        type(vector) :: v
+
+        if (mechanism%model%is_planar) then
+            v%x = zero()
+            v%y = zero()
+        else
+            v%x = unknown(system)
+            v%y = unknown(system)
+        end if
+        v%z = unknown(system)
+    end function unknown_turn
+end module linkdyn_group_rates

@@ -1,0 +1,147 @@
+!> The steps of the plan, one after the other: where every link stands and how it moves.
+module linkdyn_placing
+    use linkdyn_attitude, only: rotation_by_quaternion, turned_quaternion
+    use linkdyn_bodies, only: world_axes, omega_of
+    use linkdyn_csp_group, only: place_csp
+    use linkdyn_dyads, only: place_dyad
+    use linkdyn_group_rates, only: group_constraints, list_constraints, move_group, find_displacement
+    use linkdyn_joint_kind, only: marker_pair
+    use linkdyn_kinds, only: wp
+    use linkdyn_leg, only: close_leg
+    use linkdyn_mechanism, only: mechanism_type, pair_of
+    use linkdyn_model, only: step_type, group_type, step_pose, step_joint, step_ups, step_csp, step_group, is_dyad
+    use linkdyn_open_chain, only: take_pose, walk_joint
+    use linkdyn_system, only: system_type
+    use linkdyn_value, only: value, zero, one, constant, min, max, abs, reciprocal, operator(*)
+    use linkdyn_vector, only: vector, vector_of, components, operator(+), operator(*), operator(.dot.)
+    implicit none (type, external)
+    private
+    public :: run_step, step_joints, correct_group
+
+    real(wp), parameter :: largest_turn = 0.5_wp       !! [rad] of a link in one of Newton's steps
+
+contains
+
+    !> One step. Links of a group that is closed by iteration stand at given places.
+    subroutine run_step(mechanism, step, branch, place, equations)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(value), intent(in) :: branch              !! +1 or -1, read where a step has two ways to close
+        type(value), intent(in) :: place(:, :)         !! x y z and a quaternion (7, link)
+        type(system_type), intent(inout), optional :: equations    !! where accelerations stay unknown, if they do
+        type(group_constraints) :: constraints
+        integer :: i
+
+        select case (step%kind)
+        case (step_pose)
+            if (allocated(mechanism%quaternion)) then
+                call take_pose(mechanism, step, mechanism%quaternion(:, step%first))
+            else
+                call take_pose(mechanism, step)
+            end if
+        case (step_joint)
+            associate (k => pack(step%coordinate, step%coordinate > 0))
+                call walk_joint(mechanism, step%joint(1), step%from_second, mechanism%q(k), mechanism%qd(k))
+            end associate
+        case (step_ups)
+            call close_leg(mechanism, step, equations)
+        case default
+            if (is_dyad(step%kind)) then
+                call place_dyad(mechanism, step, branch)
+                call list_constraints(mechanism, step%link, step%joint, reshape([(0, i=1, 9)], [3, 3]), constraints)
+            else if (step%kind == step_csp) then
+                call place_csp(mechanism, step, branch)
+                call list_constraints(mechanism, step%link, step%joint, reshape([(0, i=1, 9)], [3, 3]), constraints)
+            else
+                associate (group => mechanism%model%group(step%first))
+                    call take_places(mechanism, group%link, place)
+                    call list_constraints(mechanism, group%link, group%joint, group%coordinate, constraints)
+                end associate
+            end if
+            call move_group(mechanism, constraints, equations)
+        end select
+        call measure_slides(mechanism, step_joints(mechanism, step))
+    end subroutine run_step
+
+    !> Newton's step of a group: where its links would stand, with how far they shift and turn.
+    subroutine correct_group(mechanism, group, place, new_place, shift, turn)
+        type(mechanism_type), intent(inout) :: mechanism   !! at rest, the steps before have been run
+        type(group_type), intent(in) :: group
+        type(value), intent(in) :: place(:, :)             !! (7, link) where they stand
+        type(value), intent(out) :: new_place(:, :)        !! (7, link of the group)
+        type(value), intent(out) :: shift, turn            !! largest components [m, rad]
+        type(group_constraints) :: constraints
+        type(vector) :: omega
+        type(value) :: part
+        integer :: i
+
+        call take_places(mechanism, group%link, place)
+        call list_constraints(mechanism, group%link, group%joint, group%coordinate, constraints)
+        call find_displacement(mechanism, constraints)
+        shift = zero()
+        turn = zero()
+        do i = 1, size(group%link)
+            shift = largest_of(shift, mechanism%bodies%body(group%link(i))%velocity)
+            if (constraints%turns(i)) turn = largest_of(turn, omega_of(mechanism%bodies, group%link(i), world_axes))
+        end do
+        ! Far off, the step is cut so that no link turns further than its equations hold.
+        part = min(one(), largest_turn*reciprocal(max(turn, constant(largest_turn))))
+        do i = 1, size(group%link)
+            omega = omega_of(mechanism%bodies, group%link(i), world_axes)
+            new_place(1:3, i) = components(mechanism%bodies%body(group%link(i))%position &
+                                           + part*mechanism%bodies%body(group%link(i))%velocity)
+            new_place(4:7, i) = turned_quaternion(place(4:7, group%link(i)), part*omega)
+        end do
+    end subroutine correct_group
+
+    function largest_of(largest, v) result(r)
+        type(value), intent(in) :: largest
+        type(vector), intent(in) :: v
+        type(value) :: r
+
+        r = max(abs(v%x), max(abs(v%y), max(abs(v%z), largest)))
+    end function largest_of
+
+    !> Joints that a step closes.
+    function step_joints(mechanism, step) result(joint)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        integer, allocatable :: joint(:)
+
+        if (step%kind == step_group) then
+            joint = mechanism%model%group(step%first)%joint
+        else
+            joint = pack(step%joint, step%joint > 0)
+        end if
+    end function step_joints
+
+    subroutine take_places(mechanism, link, place)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: link(:)
+        type(value), intent(in) :: place(:, :)
+        integer :: i
+
+        do i = 1, size(link)
+            associate (body => mechanism%bodies%body(link(i)))
+                body%position = vector_of(place(1:3, link(i)))
+                if (any(mechanism%bodies%turning(body%turning)%omega%is_known)) cycle
+                mechanism%bodies%turning(body%turning)%r = rotation_by_quaternion(place(4:7, link(i)))
+            end associate
+        end do
+    end subroutine take_places
+
+    !> How far the second markers stand along the first ones' axes, where no step has said it.
+    subroutine measure_slides(mechanism, joint)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: joint(:)
+        type(marker_pair) :: pair
+        integer :: i
+
+        do i = 1, size(joint)
+            if (mechanism%slide(joint(i))%node > 0) cycle
+            if (.not. any(mechanism%kind(mechanism%model%joint(joint(i))%kind)%is%is_slide)) cycle
+            pair = pair_of(mechanism, joint(i))
+            mechanism%slide(joint(i)) = pair%gap.dot.pair%first%z
+        end do
+    end subroutine measure_slides
+end module linkdyn_placing

@@ -1,0 +1,99 @@
+!> All numbers of a scene that physics computes with, in one list: what a sweep or a user may vary without planning again.
+module linkdyn_numbers
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: frame_link
+    implicit none (type, external)
+    private
+    public :: number_places, place_numbers, collect_numbers
+
+    integer, parameter :: of_link = 10         !! mass, cog (3), inertia (6: Ixx Iyy Izz Ixy Iyz Izx)
+    integer, parameter :: of_marker = 12       !! point (3), frame (9: axes x, y, z)
+    integer, parameter :: of_spring = 9        !! stiffness, damping, rest, points (6)
+    integer, parameter :: of_drive = 8
+
+    !> Where the numbers of each thing begin in the list.
+    type :: number_places
+        integer :: n = 0
+        integer :: gravity = 1
+        integer, allocatable :: link(:)        !! mass; cog from +1, inertia from +4
+        integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3
+        integer, allocatable :: load(:)        !! point
+        integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
+        integer, allocatable :: drive(:)
+    end type number_places
+
+contains
+
+    pure subroutine place_numbers(model, at)
+        type(model_type), intent(in) :: model
+        type(number_places), intent(out) :: at
+        integer :: i
+
+        at%n = 3
+        at%link = [(at%n + 1 + of_link*(i - 1), i=1, model%n_link)]
+        at%n = at%n + of_link*model%n_link
+        at%marker = reshape([(at%n + 1 + of_marker*(i - 1), i=1, 2*model%n_joint)], [2, model%n_joint])
+        at%n = at%n + 2*of_marker*model%n_joint
+        at%load = [(at%n + 1 + 3*(i - 1), i=1, model%n_load)]
+        at%n = at%n + 3*model%n_load
+        at%spring = [(at%n + 1 + of_spring*(i - 1), i=1, size(model%scene%spring))]
+        at%n = at%n + of_spring*size(model%scene%spring)
+        at%drive = [(at%n + 1 + of_drive*(i - 1), i=1, model%n_actuator)]
+        at%n = at%n + of_drive*model%n_actuator
+    end subroutine place_numbers
+
+    pure subroutine collect_numbers(model, at, number)
+        type(model_type), intent(in) :: model
+        type(number_places), intent(in) :: at
+        real(wp), intent(out) :: number(:)     !! (at%n)
+        integer :: i, side, k
+
+        number(at%gravity:at%gravity + 2) = model%gravity
+        do i = 1, model%n_link
+            associate (l => model%link(i), k => at%link(i))
+                number(k) = l%mass
+                number(k + 1:k + 3) = l%cog
+                number(k + 4:k + 9) = [l%inertia(1, 1), l%inertia(2, 2), l%inertia(3, 3), l%inertia(1, 2), l%inertia(2, 3), &
+                                       l%inertia(3, 1)]
+            end associate
+        end do
+        do i = 1, model%n_joint
+            do side = 1, 2
+                k = at%marker(side, i)
+                number(k:k + 2) = model%joint(i)%point(:, side)
+                number(k + 3:k + 11) = reshape(model%joint(i)%frame(:, :, side), [9])
+            end do
+        end do
+        do i = 1, model%n_load
+            number(at%load(i):at%load(i) + 2) = marker_at(model%scene%load(i)%link, model%scene%load(i)%marker)
+        end do
+        do i = 1, size(model%scene%spring)
+            associate (spring => model%scene%spring(i))
+                k = at%spring(i)
+                number(k:k + 2) = [spring%stiffness, spring%damping, spring%rest]
+                number(k + 3:k + 8) = 0
+                if (spring%joint > 0) cycle
+                do side = 1, 2
+                    number(k + 3*side:k + 3*side + 2) = marker_at(spring%link(side), spring%marker(side))
+                end do
+            end associate
+        end do
+        do i = 1, model%n_actuator
+            number(at%drive(i):at%drive(i) + of_drive - 1) = model%scene%actuator(i)%drive%value
+        end do
+
+    contains
+
+        pure function marker_at(link, marker) result(point)
+            integer, intent(in) :: link, marker
+            real(wp) :: point(3)
+
+            if (link == frame_link) then
+                point = model%scene%frame%marker(marker)%at
+            else
+                point = model%scene%link(link)%marker(marker)%at
+            end if
+        end function marker_at
+    end subroutine collect_numbers
+end module linkdyn_numbers

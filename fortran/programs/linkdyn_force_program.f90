@@ -1,0 +1,70 @@
+!> The program of inverse dynamics: from a motion and loads to driving forces, reactions and what else is wanted, with all
+!> eliminations inside.
+module linkdyn_force_program
+    use linkdyn_catalogue, only: quantity_values, result_reaction
+    use linkdyn_inputs, only: trace_request, sample_set
+    use linkdyn_layout, only: sparse_layout
+    use linkdyn_model, only: model_type
+    use linkdyn_operation, only: op_unknown
+    use linkdyn_record, only: record_type, open_record, close_record, open_record_of_thread
+    use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
+    use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, alarm_of, reach_of
+    use linkdyn_value, only: value
+    implicit none (type, external)
+    private
+    public :: make_force_program, out_alarm, out_reach
+
+    ! ---- outputs beside the results of the catalogue
+    integer, parameter :: out_alarm = 101      !! beyond one, rounding may have grown; not a number if anything was none
+    integer, parameter :: out_reach = 102      !! not above zero: a loop does not close, or hardly
+
+contains
+
+    !> Trace a scene and compile what is wanted of it. Without pivots that serve the samples no program is made.
+    subroutine make_force_program(model, request, wanted, sample, program)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request
+        integer, intent(in) :: wanted(:)           !! `result_*` of the catalogue
+        type(sample_set), intent(in) :: sample     !! representative: pivots are chosen by them
+        type(scene_program), intent(inout) :: program
+        type(record_type), target :: record
+        type(traced_type) :: traced
+        type(output_list) :: out
+        integer :: i
+
+        call open_record(record, sample%n)
+        call trace_motion(model, request, sample, traced, merged=.false.)
+        call trace_equations(request, sparse_layout(model), traced)
+        call solve_equations(traced, is_last=wanted_last(traced, wanted))
+        if (traced%mechanism%is_solved) then
+            do i = 1, size(wanted)
+                call add_output(out, wanted(i), quantity_values(traced, wanted(i)))
+            end do
+            call add_output(out, out_alarm, [alarm_of(traced)])
+            call add_output(out, out_reach, [reach_of(traced)])
+            call make_scene_program(record, traced%in, out, program)
+        end if
+        call close_record(record)
+    end subroutine make_force_program
+
+    !> If no reaction is wanted, driving forces are solved for last, and nothing is computed behind them.
+    function wanted_last(traced, wanted) result(is_last)
+        type(traced_type), intent(in) :: traced
+        integer, intent(in) :: wanted(:)
+        logical, allocatable :: is_last(:)
+        type(record_type), pointer :: record
+        integer :: i, at
+
+        allocate (is_last(traced%system%n_unknown))
+        is_last = .false.
+        if (any(wanted == result_reaction)) return
+        record => open_record_of_thread()
+        do i = 1, size(traced%unknowns%effort)
+            associate (effort => traced%unknowns%effort(i))
+                if (record%kind(effort%node) /= op_unknown) cycle
+                at = findloc(traced%system%number(:traced%system%n_unknown), record%operand(1, effort%node), dim=1)
+                if (at > 0) is_last(at) = .true.
+            end associate
+        end do
+    end function wanted_last
+end module linkdyn_force_program

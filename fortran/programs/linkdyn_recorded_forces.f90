@@ -1,0 +1,240 @@
+!> Inverse dynamics of many samples by a record of the scene: traced once for the results wanted, run on blocks of samples.
+!>
+!> A record serves scenes whose loops all close in closed form, legs in any axes among them. A sample at which it raises its
+!> alarm, near a dead point or where a pivot fails, or that is not finite, is left to whoever solves with pivots of its own.
+module linkdyn_recorded_forces
+    use linkdyn_block, only: block_lanes
+    use linkdyn_force_program, only: make_force_program, out_alarm, out_reach
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_branch
+    use linkdyn_interrupt, only: is_interrupted
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, step_group
+    use linkdyn_planner, only: plan_steps
+    use linkdyn_samples, only: sample_arrays, result_list
+    use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, goes_to, free_scene_program, &
+        free_program_space
+    use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_threads, only: team_size
+    implicit none (type, external)
+    private
+    public :: recorded_forces, record_shelf, record_forces, run_recorded
+
+    integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
+
+    !> Slots that no thread is using: a list, changed by one thread at a time.
+    type :: idle_space
+        type(program_space) :: slots
+        real(wp), allocatable :: alarm(:, :), reach(:, :)      !! (1, lane)
+        type(idle_space), pointer :: next => null()
+    end type idle_space
+
+    type :: space_pool
+        type(idle_space), pointer :: first => null()
+    end type space_pool
+
+    !> A scene's record for some results.
+    type :: recorded_forces
+        integer, allocatable :: wanted(:)                      !! `result_*` of the catalogue
+        logical :: is_usable = .false.                         !! false: the scene has no record
+        logical :: needs_branches = .false.                    !! there are ways to close
+        type(model_type), pointer :: model => null()           !! planned for records
+        type(scene_program) :: program
+        type(space_pool), pointer, private :: pool => null()
+    end type recorded_forces
+
+    !> One of several records.
+    type :: shelved_record
+        type(recorded_forces) :: recorded
+        type(shelved_record), pointer :: next => null()
+    end type shelved_record
+
+    !> The records of a scene that its runs have asked for, one for each choice of results.
+    type :: record_shelf
+        type(shelved_record), pointer, private :: first => null()
+    contains
+        procedure :: find => find_record
+        procedure :: add => add_record
+        procedure :: free => free_records
+    end type record_shelf
+
+contains
+
+    !> The record for some results; null if there is none yet.
+    function find_record(self, wanted) result(recorded)
+        class(record_shelf), intent(in) :: self
+        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
+        type(recorded_forces), pointer :: recorded
+        type(shelved_record), pointer :: place
+
+        nullify (recorded)
+        place => self%first
+        do while (associated(place))
+            if (size(place%recorded%wanted) == size(wanted)) then
+                if (all(place%recorded%wanted == wanted)) recorded => place%recorded
+            end if
+            place => place%next
+        end do
+    end function find_record
+
+    !> Room for one more.
+    function add_record(self) result(recorded)
+        class(record_shelf), intent(inout) :: self
+        type(recorded_forces), pointer :: recorded
+        type(shelved_record), pointer :: place
+
+        allocate (place)
+        place%next => self%first
+        self%first => place
+        recorded => place%recorded
+    end function add_record
+
+    !> Give all records back. No batch may be running.
+    subroutine free_records(self)
+        class(record_shelf), intent(inout) :: self
+        type(shelved_record), pointer :: place
+
+        do while (associated(self%first))
+            place => self%first
+            self%first => place%next
+            call free_recorded(place%recorded)
+            deallocate (place)
+        end do
+    end subroutine free_records
+
+    !> Trace the scene for the results wanted. Poses are representative: pivots are chosen by them.
+    subroutine record_forces(model, wanted, q, recorded)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, pose), at which all loops close on the start's assembly
+        type(recorded_forces), intent(out) :: recorded
+        type(trace_request) :: request
+        type(sample_set) :: sample
+
+        recorded%wanted = wanted
+        allocate (recorded%model, recorded%pool)
+        if (size(q, 2) == 0 .or. .not. plan_for_records(model, recorded%model)) return
+        associate (own => recorded%model)
+            recorded%needs_branches = any(own%step%has_branches)
+            allocate (request%has_load(6, own%n_load))
+            request%has_load = .true.
+            sample%n = size(q, 2)
+            sample%of(in_q)%x = q
+            sample%of(in_branch)%x = spread(own%branch, 2, sample%n)
+            call make_force_program(own, request, wanted, sample, recorded%program)
+        end associate
+        recorded%is_usable = recorded%program%is_made
+    end subroutine record_forces
+
+    !> The same mechanism, planned anew. False: loops are closed by iteration, or a branch has no place of its own.
+    logical function plan_for_records(model, own) result(is_planned)
+        type(model_type), intent(in) :: model
+        type(model_type), intent(out) :: own
+        type(status_type) :: status
+
+        own = model
+        own%n_dyad = 0
+        own%n_branch = 0
+        own%n_leg = 0
+        deallocate (own%step, own%group)
+        if (allocated(own%moves)) deallocate (own%moves)
+        call plan_steps(own, status, straight_legs=.true.)
+        is_planned = status%is_ok()
+        if (is_planned) is_planned = .not. any(own%step%kind == step_group) .and. own%n_branch == model%n_branch
+    end function plan_for_records
+
+    !> Run samples in order. `is_left` marks those whose results are not there: their status and results are as they were.
+    subroutine run_recorded(recorded, threads, n, arrays, goes, results, is_left)
+        type(recorded_forces), intent(in) :: recorded
+        integer, intent(in) :: threads                         !! at most; a short batch takes fewer
+        integer, intent(in) :: n                               !! samples
+        type(sample_arrays), intent(in) :: arrays
+        logical, intent(in) :: goes(:)                         !! (n) false: not to be run
+        type(result_list), intent(inout) :: results
+        logical, intent(out) :: is_left(:)                     !! (n)
+        type(idle_space), pointer :: space
+        integer :: lanes, n_block, n_thread, share, block, first, count
+
+        lanes = block_lanes()
+        n_block = (n + lanes - 1)/lanes
+        n_thread = team_size(threads, n_block)
+        share = max(1, min(largest_share, n_block/(2*n_thread)))
+        !$omp parallel num_threads(n_thread) default(shared) private(space, first, count)
+        call take_space(recorded%pool, lanes, space)
+        !$omp do schedule(dynamic, share)
+        do block = 1, n_block
+            first = lanes*(block - 1) + 1
+            count = min(lanes, n - first + 1)
+            is_left(first:first + count - 1) = .true.
+            if (is_interrupted() .or. .not. any(goes(first:first + count - 1))) cycle
+            call run_one_block(recorded, first, count, arrays, results, space, is_left(first:first + count - 1))
+            is_left(first:first + count - 1) = is_left(first:first + count - 1) .or. .not. goes(first:first + count - 1)
+        end do
+        !$omp end do
+        call return_space(recorded%pool, space)
+        !$omp end parallel
+    end subroutine run_recorded
+
+    !> Samples first, ..., first + count - 1.
+    subroutine run_one_block(recorded, first, count, arrays, results, space, is_left)
+        type(recorded_forces), intent(in) :: recorded
+        integer, intent(in) :: first, count
+        type(sample_arrays), intent(in) :: arrays
+        type(result_list), intent(inout) :: results
+        type(idle_space), intent(inout), target :: space
+        logical, intent(out) :: is_left(:)                     !! (count)
+        integer :: i
+
+        call load_samples(recorded%program, arrays, first, count, space%slots)
+        is_left = .false.
+        call run_samples(recorded%program, space%slots, count, &
+                         [goes_to(out_alarm, space%alarm), goes_to(out_reach, space%reach), &
+                          (goes_to(results%of(i)%id, results%of(i)%x, first), i=1, size(results%of))], is_left)
+        ! Written so that what is no number counts as an alarm.
+        is_left = is_left .or. .not. (space%alarm(1, :count) <= 1 .and. space%reach(1, :count) > 0)
+        if (associated(results%status)) where (.not. is_left) results%status(first:first + count - 1) = sample_ok
+    end subroutine run_one_block
+
+    !> Idle slots, or new.
+    subroutine take_space(pool, lanes, space)
+        type(space_pool), pointer, intent(in) :: pool
+        integer, intent(in) :: lanes
+        type(idle_space), pointer, intent(out) :: space
+
+        !$omp critical (linkdyn_record_space)
+        space => pool%first
+        if (associated(space)) pool%first => space%next
+        !$omp end critical (linkdyn_record_space)
+        if (associated(space)) return
+        allocate (space)
+        allocate (space%alarm(1, lanes), space%reach(1, lanes))
+    end subroutine take_space
+
+    subroutine return_space(pool, space)
+        type(space_pool), pointer, intent(in) :: pool
+        type(idle_space), pointer, intent(inout) :: space
+
+        !$omp critical (linkdyn_record_space)
+        space%next => pool%first
+        pool%first => space
+        !$omp end critical (linkdyn_record_space)
+    end subroutine return_space
+
+    !> Give everything back. No batch may be running.
+    subroutine free_recorded(recorded)
+        type(recorded_forces), intent(inout) :: recorded
+        type(idle_space), pointer :: space
+
+        if (associated(recorded%pool)) then
+            do while (associated(recorded%pool%first))
+                space => recorded%pool%first
+                recorded%pool%first => space%next
+                call free_program_space(space%slots)
+                deallocate (space)
+            end do
+            deallocate (recorded%pool)
+        end if
+        call free_scene_program(recorded%program)
+        if (associated(recorded%model)) deallocate (recorded%model)
+        recorded%is_usable = .false.
+    end subroutine free_recorded
+end module linkdyn_recorded_forces

@@ -1,0 +1,54 @@
+!> Batches of samples: what is given for each, and where its results go.
+module linkdyn_samples
+    use linkdyn_inputs, only: n_block
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene_program, only: sample_arrays
+    implicit none (type, external)
+    private
+    public :: sample_arrays, result_target, result_list, add_target, set_block
+
+    !> Where the values of one result go.
+    type :: result_target
+        integer :: id = 0                              !! one of `result_*`
+        real(wp), pointer, contiguous :: x(:, :) => null()    !! (values of a sample, sample)
+    end type result_target
+
+    !> All results that are wanted of a batch.
+    type :: result_list
+        type(result_target), allocatable :: of(:)
+        integer, pointer, contiguous :: status(:) => null()   !! (sample) one of `sample_*`
+    end type result_list
+
+contains
+
+    subroutine add_target(list, id, n, samples, x)
+        type(result_list), intent(inout) :: list
+        integer, intent(in) :: id
+        integer, intent(in) :: n, samples              !! values of a sample, and samples
+        real(wp), intent(in), target :: x(*)
+        type(result_target) :: new
+
+        if (.not. allocated(list%of)) allocate (list%of(0))
+        new%id = id
+        call point_to(x)
+        list%of = [list%of, new]
+
+    contains
+
+        subroutine point_to(y)
+            real(wp), intent(in), target :: y(n, samples)
+
+            new%x => y
+        end subroutine point_to
+    end subroutine add_target
+
+    !> A block of numbers of a batch: n numbers for each sample, or one column for all.
+    subroutine set_block(arrays, block, n, samples, x)
+        type(sample_arrays), intent(inout) :: arrays
+        integer, intent(in) :: block                   !! one of `in_*`
+        integer, intent(in) :: n, samples
+        real(wp), intent(in), target :: x(n, samples)
+
+        arrays%of(block)%x => x
+    end subroutine set_block
+end module linkdyn_samples

@@ -1,0 +1,221 @@
+!> A kernel of a scene, ready to run on samples: blocks of arrays go in, blocks of arrays come out.
+module linkdyn_scene_program
+    use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, forms_multiply_adds, &
+        block_lanes, run_block, run_single, gather, scatter
+    use linkdyn_inputs, only: input_blocks, n_block, in_found
+    use linkdyn_kernel, only: kernel_type, compile_kernel
+    use linkdyn_kinds, only: wp
+    use linkdyn_record, only: record_type
+    use linkdyn_value, only: value
+    implicit none (type, external)
+    private
+    public :: scene_program, sample_arrays, output_list, add_output, make_scene_program, free_scene_program
+    public :: load_samples, run_samples, output_target, goes_to, has_output, program_space, free_program_space
+
+    !> Values that a program gives, sorted by what they are.
+    type :: output_list
+        integer, allocatable :: id(:)                  !! who they belong to, one a segment
+        integer, allocatable :: n(:)                   !! how many of them
+        type(value), allocatable :: v(:)
+    end type output_list
+
+    !> Numbers of a block that stand side by side among the inputs.
+    type :: input_segment
+        integer :: block = 0
+        integer :: first = 0                           !! in the block
+        integer :: n = 0
+        integer :: slot = 0                            !! of the first, among the inputs
+    end type input_segment
+
+    type :: scene_program
+        type(program_type) :: program
+        type(input_segment), allocatable :: input(:)
+        integer, allocatable :: id(:), first(:), n(:)  !! of the outputs
+        type(kernel_type) :: kernel                    !! for whoever wants to read it
+        logical :: is_made = .false.
+    end type scene_program
+
+    type :: array_pointer
+        real(wp), pointer, contiguous :: x(:, :) => null()    !! (number of the block, sample); one sample serves all
+        integer :: before = 0                          !! samples of the batch before the first one that is here
+    end type array_pointer
+
+    !> Where the blocks of the samples are.
+    type :: sample_arrays
+        type(array_pointer) :: of(n_block)
+    end type sample_arrays
+
+    !> Where the values of one output go.
+    type :: output_target
+        integer :: id = 0
+        real(wp), pointer, contiguous :: x(:, :) => null()    !! (value, sample)
+        integer :: first = 1                           !! column of the first sample of the block
+    end type output_target
+
+    !> Slots of one thread for one program.
+    type :: program_space
+        type(block_space) :: block
+        integer :: lanes = 0                           !! 0: not made yet
+    end type program_space
+
+contains
+
+    subroutine add_output(list, id, v)
+        type(output_list), intent(inout) :: list
+        integer, intent(in) :: id
+        type(value), intent(in) :: v(:)
+
+        if (.not. allocated(list%v)) allocate (list%id(0), list%n(0), list%v(0))
+        list%id = [list%id, id]
+        list%n = [list%n, size(v)]
+        list%v = [list%v, v]
+    end subroutine add_output
+
+    !> Compile an open record. Values that another program has found come in as block `in_found`.
+    subroutine make_scene_program(record, in, out, program, found)
+        type(record_type), intent(in) :: record
+        type(input_blocks), intent(in) :: in
+        type(output_list), intent(in) :: out
+        type(scene_program), intent(inout) :: program
+        integer, intent(in), optional :: found(:)      !! nodes
+        integer :: b, k
+
+        call free_scene_program(program)
+        call compile_kernel(record, out%v, forms_multiply_adds(), program%kernel, found, out%n)
+        call make_program(program%kernel, program%program)
+        allocate (program%input(0))
+        do b = 1, n_block
+            if (.not. allocated(in%of(b)%which)) cycle
+            do k = 1, size(in%of(b)%which)
+                call add_input(b, in%of(b)%which(k), in%of(b)%first + k - 1)
+            end do
+        end do
+        if (present(found)) then
+            do k = 1, size(found)
+                call add_input(in_found, k, record%n_input + k)
+            end do
+        end if
+        program%id = out%id
+        program%n = out%n
+        program%first = [(1 + sum(out%n(:k - 1)), k=1, size(out%n))]
+        program%is_made = .true.
+
+    contains
+
+        subroutine add_input(block, place, slot)
+            integer, intent(in) :: block, place, slot
+            integer :: last
+
+            if (.not. program%kernel%uses(slot)) return
+            last = size(program%input)
+            if (last > 0) then
+                associate (s => program%input(last))
+                    if (s%block == block .and. s%first + s%n == place .and. s%slot + s%n == slot) then
+                        s%n = s%n + 1
+                        return
+                    end if
+                end associate
+            end if
+            program%input = [program%input, input_segment(block, place, 1, slot)]
+        end subroutine add_input
+    end subroutine make_scene_program
+
+    subroutine free_scene_program(program)
+        type(scene_program), intent(inout) :: program
+
+        if (program%is_made) call free_program(program%program)
+        program%is_made = .false.
+        if (allocated(program%input)) deallocate (program%input)
+    end subroutine free_scene_program
+
+    !> Samples first, ..., first + count - 1 of the arrays to the slots; of one block only, if the others are there already.
+    subroutine load_samples(program, arrays, first, count, space, only_block)
+        type(scene_program), intent(in) :: program
+        type(sample_arrays), intent(in) :: arrays
+        integer, intent(in) :: first, count
+        type(program_space), intent(inout) :: space
+        integer, intent(in), optional :: only_block
+        integer :: k
+
+        if (space%lanes == 0) then
+            call make_space(program%program, .false., space%block)
+            space%lanes = block_lanes()
+        end if
+        do k = 1, size(program%input)
+            if (present(only_block)) then
+                if (program%input(k)%block /= only_block) cycle
+            end if
+            associate (s => program%input(k), x => arrays%of(program%input(k)%block)%x, &
+                       before => arrays%of(program%input(k)%block)%before)
+                if (size(x, 2) == 1) then
+                    call gather(x(s%first, 1), 0, count, s%n, s%slot, space%block)
+                else
+                    call gather(x(s%first, first - before), size(x, 1), count, s%n, s%slot, space%block)
+                end if
+            end associate
+        end do
+    end subroutine load_samples
+
+    subroutine free_program_space(space)
+        type(program_space), intent(inout) :: space
+
+        if (space%lanes > 0) call free_space(space%block)
+        space%lanes = 0
+    end subroutine free_program_space
+
+    !> Which of the outputs an id is; 0: none.
+    pure integer function has_output(program, id)
+        type(scene_program), intent(in) :: program
+        integer, intent(in) :: id
+
+        has_output = findloc(program%id, id, dim=1)
+    end function has_output
+
+    !> Where one output goes, by its id.
+    function goes_to(id, x, first) result(target)
+        integer, intent(in) :: id
+        real(wp), intent(in), target, contiguous :: x(:, :)    !! (value, sample)
+        integer, intent(in), optional :: first                 !! column of the first sample of the block; absent: 1
+        type(output_target) :: target
+
+        target%id = id
+        target%x => x
+        if (present(first)) target%first = first
+    end function goes_to
+
+    !> Run the loaded samples; outputs go where they are wanted as soon as they are there. Says in which samples one of these
+    !> is not finite.
+    subroutine run_samples(program, space, count, target, is_bad)
+        type(scene_program), intent(in) :: program
+        type(program_space), intent(in) :: space
+        integer, intent(in) :: count
+        type(output_target), intent(in) :: target(:)   !! those of other programs do not matter
+        logical, intent(inout), optional :: is_bad(:)  !! (count) set where a number is not finite
+        logical :: not_finite(count)
+        integer :: which(size(program%id)), g, k, t, first, n
+
+        which = 0
+        do t = 1, size(target)
+            k = has_output(program, target(t)%id)
+            if (k > 0) which(k) = t
+        end do
+        not_finite = .false.
+        k = 1
+        first = 1
+        do g = 1, size(program%program%group_end)
+            call run_block(program%program, g, space%block)
+            do while (program%first(k) + program%n(k) <= first)
+                k = k + 1
+            end do
+            n = program%program%group_end(g) - first + 1
+            if (which(k) > 0) then
+                associate (x => target(which(k))%x, column => target(which(k))%first)
+                    call scatter(program%program, space%block, first, n, x(first - program%first(k) + 1, column), size(x, 1), &
+                                 count, not_finite)
+                end associate
+            end if
+            first = first + n
+        end do
+        if (present(is_bad)) is_bad(:count) = is_bad(:count) .or. not_finite
+    end subroutine run_samples
+end module linkdyn_scene_program

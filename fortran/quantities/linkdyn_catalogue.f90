@@ -1,0 +1,107 @@
+!> The results that there are, and how each is computed from a traced scene.
+module linkdyn_catalogue
+    use linkdyn_force_system, only: reaction_of
+    use linkdyn_joint_variables, only: variable_rate
+    use linkdyn_kinds, only: wp
+    use linkdyn_motion_quantities, only: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, &
+        potential_energy, largest_gap, scene_position, scene_rotation
+    use linkdyn_power_balance, only: power_imbalance
+    use linkdyn_system, only: solved
+    use linkdyn_trace, only: traced_type
+    use linkdyn_value, only: value, zero, operator(*), operator(+)
+    implicit none (type, external)
+    private
+    public :: quantity_values
+    public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
+    public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
+    public :: result_error, result_growth, result_power_imbalance, result_time
+    public :: result_driving_force_error, result_reaction_error
+    public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
+    public :: result_transmission_angle, result_stand_in, result_singularity_distance
+    public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
+    public :: result_position, result_rotation
+
+    integer, parameter :: result_time = 1
+    integer, parameter :: result_q = 2
+    integer, parameter :: result_qd = 3
+    integer, parameter :: result_qdd = 4
+    integer, parameter :: result_driving_force = 5
+    integer, parameter :: result_driving_speed = 6
+    integer, parameter :: result_driving_power = 7
+    integer, parameter :: result_reaction = 8
+    integer, parameter :: result_joint_variable = 9
+    integer, parameter :: result_joint_rate = 10
+    integer, parameter :: result_status = 11
+    integer, parameter :: result_rcond = 12
+    integer, parameter :: result_error = 13
+    integer, parameter :: result_growth = 14
+    integer, parameter :: result_power_imbalance = 15
+    integer, parameter :: result_kinetic_energy = 16
+    integer, parameter :: result_potential_energy = 17
+    integer, parameter :: result_work = 18
+    integer, parameter :: result_closure = 19
+    integer, parameter :: result_step = 20
+    integer, parameter :: result_driving_force_error = 21
+    integer, parameter :: result_reaction_error = 22
+    integer, parameter :: result_transmission_angle = 23
+    integer, parameter :: result_stand_in = 24
+    integer, parameter :: result_q_error = 25
+    integer, parameter :: result_qd_error = 26
+    integer, parameter :: result_qdd_error = 27
+    integer, parameter :: result_joint_rate_error = 28
+    integer, parameter :: result_singularity_distance = 29
+    integer, parameter :: result_position = 30
+    integer, parameter :: result_rotation = 31
+
+contains
+
+    !> The values of one result, as samples store them; none for what no kernel computes.
+    function quantity_values(traced, id) result(v)
+        type(traced_type), intent(inout) :: traced
+        integer, intent(in) :: id                       !! one of `result_*`
+        type(value), allocatable :: v(:)
+        type(value) :: r(6)
+        integer :: i
+
+        allocate (v(0))
+        associate (mechanism => traced%mechanism, model => traced%mechanism%model)
+            select case (id)
+            case (result_qdd)
+                v = solved(traced%system, traced%acceleration)
+            case (result_driving_force)
+                v = solved(traced%system, traced%unknowns%effort)
+            case (result_reaction)
+                do i = 1, model%n_joint
+                    r = reaction_of(mechanism, traced%unknowns, traced%system, i)
+                    if (model%is_planar) then
+                        v = [v, r([1, 2, 6])]
+                    else
+                        v = [v, r]
+                    end if
+                end do
+            case (result_joint_variable)
+                v = all_joint_variables(mechanism)
+            case (result_joint_rate)
+                v = all_joint_rates(mechanism)
+            case (result_transmission_angle)
+                v = transmission_angles(mechanism)
+            case (result_power_imbalance)
+                v = [power_imbalance(traced)]
+            case (result_kinetic_energy)
+                v = [kinetic_energy(mechanism)]
+            case (result_potential_energy)
+                v = [potential_energy(mechanism)]
+            case (result_closure)
+                v = [largest_gap(mechanism)]
+            case (result_position)
+                do i = 1, model%n_link
+                    v = [v, scene_position(mechanism, i)]
+                end do
+            case (result_rotation)
+                do i = 1, model%n_link
+                    v = [v, scene_rotation(mechanism, i)]
+                end do
+            end select
+        end associate
+    end function quantity_values
+end module linkdyn_catalogue

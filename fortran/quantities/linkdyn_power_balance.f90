@@ -1,0 +1,52 @@
+!> The check that uses no reaction: the power of drives and loads is what changes the energy.
+module linkdyn_power_balance
+    use linkdyn_bodies, only: own_axes, omega_of, rotation_of
+    use linkdyn_joint_variables, only: variable_rate
+    use linkdyn_link_wrenches, only: link_wrenches
+    use linkdyn_system, only: solved
+    use linkdyn_trace, only: traced_type
+    use linkdyn_value, only: value, zero, one, abs, select, reciprocal, operator(+), operator(-), operator(*)
+    use linkdyn_vector, only: vector, operator(.dot.), operator(.unrotate.)
+    implicit none (type, external)
+    private
+    public :: power_imbalance
+
+contains
+
+    !> Sum of driving force times rate, less the power of what each link's motion asks for beyond loads and springs,
+    !> relative to the sum of magnitudes; zero where nothing moves.
+    function power_imbalance(traced) result(imbalance)
+        type(traced_type), intent(inout) :: traced
+        type(value) :: imbalance
+        type(value) :: total, size
+        type(vector) :: force(traced%mechanism%model%n_link), moment(traced%mechanism%model%n_link), velocity
+        integer :: i, l
+
+        total = zero()
+        size = zero()
+        associate (model => traced%mechanism%model, bodies => traced%mechanism%bodies)
+            do i = 1, model%n_actuator
+                associate (actuator => model%scene%actuator(i))
+                    call add(solved(traced%system, traced%unknowns%effort(i)) &
+                             *variable_rate(traced%mechanism, actuator%joint, actuator%variable))
+                end associate
+            end do
+            call link_wrenches(traced, force, moment)
+            do l = 1, model%n_link
+                velocity = rotation_of(bodies, l) .unrotate.bodies%body(l)%velocity
+                call add(-solved(traced%system, force(l) .dot.velocity))
+                call add(-solved(traced%system, moment(l) .dot.omega_of(bodies, l, own_axes)))
+            end do
+        end associate
+        imbalance = select(size, total*reciprocal(select(size, size, one())), zero())
+
+    contains
+
+        subroutine add(term)
+            type(value), intent(in) :: term
+
+            total = total + term
+            size = size + abs(term)
+        end subroutine add
+    end function power_imbalance
+end module linkdyn_power_balance

@@ -1,0 +1,221 @@
+!> Kernels run on blocks of samples side by side, by the interpreters in `c/linkdyn_lanes.c`. Twin of
+!> linkdyn_block_real128.f90.
+module linkdyn_block
+    use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_int, c_int32_t, c_int64_t, c_long, c_double, c_f_pointer
+    use linkdyn_kernel, only: kernel_type
+    use linkdyn_kinds, only: wp
+    implicit none (type, external)
+    private
+    public :: program_type, block_space, make_program, free_program, make_space, free_space
+    public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, scatter, gather_single, scatter_single
+
+    !> A kernel in the form that runs. Constant: threads share it.
+    type :: program_type
+        integer :: n_input = 0
+        integer :: n_output = 0
+        integer(c_int32_t), allocatable :: output_slot(:)  !! (output) counted from 0
+        integer(c_int32_t), allocatable :: output_sign(:)
+        integer(c_int32_t), allocatable :: group_end(:)    !! (group) its last output; they are made one after the other
+        type(c_ptr), private :: packed = c_null_ptr
+        integer, private :: n_slot = 0
+    end type program_type
+
+    !> Slots of one thread.
+    type :: block_space
+        real(wp), pointer, contiguous :: slot(:, :) => null()    !! (lane, slot counted from 0)
+        type(c_ptr), private :: memory = c_null_ptr
+    end type block_space
+
+    interface
+        function machine_lanes() bind(c, name="linkdyn_machine_lanes") result(n)
+            import :: c_int
+            integer(c_int) :: n
+        end function machine_lanes
+
+        function machine_fuses() bind(c, name="linkdyn_machine_fuses") result(fuses)
+            import :: c_int
+            integer(c_int) :: fuses
+        end function machine_fuses
+
+        function pack_kernel(n_step, step, output, n_group, output_end, step_end, n_slot, first_constant, n_constant, constant) &
+            bind(c, name="linkdyn_pack") result(packed)
+            import :: c_int, c_int32_t, c_double, c_ptr
+            integer(c_int), value :: n_step, n_group, n_slot, first_constant, n_constant
+            integer(c_int32_t), intent(in) :: step(5, *), output(*), output_end(*), step_end(*)
+            real(c_double), intent(in) :: constant(*)
+            type(c_ptr) :: packed
+        end function pack_kernel
+
+        subroutine unpack(packed) bind(c, name="linkdyn_unpack")
+            import :: c_ptr
+            type(c_ptr), value :: packed
+        end subroutine unpack
+
+        function make_slots(packed, one) bind(c, name="linkdyn_make_slots") result(slot)
+            import :: c_ptr, c_int
+            type(c_ptr), value :: packed
+            integer(c_int), value :: one
+            type(c_ptr) :: slot
+        end function make_slots
+
+        subroutine free_slots(slot) bind(c, name="linkdyn_free_slots")
+            import :: c_ptr
+            type(c_ptr), value :: slot
+        end subroutine free_slots
+
+        subroutine run_lanes(packed, group, slot) bind(c, name="linkdyn_run_lanes")
+            import :: c_ptr, c_int
+            type(c_ptr), value :: packed, slot
+            integer(c_int), value :: group
+        end subroutine run_lanes
+
+        subroutine run_one(packed, group, slot) bind(c, name="linkdyn_run_one")
+            import :: c_ptr, c_int
+            type(c_ptr), value :: packed, slot
+            integer(c_int), value :: group
+        end subroutine run_one
+
+        subroutine gather_rows(source, ld, count, n, slot, first) bind(c, name="linkdyn_gather")
+            import :: c_double, c_long, c_int, c_ptr
+            real(c_double), intent(in) :: source(*)
+            integer(c_long), value :: ld
+            integer(c_int), value :: count, n, first
+            type(c_ptr), value :: slot
+        end subroutine gather_rows
+
+        function scatter_rows(slot, which, sign, n, target, ld, count) bind(c, name="linkdyn_scatter") result(bad)
+            import :: c_double, c_long, c_int, c_int32_t, c_int64_t, c_ptr
+            type(c_ptr), value :: slot
+            integer(c_int32_t), intent(in) :: which(*), sign(*)
+            integer(c_int), value :: n, count
+            integer(c_long), value :: ld
+            real(c_double), intent(inout) :: target(*)
+            integer(c_int64_t) :: bad
+        end function scatter_rows
+    end interface
+
+contains
+
+    !> Samples side by side in a block.
+    integer function block_lanes()
+        block_lanes = machine_lanes()
+    end function block_lanes
+
+    !> Does this machine round a product and a sum once?
+    logical function forms_multiply_adds()
+        forms_multiply_adds = machine_fuses() /= 0
+    end function forms_multiply_adds
+
+    subroutine make_program(kernel, program)
+        type(kernel_type), intent(in) :: kernel
+        type(program_type), intent(out) :: program
+        integer(c_int32_t) :: step(5, size(kernel%step))
+        integer :: k
+
+        do k = 1, size(kernel%step)
+            step(:, k) = [kernel%step(k)%kind, kernel%step(k)%result - 1, kernel%step(k)%operand - 1]
+        end do
+        program%n_input = kernel%n_input
+        program%n_output = kernel%n_output
+        program%n_slot = kernel%n_slot
+        program%output_slot = kernel%output_slot - 1
+        program%output_sign = kernel%output_sign
+        program%group_end = kernel%group_end
+        program%packed = pack_kernel(size(kernel%step), step, program%output_slot, size(kernel%group_end), program%group_end, &
+                                     int(kernel%step_end, c_int32_t), kernel%n_slot, kernel%n_input, kernel%n_constant, &
+                                     kernel%constant)
+    end subroutine make_program
+
+    subroutine free_program(program)
+        type(program_type), intent(inout) :: program
+
+        call unpack(program%packed)
+        program%packed = c_null_ptr
+    end subroutine free_program
+
+    !> Slots for blocks, or for single samples.
+    subroutine make_space(program, is_single, space)
+        type(program_type), intent(in) :: program
+        logical, intent(in) :: is_single
+        type(block_space), intent(out) :: space
+        real(wp), pointer, contiguous :: slot(:, :)
+        integer :: lanes
+
+        lanes = merge(1, block_lanes(), is_single)
+        space%memory = make_slots(program%packed, merge(1_c_int, 0_c_int, is_single))
+        call c_f_pointer(space%memory, slot, [lanes, program%n_slot])
+        space%slot(1:lanes, 0:program%n_slot - 1) => slot
+    end subroutine make_space
+
+    subroutine free_space(space)
+        type(block_space), intent(inout) :: space
+
+        call free_slots(space%memory)
+        space%memory = c_null_ptr
+        space%slot => null()
+    end subroutine free_space
+
+    !> Make the outputs of one group; they must be taken before the next one is made.
+    subroutine run_block(program, group, space)
+        type(program_type), intent(in) :: program
+        integer, intent(in) :: group
+        type(block_space), intent(in) :: space
+
+        call run_lanes(program%packed, group - 1, space%memory)
+    end subroutine run_block
+
+    subroutine run_single(program, group, space)
+        type(program_type), intent(in) :: program
+        integer, intent(in) :: group
+        type(block_space), intent(in) :: space
+
+        call run_one(program%packed, group - 1, space%memory)
+    end subroutine run_single
+
+    !> `count` samples of n numbers, `stride` apart, to the inputs from `first` on; lanes beyond repeat the last sample.
+    subroutine gather(source, stride, count, n, first, space)
+        real(wp), intent(in) :: source(*)
+        integer, intent(in) :: stride, count, n, first
+        type(block_space), intent(in) :: space
+
+        call gather_rows(source, int(stride, c_long), count, n, space%memory, first - 1)
+    end subroutine gather
+
+    !> Outputs first, ..., first + n - 1 to `count` samples; says in which of them a number is not finite.
+    subroutine scatter(program, space, first, n, target, stride, count, is_bad)
+        type(program_type), intent(in) :: program
+        type(block_space), intent(in) :: space
+        integer, intent(in) :: first, n, stride, count
+        real(wp), intent(inout) :: target(*)
+        logical, intent(inout) :: is_bad(:)            !! (count) set where a number is not finite
+        integer(c_int64_t) :: bad
+        integer :: lane
+
+        bad = scatter_rows(space%memory, program%output_slot(first:), program%output_sign(first:), n, target, &
+                           int(stride, c_long), count)
+        if (bad == 0) return
+        do lane = 1, count
+            if (btest(bad, lane - 1)) is_bad(lane) = .true.
+        end do
+    end subroutine scatter
+
+    subroutine gather_single(source, first, space)
+        real(wp), intent(in) :: source(:)
+        integer, intent(in) :: first
+        type(block_space), intent(in) :: space
+
+        space%slot(1, first - 1:first + size(source) - 2) = source
+    end subroutine gather_single
+
+    subroutine scatter_single(program, space, first, target)
+        type(program_type), intent(in) :: program
+        type(block_space), intent(in) :: space
+        integer, intent(in) :: first
+        real(wp), intent(out) :: target(:)
+        integer :: k
+
+        do k = 1, size(target)
+            target(k) = program%output_sign(first + k - 1)*space%slot(1, program%output_slot(first + k - 1))
+        end do
+    end subroutine scatter_single
+end module linkdyn_block

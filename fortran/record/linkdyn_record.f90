@@ -1,0 +1,407 @@
+!> A record: the program of a scene as a straight line of arithmetic, written down while the physics is traced.
+!>
+!> A node is one operation on results of earlier nodes. Equal operations are one node. Every node carries its numbers at
+!> a few representative samples, computed when it is made: whoever has to choose (a pivot, a branch) looks at these.
+!> Constants are kept in quadruple precision and rounded once, when the record is run.
+!>
+!> One record a thread is open at a time; the operators of `linkdyn_value` write to it.
+module linkdyn_record
+    use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_loc, c_f_pointer, c_associated
+    use, intrinsic :: iso_fortran_env, only: int64, real128
+    use linkdyn_kinds, only: wp
+    use linkdyn_operation, only: operate, n_operand, op_constant, op_input, op_unknown
+    implicit none (type, external)
+    private
+    public :: value, record_type, open_record, close_record, open_record_of_thread
+    public :: constant, constant_in_quad, zero, one, new_input, new_unknown, find_node
+    public :: is_constant, is_zero, is_one, number_of, constant_of, declare_inverse, negated
+
+    integer, parameter :: first_capacity = 1024     !! nodes; doubled when full, a power of two
+
+    !> A number of the program: a node, or its negative. Two plain integers, so that expressions leak nothing.
+    type :: value
+        integer :: node = 0
+        integer :: sign = 1                         !! +1 or -1
+    end type value
+
+    type :: record_type
+        integer :: n_node = 0
+        integer :: n_input = 0
+        integer :: n_unknown = 0
+        integer :: n_constant = 0
+        integer :: n_sample = 0
+        integer, allocatable :: kind(:)             !! (node) one of `op_*`
+        integer, allocatable :: operand(:, :)       !! (3, node); of a constant, an input, an unknown: its index
+        integer, allocatable :: inverse(:)          !! (node) what it is the reciprocal of, with a sign; 0: not known
+        real(wp), allocatable :: number(:, :)       !! (sample, node)
+        real(real128), allocatable :: constant(:)   !! (constant)
+        integer, allocatable :: node_of_unknown(:)  !! (unknown)
+        integer, allocatable :: node_of_input(:)    !! (input)
+        integer, allocatable, private :: table(:)   !! nodes by their hash
+        type(c_ptr), private :: outer = c_null_ptr  !! the record that was open before
+    end type record_type
+
+    interface
+        !> The open record of the calling thread.
+        function current_record() bind(c, name="linkdyn_current_record")
+            import :: c_ptr
+            type(c_ptr) :: current_record
+        end function current_record
+
+        subroutine set_current_record(record) bind(c, name="linkdyn_set_current_record")
+            import :: c_ptr
+            type(c_ptr), value :: record
+        end subroutine set_current_record
+    end interface
+
+    interface constant
+        module procedure constant_wp, constant_integer
+    end interface constant
+
+contains
+
+    ! ---------------------------------------------------------------- opening and closing
+
+    !> Start a record; the thread's operators write to it until it is closed.
+    subroutine open_record(record, n_sample)
+        type(record_type), intent(inout), target :: record
+        integer, intent(in) :: n_sample             !! representative samples
+
+        record%n_node = 0
+        record%n_input = 0
+        record%n_unknown = 0
+        record%n_constant = 0
+        record%n_sample = n_sample
+        if (allocated(record%kind)) deallocate (record%kind, record%operand, record%inverse, record%number, record%constant, &
+                                                record%table, record%node_of_unknown, record%node_of_input)
+        allocate (record%kind(first_capacity), record%operand(3, first_capacity), record%inverse(first_capacity), &
+                  record%number(n_sample, first_capacity), record%constant(first_capacity/8), record%table(4*first_capacity), &
+                  record%node_of_unknown(64), record%node_of_input(64))
+        record%table = 0
+        record%outer = current_record()
+        call set_current_record(c_loc(record))
+    end subroutine open_record
+
+    !> The record stays; the one that was open before is open again.
+    subroutine close_record(record)
+        type(record_type), intent(inout) :: record
+
+        call set_current_record(record%outer)
+        record%outer = c_null_ptr
+    end subroutine close_record
+
+    !> The record that the calling thread is writing.
+    function open_record_of_thread() result(record)
+        type(record_type), pointer :: record
+
+        call c_f_pointer(current_record(), record)
+    end function open_record_of_thread
+
+    ! ---------------------------------------------------------------- leaves
+
+    !> A number that the scene fixes.
+    impure elemental function constant_wp(x) result(v)
+        real(wp), intent(in) :: x
+        type(value) :: v
+
+        v = constant_in_quad(real(x, real128))
+    end function constant_wp
+
+    impure elemental function constant_integer(x) result(v)
+        integer, intent(in) :: x
+        type(value) :: v
+
+        v = constant_in_quad(real(x, real128))
+    end function constant_integer
+
+    function zero() result(v)
+        type(value) :: v
+
+        v = constant_in_quad(0.0_real128)
+    end function zero
+
+    function one() result(v)
+        type(value) :: v
+
+        v = constant_in_quad(1.0_real128)
+    end function one
+
+    !> A number given when the record is run.
+    function new_input(number) result(v)
+        real(wp), intent(in) :: number(:)           !! at the representative samples, or one for all
+        type(value) :: v
+        type(record_type), pointer :: record
+
+        record => open_record_of_thread()
+        record%n_input = record%n_input + 1
+        v%node = append(record, op_input, [record%n_input, 0, 0])
+        if (record%n_input > size(record%node_of_input)) record%node_of_input = [record%node_of_input, record%node_of_input]
+        record%node_of_input(record%n_input) = v%node
+        if (size(number) == record%n_sample) then
+            record%number(:, v%node) = number
+        else
+            record%number(:, v%node) = number(1)
+        end if
+    end function new_input
+
+    !> A number that equations will determine.
+    function new_unknown() result(v)
+        type(value) :: v
+        type(record_type), pointer :: record
+
+        record => open_record_of_thread()
+        record%n_unknown = record%n_unknown + 1
+        v%node = append(record, op_unknown, [record%n_unknown, 0, 0])
+        if (record%n_unknown > size(record%node_of_unknown)) &
+            record%node_of_unknown = [record%node_of_unknown, record%node_of_unknown]
+        record%node_of_unknown(record%n_unknown) = v%node
+        record%number(:, v%node) = 0
+    end function new_unknown
+
+    ! ---------------------------------------------------------------- nodes
+
+    !> The node of an operation; operands are nodes, not their negatives. The same operation is made once.
+    function find_node(record, kind, operand) result(node)
+        type(record_type), intent(inout) :: record
+        integer, intent(in) :: kind                 !! one of `op_*` with operands
+        integer, intent(in) :: operand(3)           !! nodes; 0 where the operation takes none
+        integer :: node, place, s, o(3)
+
+        place = place_of(record, kind, operand)
+        node = record%table(place)
+        if (node > 0) return
+        node = append(record, kind, operand)
+        o = max(operand, 1)
+        do s = 1, record%n_sample
+            record%number(s, node) = operate(kind, record%number(s, o(1)), record%number(s, o(2)), record%number(s, o(3)))
+        end do
+    end function find_node
+
+    function constant_in_quad(x) result(v)
+        real(real128), intent(in) :: x
+        type(value) :: v
+        type(record_type), pointer :: record
+        integer :: place
+
+        record => open_record_of_thread()
+        place = place_of_constant(record, abs(x))
+        v%sign = merge(-1, 1, x < 0)
+        v%node = record%table(place)
+        if (v%node > 0) return
+        record%n_constant = record%n_constant + 1
+        if (record%n_constant > size(record%constant)) record%constant = [record%constant, record%constant]
+        record%constant(record%n_constant) = abs(x)
+        v%node = append(record, op_constant, [record%n_constant, 0, 0])
+        record%number(:, v%node) = real(abs(x), wp)
+    end function constant_in_quad
+
+    !> A new node at the end.
+    function append(record, kind, operand) result(node)
+        type(record_type), intent(inout) :: record
+        integer, intent(in) :: kind, operand(3)
+        integer :: node
+
+        if (record%n_node == size(record%kind)) call grow(record)
+        node = record%n_node + 1
+        record%n_node = node
+        record%kind(node) = kind
+        record%operand(:, node) = operand
+        record%inverse(node) = 0
+        record%table(free_place(record, hash_of_node(record, node))) = node
+    end function append
+
+    subroutine grow(record)
+        type(record_type), intent(inout) :: record
+        integer, allocatable :: kind(:), operand(:, :), inverse(:)
+        real(wp), allocatable :: number(:, :)
+        integer :: n, i
+
+        n = size(record%kind)
+        allocate (kind(2*n), operand(3, 2*n), inverse(2*n), number(record%n_sample, 2*n))
+        kind(:n) = record%kind
+        operand(:, :n) = record%operand
+        inverse(:n) = record%inverse
+        number(:, :n) = record%number
+        call move_alloc(kind, record%kind)
+        call move_alloc(operand, record%operand)
+        call move_alloc(inverse, record%inverse)
+        call move_alloc(number, record%number)
+        deallocate (record%table)
+        allocate (record%table(8*n))
+        record%table = 0
+        do i = 1, record%n_node
+            record%table(free_place(record, hash_of_node(record, i))) = i
+        end do
+    end subroutine grow
+
+    ! ---------------------------------------------------------------- finding nodes
+
+    !> Where a node with these contents stands in the table, or the free place where it belongs.
+    pure function place_of(record, kind, operand) result(place)
+        type(record_type), intent(in) :: record
+        integer, intent(in) :: kind, operand(3)
+        integer :: place, node
+
+        place = first_place(record, hash_of(kind, operand))
+        do
+            node = record%table(place)
+            if (node == 0) return
+            if (record%kind(node) == kind) then
+                if (all(record%operand(:, node) == operand)) return
+            end if
+            place = next_place(record, place)
+        end do
+    end function place_of
+
+    pure function place_of_constant(record, x) result(place)
+        type(record_type), intent(in) :: record
+        real(real128), intent(in) :: x
+        integer :: place, node
+
+        place = first_place(record, hash_of_constant(x))
+        do
+            node = record%table(place)
+            if (node == 0) return
+            if (record%kind(node) == op_constant) then
+                if (record%constant(record%operand(1, node)) == x) return
+            end if
+            place = next_place(record, place)
+        end do
+    end function place_of_constant
+
+    pure function free_place(record, hash) result(place)
+        type(record_type), intent(in) :: record
+        integer(int64), intent(in) :: hash
+        integer :: place
+
+        place = first_place(record, hash)
+        do while (record%table(place) > 0)
+            place = next_place(record, place)
+        end do
+    end function free_place
+
+    pure integer function first_place(record, hash)
+        type(record_type), intent(in) :: record
+        integer(int64), intent(in) :: hash
+
+        first_place = 1 + int(iand(hash, int(size(record%table) - 1, int64)))
+    end function first_place
+
+    pure integer function next_place(record, place)
+        type(record_type), intent(in) :: record
+        integer, intent(in) :: place
+
+        next_place = 1 + iand(place, size(record%table) - 1)
+    end function next_place
+
+    pure function hash_of_node(record, node) result(hash)
+        type(record_type), intent(in) :: record
+        integer, intent(in) :: node
+        integer(int64) :: hash
+
+        if (record%kind(node) == op_constant) then
+            hash = hash_of_constant(record%constant(record%operand(1, node)))
+        else
+            hash = hash_of(record%kind(node), record%operand(:, node))
+        end if
+    end function hash_of_node
+
+    pure function hash_of(kind, operand) result(hash)
+        integer, intent(in) :: kind, operand(3)
+        integer(int64) :: hash
+
+        hash = mixed(mixed(mixed(int(kind, int64), operand(1)), operand(2)), operand(3))
+    end function hash_of
+
+    pure function hash_of_constant(x) result(hash)
+        real(real128), intent(in) :: x
+        integer(int64) :: hash
+        integer :: bits(4)
+
+        bits = transfer(x, bits)
+        hash = mixed(mixed(mixed(mixed(int(op_constant, int64), bits(1)), bits(2)), bits(3)), bits(4))
+    end function hash_of_constant
+
+    !> Exclusive or with shifts and a rotation: no product that could overflow, and small changes reach all bits.
+    pure function mixed(hash, word) result(h)
+        integer(int64), intent(in) :: hash
+        integer, intent(in) :: word
+        integer(int64) :: h
+
+        h = ieor(ishftc(hash, 23), int(word, int64))
+        h = ieor(h, ishft(h, 13))
+        h = ieor(h, ishft(h, -7))
+        h = ieor(h, ishft(h, 17))
+    end function mixed
+
+    ! ---------------------------------------------------------------- looking at values
+
+    logical function is_constant(v)
+        type(value), intent(in) :: v
+        type(record_type), pointer :: record
+
+        record => open_record_of_thread()
+        is_constant = record%kind(v%node) == op_constant
+    end function is_constant
+
+    impure elemental logical function is_zero(v)
+        type(value), intent(in) :: v
+
+        is_zero = has_magnitude(v, 0.0_real128)
+    end function is_zero
+
+    !> Is it 1 or -1?
+    impure elemental logical function is_one(v)
+        type(value), intent(in) :: v
+
+        is_one = has_magnitude(v, 1.0_real128)
+    end function is_one
+
+    logical function has_magnitude(v, x)
+        type(value), intent(in) :: v
+        real(real128), intent(in) :: x
+        type(record_type), pointer :: record
+
+        record => open_record_of_thread()
+        has_magnitude = .false.
+        if (record%kind(v%node) == op_constant) has_magnitude = record%constant(record%operand(1, v%node)) == x
+    end function has_magnitude
+
+    !> The number of a constant.
+    function constant_of(v) result(x)
+        type(value), intent(in) :: v
+        real(real128) :: x
+        type(record_type), pointer :: record
+
+        record => open_record_of_thread()
+        x = v%sign*record%constant(record%operand(1, v%node))
+    end function constant_of
+
+    !> Numbers at the representative samples.
+    function number_of(v) result(x)
+        type(value), intent(in) :: v
+        real(wp), allocatable :: x(:)
+        type(record_type), pointer :: record
+
+        record => open_record_of_thread()
+        x = v%sign*record%number(:record%n_sample, v%node)
+    end function number_of
+
+    impure elemental function negated(v) result(w)
+        type(value), intent(in) :: v
+        type(value) :: w
+
+        w = v
+        if (.not. is_zero(v)) w%sign = -v%sign
+    end function negated
+
+    !> The physics knows that a b = 1: neither is computed from the other.
+    subroutine declare_inverse(a, b)
+        type(value), intent(in) :: a, b
+        type(record_type), pointer :: record
+
+        record => open_record_of_thread()
+        if (record%inverse(a%node) == 0) record%inverse(a%node) = a%sign*b%sign*b%node
+        if (record%inverse(b%node) == 0) record%inverse(b%node) = a%sign*b%sign*a%node
+    end subroutine declare_inverse
+end module linkdyn_record
