@@ -12,8 +12,11 @@ import sys
 from fnmatch import fnmatch
 from pathlib import Path
 
-ORDER = ["kinds", "core", "lanes", "linalg", "kinematics", "model", "dynamics", "analysis", "io"]
+RECORDED = ["joints", "bodies", "groups", "forces", "equations", "quantities", "programs"]   # physics written with values
+ORDER = ["kinds", "core", "record", "geometry", "lanes", "linalg", "kinematics", "model", *RECORDED, "dynamics", "analysis", "io"]
 MAY_USE = {layer: set(ORDER[: i + 1]) for i, layer in enumerate(ORDER)}
+for layer in RECORDED:
+    MAY_USE[layer] -= {"lanes", "linalg", "kinematics"}
 MAY_USE["integrate"] = {"kinds", "core", "lanes", "integrate"}   # knows a right-hand side, never a body
 MAY_USE["analysis"] |= {"integrate"}
 MAY_USE["io"] |= {"integrate"}
@@ -25,11 +28,13 @@ RESERVED = [
     ("the netCDF library", r"^\s*use\s*(?:,\s*non_intrinsic\s*::)?\s*netcdf\b", ["io/linkdyn_netcdf*.f90"]),
     ("C kinds", r"\biso_c_binding\b",
      ["core/linkdyn_interrupt.f90", "core/linkdyn_mix.f90", "core/linkdyn_sign.f90", "core/linkdyn_threads.f90",
+      "kinds/linkdyn_multiply_add_real64.f90", "record/linkdyn_block_real64.f90", "record/linkdyn_record.f90",
       "io/linkdyn_child.f90", "io/linkdyn_file_lock.f90", "io/linkdyn_path.f90",
       "io/linkdyn_toml.f90", "io/linkdyn_input.f90", "io/linkdyn_spool.f90", "io/linkdyn_output_file.f90", "lanes/linkdyn_slots.f90",
       "integrate/linkdyn_ode_gsl.f90", "api/*.f90"]),
     ("real kinds", r"\b(?:real32|real64|real128|double\s+precision)\b|\d[de][+-]?\d+(?!_wp|\d)\b",
-     ["kinds/*.f90", "io/linkdyn_netcdf*.f90", "io/linkdyn_scene_links.f90"]),   # a file's numbers are real64
+     ["kinds/*.f90", "io/linkdyn_netcdf*.f90", "io/linkdyn_scene_links.f90",                  # a file's numbers are real64
+      "record/linkdyn_folding.f90", "record/linkdyn_operation.f90", "record/linkdyn_record.f90"]),   # constants fold in quadruple
     ("LAPACK", r"\bcall\s+[sd](?:ge|gb|po|sy|tr|or)[a-z]{2,4}\b", ["linalg/linkdyn_dense_lapack.f90"]),
     ("GSL", r"\bgsl_\w+", ["integrate/linkdyn_ode_gsl.f90"]),
     ("the command line", r"\b(?:get_command_argument|get_command|command_argument_count)\b", ["app/*.f90"]),

@@ -22,7 +22,7 @@ module linkdyn_equations
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_joint_rates, only: actuator_columns, work_columns
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_mass_matrix, only: mass_matrix
@@ -39,7 +39,7 @@ module linkdyn_equations
     implicit none (type, external)
     private
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations
-    public :: prepare_workspace, solve_block, solve_equations, sample_system, poses_that_close, fill_lane_matrix
+    public :: prepare_workspace, solve_block, solve_equations, sample_system, find_poses, fill_lane_matrix
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -258,14 +258,17 @@ contains
     end subroutine sample_system
 
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
-    function poses_that_close(model, batch) result(pose)
+    subroutine find_poses(model, batch, pose, stand)
         type(model_type), intent(in) :: model
-        real(wp), intent(in) :: batch(:, :)            !! (n_q, n)
-        real(wp), allocatable :: pose(:, :)            !! (n_q, at most n_wanted_pose)
+        real(wp), intent(in) :: batch(:, :)                     !! (n_q, n)
+        real(wp), allocatable, intent(out) :: pose(:, :)        !! (n_q, at most n_wanted_pose)
+        real(wp), intent(out) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
         type(kinematic_state) :: state
         integer :: block, first, lane
 
         allocate (pose(model%n_q, 0))
+        stand = spread(reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
+                               [3, 4]), 3, 1 + model%n_link)
         call prepare_kinematics(model, 0, state)
         do block = 1, 8*n_wanted_pose/lanes + 8
             call representative_poses(model, block, state)
@@ -288,10 +291,21 @@ contains
             do lane = 1, lanes
                 if (state%unreachable(lane) .or. state%not_converged(lane) .or. state%singular(lane)) cycle
                 if (size(pose, 2) == n_wanted_pose) return
+                if (size(pose, 2) == 0) call note_stand(lane)
                 pose = reshape([pose, state%q(lane, :)], [model%n_q, size(pose, 2) + 1])
             end do
         end subroutine add_poses
-    end function poses_that_close
+
+        subroutine note_stand(lane)
+            integer, intent(in) :: lane
+            integer :: i
+
+            do i = 1, model%n_link
+                stand(:, :3, i) = link_rotation(model, state, i, lane)
+                stand(:, 4, i) = link_position(model, state, i, lane)
+            end do
+        end subroutine note_stand
+    end subroutine find_poses
 
     !> A block of poses that stand for the scene: its motion, and for every other pose a step away from it, so that
     !> no entry is small merely because the motion is special.

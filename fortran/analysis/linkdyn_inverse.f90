@@ -14,7 +14,7 @@ module linkdyn_inverse
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
-        choose_solver, poses_that_close
+        choose_solver, find_poses
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch
@@ -419,6 +419,7 @@ contains
         type(recorded_forces), pointer, intent(out) :: recorded
         type(result_list) :: list
         real(wp), allocatable :: pose(:, :)
+        real(wp) :: stand(3, 4, 0:model%n_link)
 
         call list_results(results, 0, list)
         nullify (recorded)
@@ -427,8 +428,8 @@ contains
         recorded => solver%records%find(list%of%id)
         if (.not. associated(recorded)) then
             recorded => solver%records%add()
-            pose = poses_that_close(model, q)
-            call record_forces(model, list%of%id, pose, recorded)
+            call find_poses(model, q, pose, stand)
+            call record_forces(model, list%of%id, pose, stand, recorded)
             if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
         end if
         !$omp end critical (linkdyn_need_record)

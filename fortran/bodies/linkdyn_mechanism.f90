@@ -191,6 +191,7 @@ contains
                     side = [side_of(model%joint(u), step%link(1)), side_of(model%joint(slide), step%link(1))]
                     frame = scene_frame(mechanism, u, side(1))
                     y = frame%z
+                    if (step%turn < 0) y = -y
                     frame = scene_frame(mechanism, slide, side(2))
                     call set_axes(step%link(1), y, frame, scene_point(mechanism, u, side(1)))
                     ! the slide keeps both links parallel: y in the slide's frame is the same for the upper link

@@ -70,6 +70,7 @@ module linkdyn_model
         logical :: base_moves = .false.       !! the base link of a leg moves
         logical :: has_branches = .false.     !! there are two ways to close: see the model's `branch`
         integer :: branch = 0                 !! of a straight leg: +1, its slide's axis points from U to S, or -1
+        integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1
     end type step_type
 
     !> A UPS leg as the link at its spherical joint sees it.

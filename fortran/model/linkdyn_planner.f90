@@ -30,7 +30,7 @@ module linkdyn_planner
         integer :: n_step = 0
         integer :: n_group = 0
         logical :: closed_forms = .true.        !! are to be used where there are some
-        logical :: straight_legs = .false.      !! are closed in any axes
+        real(wp), allocatable :: stand(:, :, :) !! how legs stand that are closed in any axes; absent: none are
         logical, allocatable :: known(:)        !! (0:n_link)
         integer, allocatable :: given(:, :)     !! coordinate that gives a joint variable; 0: none (3, n_joint)
     end type planning
@@ -57,11 +57,12 @@ contains
     end function mobility_of
 
     !> Fill `model%step`.
-    subroutine plan_steps(model, status, closed_forms, straight_legs)
+    subroutine plan_steps(model, status, closed_forms, stand)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms    !! false: everything by Newton's method, to compare with
-        logical, intent(in), optional :: straight_legs   !! true: a leg in closed form however its links' axes lie, for records
+        real(wp), intent(in), optional :: stand(:, :, 0:)    !! axes and origins of the links at a pose (3, 4, 0:n_link): there,
+                                                         !! legs are closed as they stand, in whatever axes they are written
         type(planning) :: plan
         type(grouping_type) :: grouping
         type(tie_type), allocatable :: tie(:)
@@ -70,7 +71,7 @@ contains
 
         if (.not. status%is_ok()) return
         if (present(closed_forms)) plan%closed_forms = closed_forms
-        if (present(straight_legs)) plan%straight_legs = straight_legs
+        if (present(stand)) allocate (plan%stand, source=stand)
         allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, model%n_joint), model%group(model%n_link))
         plan%known = .false.
         plan%known(0) = .true.
@@ -398,7 +399,7 @@ contains
         step = step_type(kind=step_ups, n_link=2, link=member, joint=joints_of_pair(model, member, plan))
         if (any(step%joint == 0)) return
         if (model%joint(step%joint(1))%kind /= joint_universal) call turn_round(step)
-        if (plan%straight_legs) then
+        if (allocated(plan%stand)) then
             call close_straight_leg(model, plan, step)
             return
         end if
@@ -444,7 +445,7 @@ contains
         if (any(model%joint(step%joint)%kind /= [joint_universal, joint_prismatic, joint_spherical])) return
         if (any(plan%given(:, step%joint) > 0)) return
         if (.not. is_straight_leg(model, step)) return
-        step%branch = way_of_slide(model, step)
+        call note_ways(model, plan%stand, step)
         call add_step(plan, step)
         model%n_orientation = model%n_orientation + 1
         model%link(step%link)%orientation = model%n_orientation
@@ -480,27 +481,39 @@ contains
         end function in_frame
     end function is_straight_leg
 
-    !> +1 if the axis of a leg's slide points from U to S at the start, -1 if it points back. Without a start the upper link
-    !> is thought to be drawn out, not in.
-    pure integer function way_of_slide(model, step) result(way)
+    !> A leg closes in four ways: drawn out along its slide's axis or against it, and turned about that or not.
+    subroutine note_ways(model, stand, step)
         type(model_type), intent(in) :: model
-        type(step_type), intent(in) :: step
-        real(wp) :: along
-        integer :: side
+        real(wp), intent(in) :: stand(:, :, 0:)        !! (3, 4, 0:n_link)
+        type(step_type), intent(inout) :: step
+        real(wp) :: span(3), first(3), second(3), slide(3)
+        integer :: u, s, p
 
-        associate (universal => model%joint(step%joint(1)), slide => model%joint(step%joint(2)), &
-                   ball => model%joint(step%joint(3)), spec => model%scene%joint(step%joint(2)))
-            way = merge(1, -1, slide%link(1) == step%link(1))
-            if (.not. spec%has_start) return
-            side = side_of(slide, step%link(1))
-            along = dot_product(slide%point(:, side) - universal%point(:, side_of(universal, step%link(1))), &
-                                slide%frame(:, 3, side))
-            side = side_of(slide, step%link(2))
-            along = along - dot_product(slide%point(:, side) - ball%point(:, side_of(ball, step%link(2))), &
-                                        slide%frame(:, 3, side))
-            way = merge(1, -1, along + way*spec%start(1) > 0)
+        associate (universal => model%joint(step%joint(1)), prismatic => model%joint(step%joint(2)), &
+                   ball => model%joint(step%joint(3)), lower => step%link(1), upper => step%link(2))
+            u = side_of(universal, lower)
+            p = side_of(prismatic, lower)
+            s = side_of(ball, upper)
+            span = point_at(upper, ball%point(:, s)) - point_at(lower, universal%point(:, u))
+            first = matmul(stand(:, :3, universal%link(3 - u)), universal%frame(:, 3, 3 - u))
+            second = matmul(stand(:, :3, lower), universal%frame(:, 3, u))
+            slide = matmul(stand(:, :3, lower), prismatic%frame(:, 3, p))
+            step%branch = merge(1, -1, dot_product(span, slide) > 0)
+            step%turn = merge(1, -1, dot_product(second, [span(2)*first(3) - span(3)*first(2), &
+                                                          span(3)*first(1) - span(1)*first(3), &
+                                                          span(1)*first(2) - span(2)*first(1)]) > 0)
         end associate
-    end function way_of_slide
+
+    contains
+
+        pure function point_at(link, own) result(point)
+            integer, intent(in) :: link
+            real(wp), intent(in) :: own(3)
+            real(wp) :: point(3)
+
+            point = stand(:, 4, link) + matmul(stand(:, :3, link), own)
+        end function point_at
+    end subroutine note_ways
 
     subroutine need_world(model, link)
         type(model_type), intent(inout) :: model

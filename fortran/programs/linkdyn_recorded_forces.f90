@@ -102,17 +102,18 @@ contains
     end subroutine free_records
 
     !> Trace the scene for the results wanted. Poses are representative: pivots are chosen by them.
-    subroutine record_forces(model, wanted, q, recorded)
+    subroutine record_forces(model, wanted, q, stand, recorded)
         type(model_type), intent(in) :: model
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         real(wp), intent(in) :: q(:, :)                        !! (n_q, pose), at which all loops close on the start's assembly
+        real(wp), intent(in) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
         type(recorded_forces), intent(out) :: recorded
         type(trace_request) :: request
         type(sample_set) :: sample
 
         recorded%wanted = wanted
         allocate (recorded%model, recorded%pool)
-        if (size(q, 2) == 0 .or. .not. plan_for_records(model, recorded%model)) return
+        if (size(q, 2) == 0 .or. .not. plan_for_records(model, stand, recorded%model)) return
         associate (own => recorded%model)
             recorded%needs_branches = any(own%step%has_branches)
             allocate (request%has_load(6, own%n_load))
@@ -126,8 +127,9 @@ contains
     end subroutine record_forces
 
     !> The same mechanism, planned anew. False: loops are closed by iteration, or a branch has no place of its own.
-    logical function plan_for_records(model, own) result(is_planned)
+    logical function plan_for_records(model, stand, own) result(is_planned)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: stand(:, :, 0:)
         type(model_type), intent(out) :: own
         type(status_type) :: status
 
@@ -137,7 +139,7 @@ contains
         own%n_leg = 0
         deallocate (own%step, own%group)
         if (allocated(own%moves)) deallocate (own%moves)
-        call plan_steps(own, status, straight_legs=.true.)
+        call plan_steps(own, status, stand=stand)
         is_planned = status%is_ok()
         if (is_planned) is_planned = .not. any(own%step%kind == step_group) .and. own%n_branch == model%n_branch
     end function plan_for_records
