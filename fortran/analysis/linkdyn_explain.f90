@@ -3,6 +3,7 @@ module linkdyn_explain
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_equations, only: equations_type, build_equations, solver_elimination
     use linkdyn_elimination_plan, only: elimination_plan
+    use linkdyn_explain_record, only: explain_record
     use linkdyn_formulation, only: n_transmitted
     use linkdyn_constants, only: pi
     use linkdyn_choice, only: has_choice, choice_in_words
@@ -245,6 +246,7 @@ contains
         call build_equations(model, solver_elimination, .false., equations, status)
         if (status%is_ok()) call explain_cost(equations%plan, "driving forces only", unit)
         write (unit, "(2x,a,i0,a)") "dense elimination would take about ", nint(2*real(model%n_row, wp)**3/3), " flops a pose"
+        call explain_record(model, unit)
     end subroutine explain_equations
 
     subroutine explain_cost(plan, what, unit)

@@ -20,8 +20,9 @@ module linkdyn_linear_form
 
     !> Forms found so far, for one open record.
     type :: linear_forms
-        integer, allocatable, private :: state(:)      !! (node) free of unknowns, or in which form
-        integer, allocatable, private :: place(:)      !! (node) in `form`
+        integer :: first = huge(1)                     !! the oldest node that is an unknown: those before it are free of any
+        integer, allocatable, private :: state(:)      !! (node - first + 1) free of unknowns, or in which form
+        integer, allocatable, private :: place(:)      !! (node - first + 1) in `form`
         type(linear_form), allocatable, private :: form(:)
         integer, private :: n_form = 0
         logical :: is_linear = .true.                  !! false once a product of unknowns was met
@@ -36,16 +37,25 @@ contains
         type(linear_form), intent(out) :: form
 
         call explore(forms, v%node)
-        if (forms%state(v%node) == is_free) then
+        if (state_of(forms, v%node) == is_free) then
             form%rest = v
             allocate (form%unknown(0), form%coefficient(0))
             return
         end if
-        form = forms%form(forms%place(v%node))
+        form = forms%form(forms%place(v%node - forms%first + 1))
         if (v%sign > 0) return
         form%rest = -form%rest
         form%coefficient = -form%coefficient
     end subroutine find_linear_form
+
+    !> Is a node free of unknowns, or is its form known?
+    impure elemental integer function state_of(forms, node) result(state)
+        type(linear_forms), intent(in) :: forms
+        integer, intent(in) :: node
+
+        state = is_free
+        if (node >= forms%first) state = forms%state(node - forms%first + 1)
+    end function state_of
 
     !> Forms of a node and of all that it is made of. A stack instead of recursion, since records are long.
     subroutine explore(forms, top)
@@ -56,20 +66,21 @@ contains
         integer :: n, node, i, operand
         logical :: is_ready
 
+        if (top < forms%first) return
         record => open_record_of_thread()
         call make_room(forms, top)
         stack = [top]
         n = 1
         do while (n > 0)
             node = stack(n)
-            if (forms%state(node) /= not_seen) then
+            if (state_of(forms, node) /= not_seen) then
                 n = n - 1
                 cycle
             end if
             is_ready = .true.
             do i = 1, n_operand(record%kind(node))
                 operand = record%operand(i, node)
-                if (forms%state(operand) /= not_seen) cycle
+                if (state_of(forms, operand) /= not_seen) cycle
                 is_ready = .false.
                 n = n + 1
                 if (n > size(stack)) stack = [stack, stack]
@@ -96,8 +107,8 @@ contains
             form%rest = zero()
             form%unknown = [a]
             form%coefficient = [one()]
-        else if (all(forms%state(record%operand(:n_operand(kind), node)) == is_free)) then
-            forms%state(node) = is_free
+        else if (all(state_of(forms, record%operand(:n_operand(kind), node)) == is_free)) then
+            forms%state(node - forms%first + 1) = is_free
             return
         else
             select case (kind)
@@ -106,9 +117,9 @@ contains
             case (op_subtract)
                 form = combined(part(forms, a), part(forms, b), -one())
             case (op_multiply)
-                if (forms%state(a) == is_free) then
+                if (state_of(forms, a) == is_free) then
                     form = scaled(part(forms, b), value(a, 1))
-                else if (forms%state(b) == is_free) then
+                else if (state_of(forms, b) == is_free) then
                     form = scaled(part(forms, a), value(b, 1))
                 else
                     forms%is_linear = .false.
@@ -127,8 +138,8 @@ contains
         integer, intent(in) :: node
         type(linear_form) :: form
 
-        if (forms%state(node) == has_form) then
-            form = forms%form(forms%place(node))
+        if (state_of(forms, node) == has_form) then
+            form = forms%form(forms%place(node - forms%first + 1))
         else
             form%rest = value(node, 1)
             allocate (form%unknown(0), form%coefficient(0))
@@ -211,20 +222,21 @@ contains
         end if
         forms%n_form = forms%n_form + 1
         forms%form(forms%n_form) = form
-        forms%place(node) = forms%n_form
-        forms%state(node) = has_form
+        forms%place(node - forms%first + 1) = forms%n_form
+        forms%state(node - forms%first + 1) = has_form
     end subroutine store
 
     subroutine make_room(forms, node)
         type(linear_forms), intent(inout) :: forms
         integer, intent(in) :: node
         integer, allocatable :: state(:), place(:)
-        integer :: n
+        integer :: n, needed
 
         if (.not. allocated(forms%state)) allocate (forms%state(0), forms%place(0))
         n = size(forms%state)
-        if (node <= n) return
-        allocate (state(2*node), place(2*node))
+        needed = node - forms%first + 1
+        if (needed <= n) return
+        allocate (state(2*needed), place(2*needed))
         state(:n) = forms%state
         state(n + 1:) = not_seen
         place(:n) = forms%place

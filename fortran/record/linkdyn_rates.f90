@@ -15,7 +15,8 @@ module linkdyn_rates
 
     !> Rates of nodes, found so far. One map serves one way of moving.
     type :: rate_map
-        type(value), allocatable, private :: rate(:)    !! (node); node 0: not known yet
+        integer, private :: first = huge(1)             !! the oldest node with a rate: those before it stand still
+        type(value), allocatable, private :: rate(:)    !! (node - first + 1); node 0: not known yet
     end type rate_map
 
     interface set_rate
@@ -40,8 +41,10 @@ contains
         type(value), intent(in) :: v, rate
 
         call make_room(map, v%node)
-        map%rate(v%node) = rate
-        if (v%sign < 0) map%rate(v%node) = -rate
+        associate (own => map%rate(v%node - map%first + 1))
+            own = rate
+            if (v%sign < 0) own = -rate
+        end associate
     end subroutine set_rate_of_one
 
     !> Rate of a value. A stack instead of recursion, since records are long.
@@ -54,33 +57,42 @@ contains
         integer :: n, node, i, operand
         logical :: is_ready
 
+        rate = zero()
+        if (v%node < map%first) return
         record => open_record_of_thread()
         call make_room(map, v%node)
         stack = [v%node]
         n = 1
         do while (n > 0)
             node = stack(n)
-            if (map%rate(node)%node > 0) then
+            if (is_known(node)) then
                 n = n - 1
                 cycle
             end if
             is_ready = .true.
             do i = 1, n_operand(record%kind(node))
                 operand = record%operand(i, node)
-                if (map%rate(operand)%node > 0) cycle
+                if (is_known(operand)) cycle
                 is_ready = .false.
                 n = n + 1
                 if (n > size(stack)) stack = [stack, stack]
                 stack(n) = operand
             end do
             if (.not. is_ready) cycle
-            map%rate(node) = rate_of_node(node)
+            map%rate(node - map%first + 1) = rate_of_node(node)
             n = n - 1
         end do
-        rate = map%rate(v%node)
+        rate = map%rate(v%node - map%first + 1)
         if (v%sign < 0) rate = -rate
 
     contains
+
+        pure logical function is_known(node)
+            integer, intent(in) :: node
+
+            is_known = node < map%first
+            if (.not. is_known) is_known = map%rate(node - map%first + 1)%node > 0
+        end function is_known
 
         function rate_of_node(node) result(rate)
             integer, intent(in) :: node
@@ -132,7 +144,8 @@ contains
 
             if (i > n_operand(record%kind(node))) return
             operand = value(record%operand(i, node), 1)
-            rate = map%rate(operand%node)
+            rate = zero()
+            if (operand%node >= map%first) rate = map%rate(operand%node - map%first + 1)
         end subroutine take
     end function rate_of
 
@@ -140,11 +153,18 @@ contains
         type(rate_map), intent(inout) :: map
         integer, intent(in) :: node
         type(value), allocatable :: rate(:)
+        integer :: first, last
 
-        if (.not. allocated(map%rate)) allocate (map%rate(0))
-        if (node <= size(map%rate)) return
-        allocate (rate(2*node))
-        rate(:size(map%rate)) = map%rate
+        if (.not. allocated(map%rate)) then
+            map%first = node
+            allocate (map%rate(0))
+        end if
+        last = map%first + size(map%rate) - 1
+        if (node >= map%first .and. node <= last) return
+        first = min(map%first, node)
+        allocate (rate(2*(max(last, node) - first + 1)))
+        rate(map%first - first + 1:map%first - first + size(map%rate)) = map%rate
         call move_alloc(rate, map%rate)
+        map%first = first
     end subroutine make_room
 end module linkdyn_rates

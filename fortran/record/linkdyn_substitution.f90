@@ -10,7 +10,8 @@ module linkdyn_substitution
 
     !> What stands for what, and what followed from it so far.
     type :: substitution
-        type(value), allocatable, private :: image(:)    !! (node); node 0: not known yet
+        integer, private :: first = 0                       !! the oldest node replaced: those before it do not depend on any
+        type(value), allocatable, private :: image(:)       !! (node - first + 1); node 0: not known yet
     end type substitution
 
     interface replace
@@ -38,8 +39,10 @@ contains
         type(value), intent(in) :: old, new
 
         call make_room(map, old%node)
-        map%image(old%node) = new
-        if (old%sign < 0) map%image(old%node) = -new
+        associate (image => map%image(old%node - map%first + 1))
+            image = new
+            if (old%sign < 0) image = -new
+        end associate
     end subroutine replace_one
 
     function substitute_in_many(map, v) result(w)
@@ -64,6 +67,8 @@ contains
         integer :: n, node, i, operand
         logical :: is_ready
 
+        w = v
+        if (v%node < map%first) return
         record => open_record_of_thread()
         call make_room(map, v%node)
         allocate (stack(64))
@@ -71,7 +76,7 @@ contains
         n = 1
         do while (n > 0)
             node = stack(n)
-            if (map%image(node)%node > 0) then
+            if (image_of(node) > 0) then
                 n = n - 1
                 cycle
             end if
@@ -79,7 +84,11 @@ contains
             x = value(node, 1)
             do i = 1, n_operand(record%kind(node))
                 operand = record%operand(i, node)
-                x(i) = map%image(operand)
+                if (operand < map%first) then
+                    x(i) = value(operand, 1)
+                    cycle
+                end if
+                x(i) = map%image(operand - map%first + 1)
                 if (x(i)%node > 0) cycle
                 is_ready = .false.
                 n = n + 1
@@ -87,23 +96,40 @@ contains
                 stack(n) = operand
             end do
             if (.not. is_ready) cycle
-            map%image(node) = value(node, 1)
-            if (n_operand(record%kind(node)) > 0) map%image(node) = result_of(record%kind(node), x(1), x(2), x(3))
+            associate (image => map%image(node - map%first + 1))
+                image = value(node, 1)
+                if (n_operand(record%kind(node)) > 0) image = result_of(record%kind(node), x(1), x(2), x(3))
+            end associate
             n = n - 1
         end do
-        w = map%image(v%node)
+        w = map%image(v%node - map%first + 1)
         if (v%sign < 0) w = -w
+
+    contains
+
+        pure integer function image_of(node)
+            integer, intent(in) :: node
+
+            image_of = map%image(node - map%first + 1)%node
+        end function image_of
     end function substitute_in_one
 
     subroutine make_room(map, node)
         type(substitution), intent(inout) :: map
         integer, intent(in) :: node
         type(value), allocatable :: image(:)
+        integer :: first, last
 
-        if (.not. allocated(map%image)) allocate (map%image(0))
-        if (node <= size(map%image)) return
-        allocate (image(2*node))
-        image(:size(map%image)) = map%image
+        if (.not. allocated(map%image)) then
+            map%first = node
+            allocate (map%image(0))
+        end if
+        last = map%first + size(map%image) - 1
+        if (node >= map%first .and. node <= last) return
+        first = min(map%first, node)
+        allocate (image(2*(max(last, node) - first + 1)))
+        image(map%first - first + 1:map%first - first + size(map%image)) = map%image
         call move_alloc(image, map%image)
+        map%first = first
     end subroutine make_room
 end module linkdyn_substitution

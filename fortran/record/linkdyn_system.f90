@@ -44,6 +44,7 @@ contains
         type(record_type), pointer :: record
 
         x = new_unknown()
+        system%forms%first = min(system%forms%first, x%node)
         record => open_record_of_thread()
         if (.not. allocated(system%number)) allocate (system%number(64))
         if (system%n_unknown == size(system%number)) system%number = [system%number, system%number]

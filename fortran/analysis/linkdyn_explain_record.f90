@@ -1,0 +1,77 @@
+!> What a scene's record takes, in words: operations of inverse dynamics from a motion to forces, by kind.
+module linkdyn_explain_record
+    use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_equations, only: find_poses
+    use linkdyn_kernel, only: kernel_type, count_of
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: explain_record
+
+contains
+
+    subroutine explain_record(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit            !! open for formatted writing
+        real(wp), allocatable :: pose(:, :)
+        real(wp) :: stand(3, 4, 0:model%n_link)
+
+        write (unit, "(/,a)") "Record of inverse dynamics"
+        call find_poses(model, spread(model%start_q, 2, 1), pose, stand)
+        call explain_program("all unknowns", [result_driving_force, result_reaction])
+        call explain_program("driving forces only", [result_driving_force])
+
+    contains
+
+        subroutine explain_program(what, wanted)
+            character(len=*), intent(in) :: what
+            integer, intent(in) :: wanted(:)
+            type(recorded_forces) :: recorded
+
+            call record_forces(model, wanted, pose, stand, recorded)
+            if (recorded%is_usable) then
+                write (unit, "(2x,a)") what//": "//in_words(recorded%program%kernel)
+            else if (size(wanted) > 1) then
+                write (unit, "(2x,a)") "none: samples are computed by the plans above"
+            end if
+            call free_recorded(recorded)
+        end subroutine explain_program
+    end subroutine explain_record
+
+    !> Operations a sample, those of one kind together.
+    function in_words(kernel) result(text)
+        type(kernel_type), intent(in) :: kernel
+        character(len=:), allocatable :: text
+
+        text = to_text(count_of(kernel, ""))//" operations a sample ("
+        call add(number("multiply_add") + number("multiply_subtract") + number("subtract_product"), "products with a sum")
+        call add(number("multiply"), "products")
+        call add(number("add") + number("subtract"), "sums")
+        call add(number("reciprocal"), "divisions")
+        call add(number("root"), "roots")
+        call add(number("sine") + number("cosine"), "sines and cosines")
+        call add(number("arctangent"), "angles")
+        call add(number("minimum") + number("maximum") + number("absolute") + number("select") + number("whole"), "choices")
+        text = text//")"
+
+    contains
+
+        integer function number(name)
+            character(len=*), intent(in) :: name
+
+            number = count_of(kernel, name)
+        end function number
+
+        subroutine add(n, what)
+            integer, intent(in) :: n
+            character(len=*), intent(in) :: what
+
+            if (n == 0) return
+            if (text(len(text):) /= "(") text = text//", "
+            text = text//to_text(n)//" "//what
+        end subroutine add
+    end function in_words
+end module linkdyn_explain_record
