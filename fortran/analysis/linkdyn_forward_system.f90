@@ -96,9 +96,9 @@ contains
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         if (any(system%by_inverse)) then
             call build_equations(system%motion_model, solver_reduced, .false., system%inverse_equations, status)
-            if (status%is_ok()) &
-                call prepare_workspace(system%motion_model, system%inverse_equations, system%inverse_workspace)
-                system%inverse_workspace%checks_accuracy = .false.
+            if (.not. status%is_ok()) return
+            call prepare_workspace(system%motion_model, system%inverse_equations, system%inverse_workspace)
+            system%inverse_workspace%checks_accuracy = .false.
         end if
     end subroutine build_forward_system
 
