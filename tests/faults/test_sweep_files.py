@@ -125,8 +125,10 @@ def test_one_sweep_at_a_time_writes_to_a_file(name, scene, start_sweep, wait_for
     with start_sweep(scene, output) as first:
         wait_for(tmp_path / "run.nc.spool", first)    # made behind the lock
         first.send_signal(signal.SIGSTOP)
-        refused("sweep", scene, "-o", tmp_path / name, *OPTIONS, says=f"process {first.pid} on {os.uname().nodename}")
-        first.send_signal(signal.SIGCONT)
+        try:
+            refused("sweep", scene, "-o", tmp_path / name, *OPTIONS, says=f"process {first.pid} on {os.uname().nodename}")
+        finally:
+            first.send_signal(signal.SIGCONT)
         assert first.wait(timeout=60) == 0
     assert not (tmp_path / "run.nc.lock").exists()
     assert program("sweep", scene, "-o", tmp_path / name, *OPTIONS).returncode == 0
