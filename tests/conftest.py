@@ -7,6 +7,7 @@ import subprocess
 import time
 import tomllib
 from collections.abc import Callable, Generator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ import xarray as xr
 from linkdyn.cli import executable
 
 ROOT = Path(__file__).resolve().parents[1]
+METHODS = ("rk4", "rkf45", "rk8pd", "msbdf", "gbs")
+"""Integrators of forward runs."""
 
 
 def pytest_configure() -> None:
@@ -23,6 +26,24 @@ def pytest_configure() -> None:
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+
+
+@cache
+def lacks(method: str) -> bool:
+    """Is this a build without an integrator? Asked with the shortest of runs."""
+    try:
+        linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml").forward(t=[0.0], method=method)
+    except linkdyn.UnavailableError:
+        return True
+    return False
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Tests with an integrator for parameter are for builds that have it."""
+    given = getattr(item, "callspec").params.values() if hasattr(item, "callspec") else ()
+    for method in METHODS:
+        if method in [value for value in given if isinstance(value, str)] and lacks(method):
+            pytest.skip(f"a build without {method}")
 
 
 @pytest.hookimpl(wrapper=True)

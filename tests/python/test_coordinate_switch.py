@@ -409,7 +409,7 @@ def test_pauses_change_nothing() -> None:
     whole = scene.forward(t=t)
     assert np.any(whole.stand_in > 0)
     shapes = result_shapes(_bind.describe_results(scene._handle, "elimination", "", True, is_forward=True), True)
-    run = _bind.Run(scene._handle, "rk8pd", "elimination", 1, (1e-3, 1e-9, 1e-9), True, "", False, t[0], t[-1])
+    run = _bind.Run(scene._handle, whole.attrs["method"], "elimination", 1, (1e-3, 1e-9, 1e-9), True, "", False, t[0], t[-1])
     parts, n_done, n_call = [], 0, 0
     while n_done < len(t):
         n, arrays = run.advance(t[n_done:], shapes, 5e-5)

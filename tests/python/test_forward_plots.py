@@ -40,7 +40,7 @@ def test_energies_with_their_balance(run):
 def test_steps(run):
     figure, axes = plot.steps(run)
     np.testing.assert_array_equal(axes[0].get_lines()[0].get_ydata(), run.step.values[1:])
-    assert axes[0].get_ylabel() == "step of rk8pd [s]"
+    assert axes[0].get_ylabel() == f"step of {run.attrs['method']} [s]"
     figure.canvas.draw()
 
 
