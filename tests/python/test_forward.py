@@ -89,6 +89,16 @@ samples = 11
 """An arm about its centre of mass: angle" = torque/0.5."""
 
 
+def test_default_method():
+    """Every build has one, and says which it was."""
+    scene = linkdyn.Scene(ARM)
+    try:
+        best = scene.forward(method="rk8pd").attrs["method"]
+    except linkdyn.UnavailableError:
+        best = "gbs"
+    assert scene.forward().attrs["method"] == best
+
+
 def test_changes_by_path():
     scene = linkdyn.Scene(ARM)
     run = scene.with_({"actuator.J.law.value": 3.0, "link.arm.inertia": 0.25, "coordinate.J.start": 0.0}).forward()
