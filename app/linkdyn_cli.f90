@@ -473,7 +473,8 @@ contains
             "  --no-output         keep nothing but the summary", &
             "  --until T           end of the run in s; default: the end of the scene's [time]", &
             "  --samples N         instants of output, both ends included; default: the scene's", &
-            "  --method NAME       rk8pd (default), rkf45, gbs (many digits), msbdf (stiff scenes), rk4 (fixed step)", &
+            "  --method NAME       rk8pd (default; without GSL: gbs), rkf45, gbs (many digits), msbdf (stiff scenes),", &
+            "                      rk4 (fixed step)", &
             "  --step H            fixed step, or the first one tried, in s; default 0.001", &
             "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9; rk4 has none", &
             "  --error             also estimate the error that the run gathers, of the motion and of every force: takes up", &

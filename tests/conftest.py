@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import time
 import tomllib
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import linkdyn
 import pytest
+import xarray as xr
+from linkdyn.cli import executable
 
 ROOT = Path(__file__).resolve().parents[1]
+METHODS = ("rk4", "rkf45", "rk8pd", "msbdf", "gbs")
+"""Integrators of forward runs."""
 
 
 def pytest_configure() -> None:
@@ -19,6 +26,24 @@ def pytest_configure() -> None:
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+
+
+@cache
+def lacks(method: str) -> bool:
+    """Is this a build without an integrator? Asked with the shortest of runs."""
+    try:
+        linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml").forward(t=[0.0], method=method)
+    except linkdyn.UnavailableError:
+        return True
+    return False
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Tests with an integrator for parameter are for builds that have it."""
+    given = getattr(item, "callspec").params.values() if hasattr(item, "callspec") else ()
+    for method in METHODS:
+        if method in [value for value in given if isinstance(value, str)] and lacks(method):
+            pytest.skip(f"a build without {method}")
 
 
 @pytest.hookimpl(wrapper=True)
@@ -57,3 +82,68 @@ def crossing(tsai: dict[str, Any]) -> dict[str, Any]:
         "z": {"law": "constant-rate", "start": 1.5, "rate": -0.5},
     }
     return tsai
+
+
+@pytest.fixture()
+def kept_sweep(tsai: dict[str, Any]) -> dict[str, Any]:
+    """With a sweep of many chunks, all samples kept; lapack takes its time over each."""
+    tsai["sweep"] = {
+        "reduce": ["driving_force", "determinant"],
+        "keep": ["driving_force"],
+        "map": ["platform.z", "platform.x"],
+        "chunk": 32,
+        "histogram": {"driving_force": True},
+        "axis": [
+            {"coordinate": "platform.x", "linspace": [-1.7, -1.3, 12]},
+            {"coordinate": "platform.y", "random": {"from": -0.2, "to": 0.2, "n": 8, "seed": 4}},
+            {"coordinate": "platform.z", "linspace": [0.8, 1.2, 8]},
+        ],
+        "constraint": [{"of": "driving_position", "min": 1.0}],
+    }
+    return tsai
+
+
+@pytest.fixture(scope="session")
+def start_sweep() -> Callable[..., subprocess.Popen[str]]:
+    """Start a sweep that notes every chunk."""
+
+    def start(scene: Path, output: Path, *options: str) -> subprocess.Popen[str]:
+        command = [executable(), "sweep", scene, "-o", output, "-q", "--solver", "lapack", "--checkpoint", "0", *options]
+        return subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+
+    return start
+
+
+@pytest.fixture(scope="session")
+def wait_for() -> Callable[[Path, subprocess.Popen[str]], None]:
+    """Wait until a process has made a file."""
+
+    def wait(path: Path, process: subprocess.Popen[str]) -> None:
+        while not path.exists():
+            assert process.poll() is None, process.stderr and process.stderr.read()
+            time.sleep(0.001)
+
+    return wait
+
+
+@pytest.fixture(scope="session")
+def interrupt_sweep(start_sweep: Callable[..., subprocess.Popen[str]], wait_for: Callable[..., None]) -> Callable[[Path, Path], None]:
+    """A sweep killed behind its first checkpoint."""
+
+    def interrupt(scene: Path, output: Path) -> None:
+        with start_sweep(scene, output) as process:
+            wait_for(Path(f"{output}.checkpoint"), process)
+            process.kill()
+
+    return interrupt
+
+
+@pytest.fixture(scope="session")
+def same() -> Callable[[Path, Path], bool]:
+    """Do two files hold the same results?"""
+
+    def compare(one: Path, two: Path) -> bool:
+        with xr.open_dataset(one) as a, xr.open_dataset(two) as b:
+            return set(a.variables) == set(b.variables) and all(a[name].equals(b[name]) for name in a.variables)
+
+    return compare

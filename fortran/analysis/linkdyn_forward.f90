@@ -21,7 +21,7 @@ module linkdyn_forward
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
-        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, stop_growth, stop_roughness, stop_pace, &
+        default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, stop_growth, stop_roughness, stop_pace, &
         stop_law
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
@@ -41,7 +41,7 @@ module linkdyn_forward
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
-    public :: run_forward, run_ensemble, coordinates_in_words, integrator_options, choose_method, method_name
+    public :: run_forward, run_ensemble, coordinates_in_words, integrator_options, choose_method, method_name, default_method
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
 
     !> Where the results of a chunk go; what is not associated is not computed.

@@ -34,6 +34,8 @@ module linkdyn_forward_system
         real(wp) :: surplus_noise = 0                  !! what rounding makes of it [J]
         real(wp), private :: surplus_noise_tried = 0   !! the same of the state looked at last
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
+        logical, private :: is_compared = .false.      !! the watch's ratios at the state evaluated last are known:
+        real(wp), allocatable, private :: ratio_tried(:, :)    !! these (n_variable, n_q)
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
         type(model_type), pointer :: motion_model => null()    !! with the coordinates that the law speaks of
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
@@ -96,9 +98,9 @@ contains
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         if (any(system%by_inverse)) then
             call build_equations(system%motion_model, solver_reduced, .false., system%inverse_equations, status)
-            if (status%is_ok()) &
-                call prepare_workspace(system%motion_model, system%inverse_equations, system%inverse_workspace)
-                system%inverse_workspace%checks_accuracy = .false.
+            if (.not. status%is_ok()) return
+            call prepare_workspace(system%motion_model, system%inverse_equations, system%inverse_workspace)
+            system%inverse_workspace%checks_accuracy = .false.
         end if
     end subroutine build_forward_system
 
@@ -199,7 +201,11 @@ contains
         real(wp), intent(in) :: y(:, :)
 
         call note_rates(self%watch)
-        call compare_rates(self%model, self%workspace%state, self%watch)
+        if (self%is_compared) then
+            self%watch%ratio = self%ratio_tried
+        else
+            call compare_rates(self%model, self%workspace%state, self%watch)
+        end if
         if (is_near_dead_point(self%watch) .or. dead_coordinate(self%watch, .false.) > 0) call look_and_decide(self, t, y)
     end subroutine watch_coordinates
 
@@ -242,6 +248,7 @@ contains
         logical, intent(out) :: failed(lanes)
         integer :: k
 
+        self%is_compared = .false.
         associate (model => self%model, workspace => self%workspace)
             call unpack_state(model, self%layout, t, y, workspace%state)
             call take_loads(model, t, workspace)
@@ -376,6 +383,8 @@ contains
         accepted = self%watch%ratio
         call compare_rates(self%model, self%workspace%state, self%watch)
         leads_too_far = is_well_past(self%watch, accepted)
+        self%ratio_tried = self%watch%ratio
+        self%is_compared = .true.
         self%watch%ratio = accepted
     end function leads_too_far
 

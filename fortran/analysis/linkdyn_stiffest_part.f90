@@ -30,7 +30,7 @@ contains
         type(model_type), target :: bare
         type(forward_system) :: system
         type(status_type) :: status
-        real(wp) :: of_part
+        real(wp) :: of_part, stiffness, damping
         integer :: i
 
         name = ""
@@ -53,8 +53,8 @@ contains
         end do
         do i = 1, model%n_actuator
             associate (actuator => model%scene%actuator(i))
-                of_part = rate_of(stiffness_of(actuator%drive), damping_of(actuator%drive), &
-                                  mobility_at_drive(bare, system, t, y, i))
+                call find_slopes(actuator%drive, stiffness, damping)
+                of_part = rate_of(stiffness, damping, mobility_at_drive(bare, system, t, y, i))
                 if (of_part > rate) name = "actuator "//quoted(actuator%name)
                 rate = max(rate, of_part)
             end associate
@@ -70,29 +70,26 @@ contains
         rate = max(sqrt(max(stiffness, 0.0_wp))*sqrt(mobility), damping*mobility)
     end function rate_of
 
-    pure real(wp) function stiffness_of(drive)
+    !> How the force of a drive changes with its position and its speed.
+    pure subroutine find_slopes(drive, stiffness, damping)
         type(drive_spec), intent(in) :: drive
+        real(wp), intent(out) :: stiffness, damping
+        real(wp) :: coupling
 
-        stiffness_of = 0
-        select case (drive%kind)
-        case (drive_spring_damper, drive_pd)
-            stiffness_of = drive%value(1)
-        case (drive_dc_motor)
-            stiffness_of = drive%value(1)*drive%value(2)*drive%value(3)*drive%value(5)/drive%value(6)
-        end select
-    end function stiffness_of
-
-    pure real(wp) function damping_of(drive)
-        type(drive_spec), intent(in) :: drive
-
-        damping_of = 0
-        select case (drive%kind)
-        case (drive_spring_damper, drive_pd)
-            damping_of = drive%value(2)
-        case (drive_dc_motor)
-            damping_of = drive%value(1)**2*drive%value(2)*drive%value(3)*drive%value(4)/drive%value(6)
-        end select
-    end function damping_of
+        stiffness = 0
+        damping = 0
+        associate (value => drive%value)
+            select case (drive%kind)
+            case (drive_spring_damper, drive_pd)
+                stiffness = value(1)
+                damping = value(2)
+            case (drive_dc_motor)
+                coupling = value(1)*value(2)*value(3)/value(6)
+                stiffness = coupling*value(5)
+                damping = coupling*value(1)*value(4)
+            end select
+        end associate
+    end subroutine find_slopes
 
     !> a.M^-1 a of a spring: of unit stiffness and rest -1 it has the tension T = length + 1, which makes the acceleration
     !> -T M^-1 a; at that velocity its power is T**2 a.M^-1 a, and its energy T**2/2.

@@ -15,7 +15,8 @@ module linkdyn_f2py_api
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_force_map, only: typical_length
-    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, method_rk4, run_ensemble
+    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, default_method, method_name, method_rk4, &
+        run_ensemble
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
@@ -40,8 +41,9 @@ module linkdyn_f2py_api
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched, time_reached
     implicit none
     private
-    public :: api_version, api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_describe_results
-    public :: api_explain, api_motion, api_inverse, api_forward, api_advance, api_finish, api_poses, api_ensemble
+    public :: api_version, api_default_method, api_open, api_add_loads, api_close, api_sizes, api_describe_scene
+    public :: api_describe_results, api_explain, api_motion, api_inverse, api_forward, api_advance, api_finish, api_poses
+    public :: api_ensemble
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
 
     integer, parameter :: status_stale_handle = 7   !! beside the engine's codes: the scene was closed
@@ -78,6 +80,13 @@ contains
 
         text = version
     end subroutine api_version
+
+    !> Of forward runs.
+    subroutine api_default_method(text)
+        character(len=5), intent(out) :: text
+
+        text = method_name(default_method)
+    end subroutine api_default_method
 
     !> Read and plan a scene given as text.
     subroutine api_open(n_text, text, n_file, file, n_folder, folder, handle, code, message)

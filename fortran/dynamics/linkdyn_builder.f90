@@ -1,6 +1,7 @@
 !> From a scene to a model: constants in the form the engine wants, the plan, and the assembly at the start.
 module linkdyn_builder
     use linkdyn_carried_legs, only: plan_carried_legs
+    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_type, joint_type, step_csp, step_group, is_dyad, is_length, scene_size
     use linkdyn_newton_group, only: prepare_margins
@@ -159,10 +160,8 @@ contains
 
         point = marker%at
         frame(:, 1) = marker%x_axis
+        frame(:, 2) = cross(marker%axis, marker%x_axis)
         frame(:, 3) = marker%axis
-        associate (z => marker%axis, x => marker%x_axis)
-            frame(:, 2) = [z(2)*x(3) - z(3)*x(2), z(3)*x(1) - z(1)*x(3), z(1)*x(2) - z(2)*x(1)]
-        end associate
     end subroutine take_marker
 
     !> Which joints a link has, so that nobody need search for them.

@@ -11,6 +11,7 @@
 !> A plane is space with a mask: of the six equations of a link it keeps force x, force y and moment z, of a joint's
 !> wrench the forces in the plane and the moments about z. All the rest of this module is common.
 module linkdyn_formulation
+    use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, orientation_of, side_of
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
@@ -480,13 +481,6 @@ contains
             end associate
         end do
     end function normal_is_zero
-
-    pure function cross(a, b) result(c)
-        real(wp), intent(in) :: a(3), b(3)
-        real(wp) :: c(3)
-
-        c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-    end function cross
 
     pure logical function any_varies(group)
         type(entry_group), intent(in) :: group(:)

@@ -5,7 +5,7 @@ module linkdyn_integrator
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
-    use linkdyn_ode_gsl, only: ode_gsl, runge_kutta_gsl
+    use linkdyn_ode_gsl, only: ode_gsl, runge_kutta_gsl, has_gsl
     use linkdyn_pause, only: pause_type
     use linkdyn_rk4, only: rk4_workspace, rk4_step
     use linkdyn_step_control, only: step_control, step_accepted, step_paused, step_too_rough, step_breaks_law
@@ -14,7 +14,7 @@ module linkdyn_integrator
     implicit none (type, external)
     private
     public :: integrator_type, integrator_options, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
-    public :: method_name, choose_method, check_options
+    public :: default_method, method_name, choose_method, check_options
     public :: stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law
 
     integer, parameter :: method_rk4 = 1       !! order 4, fixed step; all lanes
@@ -23,6 +23,7 @@ module linkdyn_integrator
     integer, parameter :: method_msbdf = 4     !! implicit, for stiff systems
     integer, parameter :: method_gbs = 5       !! extrapolation, order and step adaptive, columns on lanes
     character(len=5), parameter :: method_name(5) = [character(len=5) :: "rk4", "rkf45", "rk8pd", "msbdf", "gbs"]
+    integer, parameter :: default_method = merge(method_rk8pd, method_gbs, has_gsl)    !! one that every build has
 
     !> Steps that a run may take at most: hours, whatever the mechanism.
     real(wp), parameter :: most_steps = 1.0e9_wp
@@ -36,7 +37,7 @@ module linkdyn_integrator
     integer, parameter :: stop_law = 5             !! the solution would break the law of the system
 
     type :: integrator_options
-        integer :: method = method_rk8pd
+        integer :: method = default_method
         real(wp) :: step = 1.0e-3_wp           !! fixed step (no longer than this); first step tried by the adaptive ones
         real(wp) :: rtol = 1.0e-9_wp           !! local error allowed, relative to y
         real(wp) :: atol = 1.0e-9_wp           !! and absolute
@@ -84,7 +85,7 @@ contains
         do method = 1, size(method_name)
             if (text == method_name(method)) return
         end do
-        method = method_rk8pd
+        method = default_method
         call fail(status, status_bad_input, "method "//quoted(text)//" is not known (expected rk4, rkf45, rk8pd, msbdf or gbs)")
     end subroutine choose_method
 

@@ -12,7 +12,9 @@ module linkdyn_ode_gsl
     use linkdyn_text, only: quoted
     implicit none (type, external)
     private
-    public :: ode_gsl, runge_kutta_gsl
+    public :: ode_gsl, runge_kutta_gsl, has_gsl
+
+    logical, parameter :: has_gsl = .true.
 
     !> What the callbacks need; its address travels through GSL.
     type :: callback_frame

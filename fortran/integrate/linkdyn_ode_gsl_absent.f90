@@ -8,7 +8,9 @@ module linkdyn_ode_gsl
     use linkdyn_text, only: quoted
     implicit none (type, external)
     private
-    public :: ode_gsl, runge_kutta_gsl
+    public :: ode_gsl, runge_kutta_gsl, has_gsl
+
+    logical, parameter :: has_gsl = .false.
 
     type, extends(one_step_method) :: runge_kutta_gsl
     contains

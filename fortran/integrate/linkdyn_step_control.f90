@@ -251,10 +251,12 @@ contains
         self%n_evaluation = self%n_evaluation + 1
         if (trial%has_failed) return
         trial%is_too_far = system%leads_too_far()
+        trial%has_failed = trial%is_too_far
+        if (trial%has_failed) return
         error = trial%allowed
         if (allocated(system%is_book)) where (system%is_book) error = trial%error
         trial%breaks_law = system%broken_law(self%t + trial%step, trial%y, (little*trial%step)*trial%rate, error) > 1
-        trial%has_failed = trial%breaks_law .or. trial%is_too_far
+        trial%has_failed = trial%breaks_law
     end subroutine look_at_end
 
     !> The tolerances, but no less than what the many sums of an error estimate round off.

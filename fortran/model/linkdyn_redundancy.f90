@@ -9,6 +9,7 @@
 !> damping, N. Yamashita, M. Fukushima, Computing Suppl. 15 (2001) 239: with lambda = |residual|^2 the convergence stays
 !> quadratic where the rows are dependent.
 module linkdyn_redundancy
+    use linkdyn_cross, only: cross
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, scene_size
@@ -342,13 +343,6 @@ contains
 
         holds_moment = k == 2 .or. .not. model%is_planar
     end function holds_moment
-
-    pure function cross(a, b) result(c)
-        real(wp), intent(in) :: a(3), b(3)
-        real(wp) :: c(3)
-
-        c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-    end function cross
 
     !> Rows in the span of those before them: Gram and Schmidt, twice.
     pure function redundant_rows(rows) result(is_redundant)

@@ -53,6 +53,11 @@ def version() -> str:
     return _api.api_version().decode().strip()
 
 
+def default_method() -> str:
+    """Integrator of forward runs that name none: the best that this build has."""
+    return _api.api_default_method().decode().strip()
+
+
 def check(code: int, message: bytes, bad_input: type[LinkdynError] = InputError) -> None:
     """Raise the exception that belongs to a code of the engine.
 

@@ -341,7 +341,7 @@ class Scene:
         t_end: float | None = None,
         *,
         t: ArrayLike | None = None,
-        method: str = "rk8pd",
+        method: str | None = None,
         step: float = 1e-3,
         rtol: float = 1e-9,
         atol: float = 1e-9,
@@ -363,7 +363,7 @@ class Scene:
             (N,) increasing instants of output [s] instead; the run starts at the first.
         method
             "rk8pd" or "rkf45" (adaptive), "gbs" (adaptive, high order: many digits), "msbdf" (adaptive, for
-            stiff scenes), "rk4" (fixed step).
+            stiff scenes), "rk4" (fixed step). Default: "rk8pd"; "gbs" in a build without GSL.
         step
             The fixed step, or the first one tried [s].
         rtol, atol
@@ -391,7 +391,7 @@ class Scene:
             Instants that do not increase, a step or tolerance that is not positive, an unknown method, a start that
             cannot be assembled, too many or too few actuators.
         UnavailableError
-            An adaptive method in a build without GSL.
+            "rk8pd", "rkf45" or "msbdf" in a build without GSL.
         Interrupted
             Ctrl-C, a `KeyboardInterrupt` that keeps the results so far as ``result``.
         """
@@ -399,7 +399,8 @@ class Scene:
         if t is not None and t_end is not None:
             raise InputError("t, t_end: give one of them")
         wanted, has_errors = as_names("want", want), as_flag("error", error)
-        method, solver = as_name("method", method), as_name("solver", solver)
+        method = _bind.default_method() if method is None else as_name("method", method)
+        solver = as_name("solver", solver)
         shows = None if progress is None else as_flag("progress", progress)
         settings = (as_real("step", step), as_real("rtol", rtol), as_real("atol", atol))
         kind = (method, solver, as_count("threads", threads))

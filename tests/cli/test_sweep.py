@@ -7,12 +7,10 @@ import resource
 import shutil
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
 import tomli_w
-import xarray as xr
 
 from linkdyn.cli import executable
 
@@ -35,23 +33,10 @@ def refused(result: subprocess.CompletedProcess, *fragments: str) -> None:
 
 
 @pytest.fixture()
-def long_sweep(tsai) -> dict:
-    """Some seconds of work in many chunks; lapack takes its time over each."""
-    tsai["sweep"] = {
-        "reduce": ["driving_force", "determinant"],
-        "keep": ["driving_force"],
-        "map": ["platform.z", "platform.x"],
-        "chunk": 32,
-        "histogram": {"driving_force": True},
-        "axis": [
-            {"coordinate": "platform.x", "linspace": [-1.7, -1.3, 12]},
-            {"coordinate": "platform.y", "random": {"from": -0.2, "to": 0.2, "n": 10, "seed": 4}},
-            {"coordinate": "platform.z", "linspace": [0.8, 1.2, 8]},
-            {"coordinate": "platform.yaw", "linspace": [-0.4, 0.4, 5]},
-        ],
-        "constraint": [{"of": "driving_position", "min": 1.0}],
-    }
-    return tsai
+def long_sweep(kept_sweep) -> dict:
+    """Some seconds of work."""
+    kept_sweep["sweep"]["axis"].append({"coordinate": "platform.yaw", "linspace": [-0.4, 0.4, 5]})
+    return kept_sweep
 
 
 def write(scene: dict, folder: Path) -> Path:
@@ -60,29 +45,9 @@ def write(scene: dict, folder: Path) -> Path:
     return file
 
 
-def same(one: Path, two: Path) -> bool:
-    with xr.open_dataset(one) as a, xr.open_dataset(two) as b:
-        return set(a.variables) == set(b.variables) and all(a[name].equals(b[name]) for name in a.variables)
-
-
-def interrupted(scene: Path, output: Path) -> None:
-    """A run that leaves a checkpoint."""
-    process = subprocess.Popen(
-        [executable(), "sweep", scene, "-o", output, "-q", "--solver", "lapack", "--checkpoint", "0"]
-    )
-    checkpoint = Path(f"{output}.checkpoint")
-    for _ in range(2000):
-        if checkpoint.exists() or process.poll() is not None:
-            break
-        time.sleep(0.005)
-    process.kill()
-    process.wait()
-    assert checkpoint.exists()
-
-
-def test_a_changed_scene_is_not_resumed(long_sweep, tmp_path):
+def test_a_changed_scene_is_not_resumed(long_sweep, interrupt_sweep, tmp_path):
     scene, output = write(long_sweep, tmp_path), tmp_path / "results.nc"
-    interrupted(scene, output)
+    interrupt_sweep(scene, output)
     refused(run(scene, "-o", output, "--solver", "lapack"), "interrupted run is kept there", "--resume")
     refused(run(scene, "-o", output, "--resume"), "another scene, with other options")
     long_sweep["link"][0]["mass"] = 1.6
@@ -95,7 +60,7 @@ def limit_file_size() -> None:
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 
 
-def test_a_full_disk_is_said_and_resumed(long_sweep, tmp_path):
+def test_a_full_disk_is_said_and_resumed(long_sweep, same, tmp_path):
     """The spool of kept samples outgrows what may be written."""
     scene, output, whole = write(long_sweep, tmp_path), tmp_path / "results.nc", tmp_path / "whole.nc"
     options = ("-q", "--solver", "lapack", "--checkpoint", "0")
@@ -160,7 +125,7 @@ mpirun = pytest.mark.skipif(shutil.which("mpirun") is None, reason="no mpirun he
 
 @mpirun
 @pytest.mark.parametrize("n", [2, 4])
-def test_processes_to_the_last_bit(n, long_sweep, tmp_path):
+def test_processes_to_the_last_bit(n, long_sweep, same, tmp_path):
     """A build with MPI gives the same file; one without refuses to run several times side by side."""
     scene, one, many = write(long_sweep, tmp_path), tmp_path / "one.nc", tmp_path / "many.nc"
     assert run(scene, "-o", one, "-q").returncode == DONE

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import random
 import signal
-import subprocess
 import time
 from pathlib import Path
 
@@ -13,52 +12,14 @@ import pytest
 import tomli_w
 import xarray as xr
 
-from linkdyn.cli import executable
-
 OPTIONS = ["-q", "--solver", "lapack", "--checkpoint", "0"]
 
 
 @pytest.fixture()
-def scene(tsai, tmp_path) -> Path:
-    """Some seconds of work in many chunks, all samples kept; lapack takes its time over each."""
-    tsai["sweep"] = {
-        "reduce": ["driving_force", "determinant"],
-        "keep": ["driving_force"],
-        "map": ["platform.z", "platform.x"],
-        "chunk": 32,
-        "histogram": {"driving_force": True},
-        "axis": [
-            {"coordinate": "platform.x", "linspace": [-1.7, -1.3, 12]},
-            {"coordinate": "platform.y", "random": {"from": -0.2, "to": 0.2, "n": 8, "seed": 4}},
-            {"coordinate": "platform.z", "linspace": [0.8, 1.2, 8]},
-        ],
-        "constraint": [{"of": "driving_position", "min": 0.5}],
-    }
+def scene(kept_sweep, tmp_path) -> Path:
     file = tmp_path / "scene.toml"
-    file.write_text(tomli_w.dumps(tsai))
+    file.write_text(tomli_w.dumps(kept_sweep))
     return file
-
-
-def start(scene: Path, output: Path, *options: str) -> subprocess.Popen:
-    return subprocess.Popen([executable(), "sweep", scene, "-o", output, *OPTIONS, *options], stderr=subprocess.PIPE, text=True)
-
-
-def wait_for(path: Path, process: subprocess.Popen) -> None:
-    while not path.exists():
-        assert process.poll() is None, process.stderr.read()
-        time.sleep(0.001)
-
-
-def interrupt(scene: Path, output: Path) -> None:
-    """A run killed behind its first checkpoint."""
-    with start(scene, output) as process:
-        wait_for(Path(f"{output}.checkpoint"), process)
-        process.kill()
-
-
-def same(one: Path, two: Path) -> bool:
-    with xr.open_dataset(one) as a, xr.open_dataset(two) as b:
-        return set(a.variables) == set(b.variables) and all(a[name].equals(b[name]) for name in a.variables)
 
 
 def truncate(data: bytearray) -> bytes:
@@ -83,9 +44,9 @@ DAMAGES = [truncate, empty, flip_a_bit, flip_a_bit_of_the_head]
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_spool_is_not_gone_on_with(damage, scene, refused, program, tmp_path):
+def test_a_damaged_spool_is_not_gone_on_with(damage, scene, interrupt_sweep, refused, program, tmp_path):
     output = tmp_path / "run.nc"
-    interrupt(scene, output)
+    interrupt_sweep(scene, output)
     spool = tmp_path / "run.nc.spool"
     whole = spool.read_bytes()
     spool.write_bytes(damage(bytearray(whole)))
@@ -96,31 +57,31 @@ def test_a_damaged_spool_is_not_gone_on_with(damage, scene, refused, program, tm
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_checkpoint_is_not_gone_on_with(damage, scene, refused, tmp_path):
+def test_a_damaged_checkpoint_is_not_gone_on_with(damage, scene, interrupt_sweep, refused, tmp_path):
     output = tmp_path / "run.nc"
-    interrupt(scene, output)
+    interrupt_sweep(scene, output)
     checkpoint = tmp_path / "run.nc.checkpoint"
     checkpoint.write_bytes(damage(bytearray(checkpoint.read_bytes())))
     refused("sweep", scene, "-o", output, "--resume", *OPTIONS, says="run.nc.checkpoint")
     assert not output.exists()
 
 
-def test_a_lost_spool_is_missed(scene, refused, tmp_path):
+def test_a_lost_spool_is_missed(scene, interrupt_sweep, refused, tmp_path):
     output = tmp_path / "run.nc"
-    interrupt(scene, output)
+    interrupt_sweep(scene, output)
     (tmp_path / "run.nc.spool").unlink()
     refused("sweep", scene, "-o", output, "--resume", *OPTIONS, says=("run.nc.spool", "No such file"))
 
 
-def test_the_spool_of_another_run_is_told(scene, refused, tmp_path):
+def test_the_spool_of_another_run_is_told(scene, interrupt_sweep, refused, tmp_path):
     """The same sweep, killed twice: each spool goes with its own checkpoint only."""
     for name in ("one.nc", "two.nc"):
-        interrupt(scene, tmp_path / name)
+        interrupt_sweep(scene, tmp_path / name)
     (tmp_path / "two.nc.spool").replace(tmp_path / "one.nc.spool")
     refused("sweep", scene, "-o", tmp_path / "one.nc", "--resume", *OPTIONS, says="belongs to another")
 
 
-def test_a_spool_left_over_is_begun_anew(scene, program, tmp_path):
+def test_a_spool_left_over_is_begun_anew(scene, same, program, tmp_path):
     """Killed before its first checkpoint, with some samples kept: nothing of them gets into the results."""
     whole, output, victim = tmp_path / "whole.nc", tmp_path / "run.nc", tmp_path / "victim"
     assert program("sweep", scene, "-o", whole, *OPTIONS).returncode == 0
@@ -133,7 +94,7 @@ def test_a_spool_left_over_is_begun_anew(scene, program, tmp_path):
     assert victim.read_text() == "precious"
 
 
-def test_killed_at_any_moment(scene, program, names, tmp_path):
+def test_killed_at_any_moment(scene, start_sweep, same, program, names, tmp_path):
     """Killed again and again, while it computes, keeps and writes: what comes out in the end is the same, nothing else stays."""
     whole, output = tmp_path / "whole.nc", tmp_path / "run.nc"
     begin = time.monotonic()
@@ -142,7 +103,7 @@ def test_killed_at_any_moment(scene, program, names, tmp_path):
     dice = random.Random(3)
     n_killed = 0
     for attempt in range(12):
-        with start(scene, output, "--resume", *(("--threads", "2") if attempt % 2 else ())) as process:
+        with start_sweep(scene, output, "--resume", *(("--threads", "2") if attempt % 2 else ())) as process:
             time.sleep(dice.uniform(0.1, 0.4) * seconds)
             process.kill()
         n_killed += process.returncode == -signal.SIGKILL
@@ -157,32 +118,34 @@ def test_killed_at_any_moment(scene, program, names, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["run.nc", "link.nc"])
-def test_one_sweep_at_a_time_writes_to_a_file(name, scene, program, refused, tmp_path):
+def test_one_sweep_at_a_time_writes_to_a_file(name, scene, start_sweep, wait_for, program, refused, tmp_path):
     """The second one is refused and told who is at it, also by another name of the file; the first one goes on."""
     output = tmp_path / "run.nc"
     (tmp_path / "link.nc").symlink_to(output)
-    with start(scene, output) as first:
+    with start_sweep(scene, output) as first:
         wait_for(tmp_path / "run.nc.spool", first)    # made behind the lock
         first.send_signal(signal.SIGSTOP)
-        refused("sweep", scene, "-o", tmp_path / name, *OPTIONS, says=f"process {first.pid} on {os.uname().nodename}")
-        first.send_signal(signal.SIGCONT)
+        try:
+            refused("sweep", scene, "-o", tmp_path / name, *OPTIONS, says=f"process {first.pid} on {os.uname().nodename}")
+        finally:
+            first.send_signal(signal.SIGCONT)
         assert first.wait(timeout=60) == 0
     assert not (tmp_path / "run.nc.lock").exists()
     assert program("sweep", scene, "-o", tmp_path / name, *OPTIONS).returncode == 0
 
 
-def test_a_lock_ends_with_its_holder(scene, program, tmp_path):
+def test_a_lock_ends_with_its_holder(scene, interrupt_sweep, program, tmp_path):
     """Killed: the lock file stays, the lock does not."""
     output = tmp_path / "run.nc"
-    interrupt(scene, output)
+    interrupt_sweep(scene, output)
     assert (tmp_path / "run.nc.lock").exists()
     assert program("sweep", scene, "-o", output, "--resume", *OPTIONS).returncode == 0
 
 
-def test_many_at_once(scene, tmp_path):
+def test_many_at_once(scene, start_sweep, tmp_path):
     """Of several that start together one writes, and the others are told."""
     output = tmp_path / "run.nc"
-    runs = [start(scene, output) for _ in range(6)]
+    runs = [start_sweep(scene, output) for _ in range(6)]
     outcomes = sorted((run.wait(timeout=120), run.stderr.read()) for run in runs)
     assert [code for code, _ in outcomes].count(0) >= 1
     assert all(code == 0 or "is writing there" in said for code, said in outcomes)

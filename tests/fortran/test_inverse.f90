@@ -2,6 +2,7 @@
 module test_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_is_finite, ieee_value, ieee_quiet_nan
     use linkdyn_builder, only: build_model
+    use linkdyn_cross, only: cross
     use linkdyn_inverse, only: inverse_options, inverse_results, run_inverse, solver_gauss_jordan, solver_lapack, &
         solver_elimination, solver_reduced, solver_name
     use linkdyn_kinds, only: wp
@@ -337,13 +338,6 @@ contains
 
         m = reshape([t(1), t(4), t(6), t(4), t(2), t(5), t(6), t(5), t(3)], [3, 3])
     end function tensor
-
-    pure function cross(a, b) result(c)
-        real(wp), intent(in) :: a(3), b(3)
-        real(wp) :: c(3)
-
-        c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-    end function cross
 
     !> The marker on the second link, world.
     function joint_point(model, state, j) result(at)

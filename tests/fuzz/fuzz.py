@@ -28,10 +28,7 @@ def search(first: int, n: int, jobs: int, each: int = 50) -> Report:
     parts = [range(i, min(i + each, first + n)) for i in range(first, first + n, each)]
     with concurrent.futures.ProcessPoolExecutor(jobs) as pool:
         for part in pool.map(search_part, parts):
-            total.findings += part.findings
-            total.messages += part.messages
-            total.calls += part.calls
-            total.answered += part.answered
+            total += part
     return total
 
 
@@ -39,11 +36,7 @@ def search_part(numbers: range) -> Report:
     """Some cases one after the other."""
     total = Report()
     for number in numbers:
-        report = run_case(number)
-        total.findings += report.findings
-        total.messages += report.messages
-        total.calls += report.calls
-        total.answered += report.answered
+        total += run_case(number)
     return total
 
 

@@ -55,6 +55,13 @@ class Report:
     answered: int = 0
     """Calls that were not refused."""
 
+    def __iadd__(self, other: Report) -> Report:
+        self.findings += other.findings
+        self.messages += other.messages
+        self.calls += other.calls
+        self.answered += other.answered
+        return self
+
 
 @dataclass
 class Files:

@@ -54,13 +54,15 @@ def computed(pid: int) -> float:
 
 def wait(pid: int, ended: Callable[[], int | None]) -> tuple[int, bool, bool]:
     """Exit status of a process, whether it was deaf to an interrupt, whether it was interrupted."""
-    start, interrupted, pause = time.monotonic(), False, 0.001
+    before, since, interrupted, pause = 0.0, time.monotonic(), False, 0.001
     while (status := ended()) is None:
         seconds = computed(pid)
         if seconds > ENOUGH and not interrupted:
             os.kill(pid, signal.SIGINT)
             interrupted = True
-        if seconds > ENOUGH + HEARS or time.monotonic() - start > STUCK:
+        if seconds > before:
+            before, since = seconds, time.monotonic()
+        if seconds > ENOUGH + HEARS or time.monotonic() - since > STUCK:
             os.kill(pid, signal.SIGKILL)
             while (status := ended()) is None:
                 time.sleep(0.001)

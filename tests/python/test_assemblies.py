@@ -232,59 +232,10 @@ def test_hexaglide_samples_on_their_own() -> None:
 # ---------------------------------------------------------------- change points
 
 
-PARALLELOGRAM = """
-title = "Parallelogram"
-space = "planar"
-gravity = [0, -9.81]
-coordinate = [{ joint = "A", start = { position = 1.0, velocity = 8.0 }, motion = { law = "constant-rate", rate = 3.0, start = 1.0 } }]
-actuator = [{ joint = "A", law = { type = "constant", value = 0.0 } }]
-[frame]
-markers = { A = [0, 0], D = [2, 0] }
-[[link]]
-name = "crank"
-markers = { A = [0, 0], B = [1, 0] }
-mass = 1
-cog = [0.5, 0]
-inertia = 0.1
-[[link]]
-name = "coupler"
-markers = { B = [0, 0], C = [2, 0] }
-mass = 2
-cog = [1, 0]
-inertia = 0.7
-[[link]]
-name = "rocker"
-markers = { D = [0, 0], C = [1, 0] }
-mass = 1
-cog = [0.5, 0]
-inertia = 0.1
-[[joint]]
-name = "A"
-type = "revolute"
-between = ["frame.A", "crank.A"]
-[[joint]]
-name = "B"
-type = "revolute"
-between = ["crank.B", "coupler.B"]
-[[joint]]
-name = "C"
-type = "revolute"
-between = ["coupler.C", "rocker.C"]
-[[joint]]
-name = "D"
-type = "revolute"
-between = ["frame.D", "rocker.D"]
-start = 1.0
-[time]
-end = 4.0
-samples = 401
-"""
-
-
 @pytest.fixture(params=["spatial", "planar"])
 def parallelogram(request: pytest.FixtureRequest) -> dict[str, Any]:
     """Closed by iteration in space, in closed form in the plane; its crank goes round from 1 rad at 3 rad/s."""
-    return read("rusr_parallelogram.toml") if request.param == "spatial" else tomllib.loads(PARALLELOGRAM)
+    return read("rusr_parallelogram.toml" if request.param == "spatial" else "parallelogram.toml")
 
 
 def test_parallelogram_stays_one(parallelogram: dict[str, Any]) -> None:

@@ -3,16 +3,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 import pytest
-from matplotlib import pyplot
 
 import linkdyn
 from linkdyn import plot
+
+pytestmark = pytest.mark.usefixtures("closed_figures")
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -20,12 +17,6 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 @pytest.fixture(scope="module")
 def run():
     return linkdyn.load(EXAMPLES / "flyball_governor" / "scene.toml").forward(t=np.linspace(0.0, 0.01, 6))
-
-
-@pytest.fixture(autouse=True)
-def closed_figures():
-    yield
-    pyplot.close("all")
 
 
 def test_motion_has_a_row_for_each_unit(run):
@@ -49,7 +40,7 @@ def test_energies_with_their_balance(run):
 def test_steps(run):
     figure, axes = plot.steps(run)
     np.testing.assert_array_equal(axes[0].get_lines()[0].get_ydata(), run.step.values[1:])
-    assert axes[0].get_ylabel() == "step of rk8pd [s]"
+    assert axes[0].get_ylabel() == f"step of {run.attrs['method']} [s]"
     figure.canvas.draw()
 
 

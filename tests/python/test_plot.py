@@ -4,33 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 import pytest
-from matplotlib import pyplot
 from PIL import Image
 
 import linkdyn
 from linkdyn import plot
 
-
-@pytest.fixture(scope="module")
-def scene(tsai_file):
-    return linkdyn.load(tsai_file)
-
-
-@pytest.fixture(scope="module")
-def run(scene):
-    return scene.inverse()
-
-
-@pytest.fixture(autouse=True)
-def closed_figures():
-    yield
-    pyplot.close("all")
+pytestmark = pytest.mark.usefixtures("closed_figures")
 
 
 def test_driving_forces(run):

@@ -14,16 +14,6 @@ import linkdyn
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
-@pytest.fixture(scope="module")
-def scene(tsai_file):
-    return linkdyn.load(tsai_file)
-
-
-@pytest.fixture(scope="module")
-def run(scene):
-    return scene.inverse()
-
-
 def test_time_is_the_index(run):
     at = run.sel(time=0.5, method="nearest")
     assert at.driving_force.dims == ("actuator",)

@@ -18,11 +18,6 @@ SPREAD = np.array([0.1, -0.2, 1.2, 0.1, -0.05, 0.2])
 """A pose away from all symmetries."""
 
 
-@pytest.fixture()
-def scene(tsai_file: Path) -> linkdyn.Scene:
-    return linkdyn.load(tsai_file)
-
-
 def batch(scene: linkdyn.Scene, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Poses with rates and accelerations that differ from sample to sample."""
     shape = (n, len(scene.coordinates))

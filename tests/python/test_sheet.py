@@ -7,10 +7,6 @@ import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 import pytest
 from matplotlib import pyplot
@@ -18,12 +14,9 @@ from matplotlib import pyplot
 import linkdyn
 from linkdyn._sheet import sheet_page, significant
 
+pytestmark = pytest.mark.usefixtures("closed_figures")
+
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-
-
-@pytest.fixture(scope="module")
-def scene(tsai_file):
-    return linkdyn.load(tsai_file)
 
 
 def spatial_table() -> dict:
@@ -56,12 +49,6 @@ def run(scene):
 @pytest.fixture(scope="module")
 def written(run, tmp_path_factory) -> Path:
     return linkdyn.sheet(run, tmp_path_factory.mktemp("sheet") / "out.html")
-
-
-@pytest.fixture(autouse=True)
-def closed_figures():
-    yield
-    pyplot.close("all")
 
 
 def read(file: Path) -> tuple[ET.Element, dict[str, list[list[ET.Element]]]]:

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import subprocess
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import numpy as np
 import pytest
-from matplotlib import pyplot
 
 import linkdyn
 from linkdyn import _sweep_plots, plot
 from linkdyn.cli import executable
+
+pytestmark = pytest.mark.usefixtures("closed_figures")
 
 KEEP = ("driving_force", "driving_speed", "condition")
 
@@ -37,11 +34,6 @@ def table() -> dict:
 
 
 @pytest.fixture(scope="module")
-def scene(tsai_file):
-    return linkdyn.load(tsai_file)
-
-
-@pytest.fixture(scope="module")
 def run(scene):
     return scene.sweep(table(), keep=KEEP)
 
@@ -51,12 +43,6 @@ def designed(scene):
     sweep = table()
     sweep["axis"].insert(0, {"parameter": "link.platform.mass", "name": "mass", "values": [1, 2, 3]})
     return scene.sweep(sweep)
-
-
-@pytest.fixture(autouse=True)
-def closed_figures():
-    yield
-    pyplot.close("all")
 
 
 def mesh(axis) -> np.ndarray:
