@@ -158,7 +158,7 @@ class Attitude:
     Parameters
     ----------
     r
-        (..., 3, 3) the lecture's [R_.], a rotation from the link's axes to world axes; default: parallel to the world's.
+        (..., 3, 3) the lecture's ``[R_.]``, a rotation from the link's axes to world axes; default: parallel to the world's.
     omega, domega
         (..., 3) angular velocity [rad/s] and its derivative [rad/s2], components along the link's axes.
     """
@@ -195,7 +195,7 @@ class Coefficients:
     Parameters
     ----------
     of
-        Of a point (..., n, 2) or (..., n, 3): the lecture's (A_k, C_k) or [C_.]; of an angle or a slide (..., n): E_k;
+        Of a point (..., n, 2) or (..., n, 3): the lecture's (A_k, C_k) or ``[C_.]``; of an angle or a slide (..., n): E_k;
         of an attitude (..., n, 3): [C_omega.]. n is the number of cranks.
     rest
         (..., 2), (..., 3) or (...): (B, D), F, d; zero unless given.

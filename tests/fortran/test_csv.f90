@@ -95,7 +95,7 @@ contains
         call expect(error, "t;x"//lf//"0;1,5"//lf, "a.csv:2: column 'x': '1,5'"//comma)
         call expect(error, "t;x"//lf//"0,1;-1,5e-3"//lf, "a.csv:2: column 't': '0,1'"//comma)
         call expect(error, "t;x"//lf//"0;1,5 m"//lf, "a.csv:2: column 'x': '1,5 m' is not a number (expected one)")
-        call expect(error, "0,5;1,5"//lf//"0,6;1,5"//lf, "a.csv:1: the header holds the number '0,5;1'")
+        call expect(error, "0;1,5"//lf//"1;1,6"//lf, "a.csv:1: the header holds the number '0;1'")
         call expect(error, "t,x"//lf//"0,1,1,5"//lf, "a.csv:2: the row has more than 2 fields (expected no more; if these are "// &
             "decimal commas: a decimal point")
         call expect(error, "t,x"//lf//"0,1,2,3,4,5"//lf, "a.csv:2: the row has more than 2 fields (expected no more)")
