@@ -67,6 +67,14 @@ def lay_out(source: Path) -> None:
             shutil.copy2(ROOT / part, source / part)
 
 
+def quieten_kernels(folder: Path) -> None:
+    """What runs the tutorials' cells says at every start that it opens a port; of kernels on the same machine, that is noise."""
+    profile = folder / "profile_default"
+    profile.mkdir(parents=True, exist_ok=True)
+    (profile / "ipython_kernel_config.py").write_text("c.IPKernelApp.log_level = 40\n", encoding="utf-8")
+    os.environ["IPYTHONDIR"] = str(folder)
+
+
 def run(*command: str | Path) -> None:
     beside = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])      # FORD calls pcpp by its name
     if subprocess.run(command, cwd=ROOT, env=os.environ | {"PATH": beside}, check=False).returncode != 0:
@@ -78,6 +86,7 @@ def main(folder: str) -> None:
     source, site = build / "source", build / "html"
     lay_out(source)
     write_gallery(ROOT / "examples", source, site / "views")
+    quieten_kernels(build / "ipython")
     python = [sys.executable, "-m"]
     run(*python, "sphinx", "--fail-on-warning", "--keep-going", "--quiet", "-c", ROOT / "docs" / "site", "-d", build / "doctrees", source, site)
     run(*python, "ford", "--quiet", "--output_dir", site / "fortran", ROOT / "ford.md")

@@ -14,6 +14,7 @@ import linkdyn
 import linkdyn.plot
 from linkdyn._view import run_of
 from matplotlib import pyplot
+from PIL import Image, ImageChops
 
 GROUPS = {
     "Planar linkages": ("fourbar", "slider_crank", "sixbar_slider", "lecture_sixbar", "watt_i", "stephenson_iii", "fivebar_parallel"),
@@ -78,8 +79,16 @@ class Example:
         figure, axes = linkdyn.plot.mechanism(scene, good[len(good) // 8], names=False)
         axes.set_title("")
         axes.set_axis_off()
-        figure.savefig(picture, dpi=110, bbox_inches="tight")
+        figure.savefig(picture, dpi=160, bbox_inches="tight")
         pyplot.close("all")
+        crop(picture)
+
+
+def crop(picture: Path) -> None:
+    """Take the paper around a drawing away: axes in space leave much of it."""
+    image = Image.open(picture).convert("RGB")
+    drawn = ImageChops.difference(image, Image.new("RGB", image.size, "white")).getbbox()
+    image.crop(drawn).save(picture, optimize=True)
 
 
 def examples(folder: Path) -> Iterator[tuple[str, list[Example]]]:
