@@ -9,7 +9,7 @@
 #                methods on hard cases. Tables and pictures go to results/benchmarks
 #   make renew   put these where benchmarks/README.md and docs/accuracy.md show them
 #   make real128 linkdyn-real128, the same program in quadruple precision, beside the installed one
-#   make docs    reference of the Fortran sources in docs/html
+#   make docs    the site with tutorials, gallery and reference, in build/site/html
 #   make clean   remove what was made; `make distclean` removes .venv too
 
 PYTHON ?= python3
@@ -18,6 +18,7 @@ VENV := $(CURDIR)/.venv
 BUILD := build/wheel
 PACKAGE := build/package.stamp
 REQUIREMENTS := $(VENV)/requirements.stamp
+DOCS_REQUIREMENTS := $(VENV)/docs_requirements.stamp
 EXAMPLE := stewart_drilling
 
 # meson-python finds meson and ninja on the path
@@ -80,10 +81,13 @@ real128: $(PACKAGE)
 accuracy: real128
 	$(VENV)/bin/python benchmarks/python/accuracy.py
 
-docs: $(REQUIREMENTS)
-	@$(VENV)/bin/python -c "import ford" 2>/dev/null || $(VENV)/bin/python -m pip install --quiet ford
-	$(VENV)/bin/ford ford.md
-	@echo "Start reading at docs/html/index.html"
+docs: $(PACKAGE) $(DOCS_REQUIREMENTS)
+	@$(VENV)/bin/python tools/build_docs.py build/site
+
+$(DOCS_REQUIREMENTS): docs/site/requirements.txt $(REQUIREMENTS)
+	@echo "Installing what the site needs into .venv"
+	$(VENV)/bin/python -m pip install --quiet -r docs/site/requirements.txt
+	@touch $@
 
 # looks every time, which is quick, and installs only what is missing
 system:
@@ -117,7 +121,7 @@ $(PACKAGE): $(SOURCES) $(REQUIREMENTS) | system
 	@touch $@
 
 clean:
-	rm -rf build results docs/html
+	rm -rf build results
 
 distclean: clean
 	rm -rf .venv

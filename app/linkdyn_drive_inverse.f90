@@ -33,6 +33,7 @@ module linkdyn_drive_inverse
     private
     public :: drive_inverse, load_model
 
+    character(len=*), parameter :: spline_rates = "of the spline through the positions"    !! where --states has no rates
     integer, parameter :: written_block = 16384      !! samples computed and written at a time
     integer, parameter :: passing_block = 2048       !! samples whose results stay in the cache until they are summed up
     integer, parameter :: most_values = 2**24        !! computed at a time: a large mechanism has fewer samples in a block
@@ -75,6 +76,7 @@ contains
                                   length=typical_length(model), follows_assembly=follows_assembly(model))
             call open_results(config, model, layout, n_sample, output, status)
         end if
+        if (status%is_ok() .and. states%has_spline_rates) call note_result("rates", spline_rates, output, status)
         if (status%is_ok()) call run_blocks(config, model, solver, layout, states, n_sample, output, summary, seconds, status)
         call solver%free()
         if (.not. status%is_ok()) then
@@ -83,6 +85,7 @@ contains
         end if
         if (.not. config%quiet) call print_summary(model, layout, summary, config%solver, &
             config%options%threads, seconds, output%name, unit)
+        if (states%has_spline_rates .and. .not. config%quiet) write (unit, "(a)") "  rates            "//spline_rates
         exit_status = exit_done
         if (summary%failure%n == 0) return
         exit_status = exit_samples_failed

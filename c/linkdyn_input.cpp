@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -106,6 +107,14 @@ void linkdyn_parse_number(const char *text, int text_len, double *value, int *us
         *value = std::strtod(copy, nullptr);
     }
     *used = static_cast<int>(result.ptr - text);
+}
+
+int linkdyn_format_number(double value, char *text, int text_len) {
+    if (std::isnan(value)) {
+        std::memcpy(text, "NaN", 3);
+        return 3;
+    }
+    return static_cast<int>(std::to_chars(text, text + text_len, value).ptr - text);
 }
 
 }  // extern "C"

@@ -1,5 +1,5 @@
-/* Reading whole files and decimal numbers: what Fortran's own I/O does too slowly, or differently
- * from one locale to the next. */
+/* Reading whole files, reading and writing decimal numbers: what Fortran's own I/O does too slowly, or
+ * differently from one locale to the next. */
 #ifndef LINKDYN_INPUT_H
 #define LINKDYN_INPUT_H
 
@@ -24,6 +24,10 @@ void linkdyn_file_free(char *data);
 /* The decimal number at the start of the text, and how many characters it takes: 0 if there is none.
  * Too large a number comes back as infinity. Always '.', whatever the locale. */
 void linkdyn_parse_number(const char *text, int text_len, double *value, int *used);
+
+/* The shortest decimals that are read back to the same number ("NaN", "inf", "-inf" if it is none); how
+ * many characters were written: 24 at most. */
+int linkdyn_format_number(double value, char *text, int text_len);
 
 #ifdef __cplusplus
 }

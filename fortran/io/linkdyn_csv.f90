@@ -1,7 +1,8 @@
 !> Tables in CSV files: a header row with column names, then numbers.
 !>
 !> A column name may carry its unit in brackets: `roll [deg]`. Blank lines and lines that start with
-!> `#` are passed over. Fields are separated by commas, or by the semicolons or tabs of the header.
+!> `#` are passed over. Fields are separated by commas, or by the semicolons or tabs of the header. What spreadsheets
+!> write otherwise (decimal commas, units in round brackets or in a row of their own) is refused with its remedy.
 module linkdyn_csv
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
@@ -10,6 +11,7 @@ module linkdyn_csv
     use linkdyn_scene, only: table_spec, name_len
     use linkdyn_input, only: read_file_text, parse_number
     use linkdyn_suggest, only: suggestion
+    use linkdyn_units, only: is_unit
     implicit none (type, external)
     private
     public :: read_csv, parse_csv, column_of, as_shown
@@ -93,9 +95,31 @@ contains
             call fail(status, status_bad_input, trim(table%file)//": no column "//quoted(name))
         else
             call fail(status, status_bad_input, trim(table%file)//": no column "//quoted(name)// &
-                " (found "//join(table%column)//suggestion(name, table%column)//")")
+                " (found "//join(table%column)//bracket_hint(table, name)//")")
         end if
     end subroutine column_of
+
+    !> The remedy if a column has the name and then its unit, but not in square brackets; else the name that is nearest.
+    function bracket_hint(table, name) result(hint)
+        type(table_spec), intent(in) :: table
+        character(len=*), intent(in) :: name
+        character(len=:), allocatable :: hint, rest, unit
+        integer :: i, n
+
+        hint = suggestion(name, table%column)
+        n = len_trim(name)
+        do i = 1, size(table%column)
+            if (index(table%column(i), trim(name)) /= 1) cycle
+            rest = table%column(i)(n + 1:)
+            if (scan(rest(1:1), " (/_,-") == 0) cycle
+            unit = word_in(rest, " ()_,-")
+            if (index(unit, "/") == 1) unit = unit(2:)
+            if (index(unit, "in ") == 1) unit = unit(4:)
+            if (.not. is_unit(unit)) cycle
+            hint = "; the unit belongs in square brackets: '"//trim(name)//" ["//unit//"]'"
+            return
+        end do
+    end function bracket_hint
 
     !> What stands in a table, for a message: a scene from elsewhere must not make us read out any file of the machine.
     pure function as_shown(table, content) result(text)
@@ -142,7 +166,7 @@ contains
             else if (len(field) > name_len) then
                 call fail(status, status_bad_input, where//"the name of column "//to_text(i)//" is longer than " &
                     //to_text(name_len)//" letters")
-            else if (verify(field, "+-.0123456789eE") == 0) then
+            else if (verify(field, "+-.,;0123456789eE") == 0) then
                 call fail(status, status_bad_input, where//"the header holds the number "//as_shown(table, field)// &
                     " (expected a first row with column names)")
             else if (any(table%column(:i - 1) == field)) then
@@ -176,7 +200,8 @@ contains
             if (.not. is_strict) then
                 if (n_used == 0) value = ieee_value(value, ieee_quiet_nan)
             else if (n_used == 0) then
-                call refuse_value(as_shown(table, adjustl(text(first:last)))//" is not a number (expected one)")
+                call refuse_value(as_shown(table, adjustl(text(first:last)))//" is not a number ("// &
+                                  remedy(text(first:last))//")")
                 return
             else if (.not. abs(value) <= huge(value)) then
                 call refuse_value(as_shown(table, adjustl(text(first:last)))//" is not a finite number (expected one)")
@@ -185,9 +210,34 @@ contains
             table%value(row, i) = value
             first = last + 2
         end do
-        if (last < len(text)) call refuse_row("has more than "//to_text(n_column)//" fields (expected no more)")
+        if (last < len(text)) call refuse_row("has more than "//to_text(n_column)//" fields (expected no more"//comma_hint()//")")
 
     contains
+
+        !> The remedy for a value that is no number.
+        function remedy(content) result(hint)
+            character(len=*), intent(in) :: content
+            character(len=:), allocatable :: hint
+
+            hint = "expected one"
+            if (is_decimal_comma(content)) then
+                hint = "expected a decimal point, not a comma"
+            else if (row == 1 .and. is_unit(word_in(content, "[]() "))) then
+                hint = "expected the unit behind the column's name: x [mm]"
+            end if
+        end function remedy
+
+        !> Each number with a decimal comma makes two fields out of one.
+        function comma_hint() result(hint)
+            character(len=:), allocatable :: hint
+            integer :: k
+
+            hint = ""
+            if (separator /= ",") return
+            if (count([(text(k:k) == separator, k=1, len(text))]) + 1 > 2*n_column) return
+            if (verify(text, " +-.,0123456789eE"//tab) == 0) &
+                hint = "; if these are decimal commas: a decimal point, or semicolons between the fields and decimal points"
+        end function comma_hint
 
         subroutine refuse_row(problem)
             character(len=*), intent(in) :: problem
@@ -224,6 +274,30 @@ contains
         call parse_number(text(first:last), value, n_used)
         if (n_used /= last - first + 1) n_used = 0
     end subroutine parse_field
+
+    !> "1,5": a number but for its comma.
+    pure logical function is_decimal_comma(text)
+        character(len=*), intent(in) :: text
+        character(len=len(text)) :: copy
+        real(wp) :: value
+        integer :: comma, n_used
+
+        comma = index(text, ",")
+        is_decimal_comma = .false.
+        if (comma == 0) return
+        copy = text
+        copy(comma:comma) = "."
+        call parse_field(copy, value, n_used)
+        is_decimal_comma = n_used > 0
+    end function is_decimal_comma
+
+    !> A text without the characters given around it.
+    pure function word_in(text, around) result(word)
+        character(len=*), intent(in) :: text, around
+        character(len=:), allocatable :: word
+
+        word = text(max(1, verify(text, around)):verify(text, around, back=.true.))
+    end function word_in
 
     !> The next line that says something, without its end; `last` < `first` when there is none.
     pure subroutine next_line(text, next, line, first, last)

@@ -1,8 +1,8 @@
 !> Results into a CSV file: one row a sample, one column a number, names with units in the first row.
 !>
-!> Numbers have as many digits as reading them back to the same value takes: 17, in quadruple precision 36.
+!> Numbers have as many digits as reading them back to the same value takes: 17 at most, in quadruple precision 36.
 module linkdyn_csv_writer
-    use linkdyn_kinds, only: wp
+    use linkdyn_input, only: put_number, number_length
     use linkdyn_output_file, only: output_file, open_output, discard_output, write_text, finish_text
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, label_of_value
     use linkdyn_status, only: status_type
@@ -10,9 +10,7 @@ module linkdyn_csv_writer
     private
     public :: csv_writer, create_csv, put_csv, close_csv
 
-    integer, parameter :: n_digit = ceiling(1 + digits(1.0_wp)*log10(2.0_wp))
-    integer, parameter :: exponent_length = ceiling(log10(real(range(1.0_wp), wp)))
-    integer, parameter :: number_length = n_digit + exponent_length + 4   !! sign, point, E and its sign
+    integer, parameter :: buffer_length = 2**20    !! characters written at a time: calls of the system take their time
 
     !> An open file.
     type :: csv_writer
@@ -41,31 +39,33 @@ contains
         integer, intent(in) :: n                     !! samples in the block
         type(csv_writer), intent(inout) :: writer
         type(status_type), intent(inout) :: status
-        character(len=:), allocatable :: row
-        integer :: i, length
+        character(len=:), allocatable :: buffer
+        integer :: i, length, room
 
-        length = longest_row(layout)
-        allocate (character(len=length) :: row)
+        room = longest_row(layout)
+        allocate (character(len=max(buffer_length, room)) :: buffer)
+        length = 0
         do i = 1, n
-            call fill_row(layout, block, i, row, length)
-            call write_text(writer%file, row(:length), status)
+            if (length + room > len(buffer)) then
+                call write_text(writer%file, buffer(:length), status)
+                length = 0
+            end if
             if (.not. status%is_ok()) return
+            call add_row(layout, block, i, buffer, length)
         end do
+        call write_text(writer%file, buffer(:length), status)
     end subroutine put_csv
 
     !> Numbers of one sample, with commas between and a line end.
-    subroutine fill_row(layout, block, sample, row, length)
+    subroutine add_row(layout, block, sample, buffer, length)
         type(layout_type), intent(in) :: layout
         type(block_type), intent(in) :: block
         integer, intent(in) :: sample
-        character(len=*), intent(inout) :: row
-        integer, intent(out) :: length               !! characters used
+        character(len=*), intent(inout) :: buffer
+        integer, intent(inout) :: length             !! characters used
         character(len=number_length) :: number
-        character(len=16) :: number_form
-        integer :: k, j, width
+        integer :: k, j, width, n
 
-        write (number_form, "('(es', i0, '.', i0, 'e', i0, ')')") number_length, n_digit - 1, exponent_length
-        length = 0
         do k = 1, size(layout%variable)
             width = samples_width(layout, layout%variable(k))
             do j = (sample - 1)*width + 1, sample*width
@@ -73,22 +73,19 @@ contains
                     call append(field(trim(layout%variable(k)%flag(block%of(k)%integer(j) + 1))))
                     cycle
                 end if
-                write (number, number_form) block%of(k)%real(j)
-                call append(adjustl(number))
+                call put_number(block%of(k)%real(j), number, n)
+                call append(number(:n))
             end do
         end do
-        row(length:length) = new_line("a")           ! in place of the last comma
+        buffer(length:length) = new_line("a")        ! in place of the last comma
     contains
         subroutine append(text)
             character(len=*), intent(in) :: text
-            integer :: n
 
-            n = len_trim(text)
-            row(length + 1:length + n) = text(:n)
-            row(length + n + 1:length + n + 1) = ","
-            length = length + n + 1
+            buffer(length + 1:length + len(text) + 1) = text//","
+            length = length + len(text) + 1
         end subroutine append
-    end subroutine fill_row
+    end subroutine add_row
 
     pure integer function longest_row(layout) result(length)
         type(layout_type), intent(in) :: layout

@@ -6,9 +6,15 @@ module linkdyn_input
     use linkdyn_status, only: status_type, status_bad_input, fail
     implicit none (type, external)
     private
-    public :: read_file_text, take_text, parse_number, folder_of, path_in_folder
+    public :: read_file_text, take_text, parse_number, put_number, number_length, folder_of, path_in_folder
 
     integer(c_int), parameter :: file_ok = 0, file_missing = 1, file_directory = 2, file_denied = 3
+
+    !> Digits with which a number of the working precision is read back to the same value, and room for them with sign,
+    !> point and exponent.
+    integer, parameter :: n_digit = ceiling(1 + digits(1.0_wp)*log10(2.0_wp))
+    integer, parameter :: exponent_length = ceiling(log10(real(range(1.0_wp), wp)))
+    integer, parameter :: number_length = n_digit + exponent_length + 4
 
     interface
         integer(c_int) function c_file_read(path, path_len, data, size, message, message_len) &
@@ -34,6 +40,13 @@ module linkdyn_input
             real(c_double), intent(out) :: value
             integer(c_int), intent(out) :: n_used
         end subroutine c_parse_number
+
+        integer(c_int) function c_format_number(value, text, text_len) bind(c, name="linkdyn_format_number")
+            import :: c_char, c_int, c_double
+            real(c_double), value :: value
+            character(kind=c_char), intent(inout) :: text(*)
+            integer(c_int), value :: text_len
+        end function c_format_number
     end interface
 
 contains
@@ -99,6 +112,23 @@ contains
         n_used = int(c_used)
         value = real(c_value, wp)
     end subroutine parse_number
+
+    !> Write a number with as many digits as reading it back to the same value takes: in double precision as few as do.
+    subroutine put_number(value, text, n_used)
+        real(wp), intent(in) :: value
+        character(len=number_length), intent(out) :: text
+        integer, intent(out) :: n_used
+        character(len=16) :: number_form
+
+        if (digits(value) == digits(1.0_c_double)) then
+            n_used = int(c_format_number(real(value, c_double), text, int(len(text), c_int)))
+        else
+            write (number_form, "('(es', i0, '.', i0, 'e', i0, ')')") number_length, n_digit - 1, exponent_length
+            write (text, number_form) value
+            text = adjustl(text)
+            n_used = len_trim(text)
+        end if
+    end subroutine put_number
 
     !> The folder of a file, with its last slash; empty for the current one.
     pure function folder_of(file) result(folder)

@@ -15,7 +15,7 @@ module linkdyn_scene_laws
         get_quantity, quantity_of, list_of, get_text, get_word
     implicit none (type, external)
     private
-    public :: table_shelf, files_of, read_law, law_of_column, column_in_si, constant_law
+    public :: table_shelf, files_of, read_law, law_of_column, column_in_si, table_law, constant_law
     public :: spline, straight_lines, table_reading, read_table_keys, has_column, require_positive
 
     integer, parameter :: spline = 1           !! between rows: cubic spline with continuous acceleration
@@ -255,26 +255,39 @@ contains
         type(quantity_type), intent(in) :: quantity
         type(law_spec), intent(out) :: law
         type(status_type), intent(inout) :: status
-        integer :: i
+        real(wp), allocatable :: time(:), knot(:)
 
         if (.not. status%is_ok()) return
-        law%kind = law_table
-        call column_in_si(shelf%place(reading%table)%table, trim(reading%time), time_span, law%time, status)
-        call column_in_si(shelf%place(reading%table)%table, column, quantity, law%knot, status)
-        if (.not. status%is_ok()) return
         associate (table => shelf%place(reading%table)%table)
-            do i = 2, size(law%time)
-                if (law%time(i) > law%time(i - 1)) cycle
-                call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(i))//": column "// &
-                    quoted(reading%time)//" does not increase: "//to_text(law%time(i))//" s follows "// &
-                    to_text(law%time(i - 1))//" s (expected increasing times)")
-                return
-            end do
+            call column_in_si(table, trim(reading%time), time_span, time, status)
+            call column_in_si(table, column, quantity, knot, status)
+            if (status%is_ok()) call table_law(table, trim(reading%time), time, knot, reading%interpolation, law, status)
         end associate
-        if (reading%interpolation /= spline) return
-        allocate (law%curvature(size(law%time)))
-        call fit_spline(law%time, law%knot, law%curvature)
     end subroutine law_of_column
+
+    !> The law that goes through the values of a table's rows.
+    subroutine table_law(table, time_column, time, knot, interpolation, law, status)
+        type(table_spec), intent(in) :: table          !! for messages
+        character(len=*), intent(in) :: time_column
+        real(wp), intent(in) :: time(:), knot(:)       !! [s], SI
+        integer, intent(in) :: interpolation           !! `spline` or `straight_lines`
+        type(law_spec), intent(out) :: law
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        law%kind = law_table
+        law%time = time
+        law%knot = knot
+        do i = 2, size(time)
+            if (time(i) > time(i - 1)) cycle
+            call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(i))//": column "// &
+                quoted(time_column)//" does not increase: "//to_text(time(i))//" s follows "// &
+                to_text(time(i - 1))//" s (expected increasing times)")
+            return
+        end do
+        allocate (law%curvature(size(time)))
+        call fit_spline(time, knot, law%curvature)
+    end subroutine table_law
 
     !> A column, its unit turned into SI.
     subroutine column_in_si(table, column, quantity, values, status)

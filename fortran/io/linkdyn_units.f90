@@ -10,7 +10,7 @@ module linkdyn_units
     use linkdyn_input, only: parse_number
     implicit none (type, external)
     private
-    public :: quantity_type, per_second, over, unit_factor, quantity_value, si_value
+    public :: quantity_type, per_second, over, is_unit, unit_factor, quantity_value, si_value
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
     public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
@@ -152,6 +152,15 @@ contains
         quotient%power = upper%power - lower%power
         quotient%angle_is_optional = .true.
     end function over
+
+    !> True for a unit of whatever quantity; a plain number has none.
+    pure logical function is_unit(text)
+        character(len=*), intent(in) :: text
+        type(unit_reading) :: reading
+
+        call read_product(ascii_unit(text), reading, 0)
+        is_unit = reading%is_good .and. any(reading%power /= 0)
+    end function is_unit
 
     !> Factor from a unit to SI. `problem` is empty if the unit is one of this quantity.
     pure subroutine unit_factor(text, quantity, factor, problem)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from .errors import InputError
+from ._arguments import as_path
+from .errors import FileError, InputError, UnavailableError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +25,7 @@ GROUPS = {"force": "F", "moment": "M"}
 """Parts of a wrench, by the first letter of their components."""
 
 
-@xr.register_dataset_accessor("linkdyn")
+@xr.register_dataset_accessor("linkdyn")  # type: ignore[no-untyped-call]
 class RunAccessor:
     """Of the results of `Scene.inverse`, `Scene.forward` or a sweep.
 
@@ -120,7 +122,8 @@ class RunAccessor:
         Returns
         -------
         pandas.DataFrame
-            Columns such as "driving_force leg1.P [N]"; the index is the time [s], or the number of the sample.
+            Columns as in files written with ``--csv``: "driving_force leg1.P [N]", "reaction leg1.S Fx [N]"; flags are
+            words. The index is the "time [s]", or the number of the "sample".
         """
         import pandas as pd
 
@@ -128,10 +131,46 @@ class RunAccessor:
         for name, values in self._run.data_vars.items():
             if values.dims[:1] != ("sample",):
                 continue
-            flat = values.values.reshape(len(values), -1)
-            for label, unit, column in zip(self._labels(values), self._units(values), flat.T):
-                columns[f"{name}{label}{f' [{unit}]' if unit not in ('', '1') else ''}"] = column
-        return pd.DataFrame(columns, index=pd.Index(self._instants(), name=self._clock))
+            flat, units = values.values.reshape(len(values), -1), self._units(values)
+            if "flag_meanings" in values.attrs:
+                words = np.array([word.replace("_", " ") for word in values.flag_meanings.split()])
+                flat, units = words[flat], [""] * len(units)
+            for label, unit, column in zip(self._labels(values), units, flat.T):
+                columns[f"{name}{label}{f' [{unit}]' if unit else ''}"] = column
+        return pd.DataFrame(columns, index=pd.Index(self._instants(), name="time [s]" if self._clock == "time" else "sample"))
+
+    def to_csv(self, file: str | os.PathLike[str]) -> Path:
+        """Write `to_frame` as CSV, the instants in its first column; ``linkdyn inverse --states`` takes such a file.
+
+        Raises
+        ------
+        FileError
+            It cannot be written.
+        """
+        return self._write(file, lambda table, path: table.to_csv(path))
+
+    def to_parquet(self, file: str | os.PathLike[str]) -> Path:
+        """Write `to_frame` as Parquet, for large tables that pandas, Polars, DuckDB or Spark read; needs pyarrow.
+
+        Raises
+        ------
+        UnavailableError
+            pyarrow is not installed.
+        FileError
+            It cannot be written.
+        """
+        try:
+            return self._write(file, lambda table, path: table.to_parquet(path, engine="pyarrow"))
+        except ImportError:
+            raise UnavailableError("to_parquet needs pyarrow, which is not installed (pip install 'linkdyn[parquet]')") from None
+
+    def _write(self, file: str | os.PathLike[str], write: Callable[[pd.DataFrame, Path], object]) -> Path:
+        path = Path(as_path("file", file))
+        try:
+            write(self.to_frame(), path)
+        except OSError as error:
+            raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error
+        return path
 
     def _repr_html_(self) -> str:
         run = self._run
@@ -180,7 +219,7 @@ class RunAccessor:
     def _labels(self, values: xr.DataArray) -> list[str]:
         labels = [""]
         for dimension in values.dims[1:]:
-            labels = [f"{text}{' ' if not text else '.'}{label}" for text in labels for label in values[dimension].values]
+            labels = [f"{text} {label}" for text in labels for label in values[dimension].values]
         return labels
 
     def _units(self, values: xr.DataArray) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -95,12 +96,11 @@ def animate(
     shown = _choose_samples(run, postures, assembled, frames)
     arrows = find_forces(run, postures, force_kinds("animate", forces, mechanism.planar))
     figure = Figure(figsize=picture_size(postures, LARGEST), dpi=DPI, layout="constrained" if mechanism.planar else None)
-    FigureCanvasAgg(figure)
-    pictures = _draw_frames(figure, run, postures, arrows, shown, names)
+    pictures = _draw_frames(FigureCanvasAgg(figure), run, postures, arrows, shown, names)
     if path.suffix == ".gif":
         _write_gif(pictures, path, fps, sorted({COLOUR[item.kind] for item in arrows}))
     else:
-        writer = animation.FFMpegWriter(fps=fps)
+        writer = animation.FFMpegWriter(fps=fps)  # type: ignore[arg-type]  # ffmpeg takes fractions
         with writer.saving(figure, path, DPI):
             for _ in pictures:
                 writer.grab_frame()
@@ -118,7 +118,8 @@ def _choose_samples(run: xr.Dataset, postures: Postures, assembled: NDArray[np.b
     extent = np.ptp(points[good].reshape(-1, 3), axis=0).max()
     is_loop = good.size > 2 and np.abs(points[good[-1]] - points[good[0]]).max() < 1e-3 * extent
     places = np.linspace(0, good.size - 1, min(frames, good.size) + is_loop)
-    return good[np.round(places).astype(int)[: len(places) - is_loop]]
+    chosen: NDArray[np.intp] = good[np.round(places).astype(int)[: len(places) - is_loop]]
+    return chosen
 
 
 def _largest(arrows: list[Forces], shown: NDArray[np.intp], is_torque: bool) -> float:
@@ -127,7 +128,7 @@ def _largest(arrows: list[Forces], shown: NDArray[np.intp], is_torque: bool) -> 
 
 
 def _draw_frames(
-    figure: Figure,
+    canvas: FigureCanvasAgg,
     run: xr.Dataset,
     postures: Postures,
     arrows: list[Forces],
@@ -135,8 +136,8 @@ def _draw_frames(
     names: bool,
 ) -> Iterator[NDArray[np.uint8]]:
     """One picture after another, each as (height, width, 4) bytes."""
-    planar = postures.scene.planar
-    ax = figure.add_subplot() if planar else figure.add_axes((0.0, 0.0, 0.95, 0.9), projection="3d")
+    figure, planar = canvas.figure, postures.scene.planar
+    ax: Any = figure.add_subplot() if planar else figure.add_axes((0.0, 0.0, 0.95, 0.9), projection="3d")
     extent = np.ptp(postures.points.reshape(-1, 3), axis=0).max()
     force, torque = _largest(arrows, shown, False), _largest(arrows, shown, True)
     scale = ARROW * extent / force if force > 0 else 0.0
@@ -157,10 +158,10 @@ def _draw_frames(
                     length = ARROW * extent / torque if item.is_torque and torque > 0 else scale
                     _draw_arrow(ax, start, length * value, colour, planar)
         _write(ax, run, arrows, sample, force, torque)
-        figure.canvas.draw()
+        canvas.draw()  # type: ignore[no-untyped-call]
         if sample == shown[0]:
             figure.set_layout_engine("none")  # frames of one size: what they say about it changes with the digits
-        yield np.array(figure.canvas.buffer_rgba())
+        yield np.array(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
 
 
 def _paths(postures: Postures, good: NDArray[np.bool_]) -> list[Points]:
@@ -178,7 +179,7 @@ def _draw_arrow(ax: Axes, start: Points, arrow: Points, colour: str, planar: boo
         return
     if np.linalg.norm(arrow) > 0.3 * unit_of(ax):
         style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.8, "mutation_scale": 10, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", xytext=start[:2], xy=(start + arrow)[:2], arrowprops=style, zorder=8)
+        ax.annotate("", xytext=(start[0], start[1]), xy=(start[0] + arrow[0], start[1] + arrow[1]), arrowprops=style, zorder=8)
 
 
 def _draw_arc(ax: Axes, centre: Points, part: float, colour: str) -> None:
@@ -232,7 +233,8 @@ def _palette(images: list[Image.Image], colours: list[str]) -> Image.Image:
     for k, image in enumerate(some):
         sheet.paste(image, (0, k * image.height))
     own = np.array([(255, 255, 255), *(np.round(255 * np.array(to_rgb(name))) for name in colours)])
-    found = np.array(sheet.quantize(COLOURS - len(own)).getpalette()[: 3 * (COLOURS - len(own))]).reshape(-1, 3)
+    n_found = COLOURS - len(own)
+    found = np.array((sheet.quantize(n_found).getpalette() or [])[: 3 * n_found]).reshape(-1, 3)
     # A shade next to white would take its place: paper stays white, arrows keep their colours.
     apart = np.abs(found[:, np.newaxis] - own).max(axis=2).min(axis=1) > 8
     palette = Image.new("P", (1, 1))

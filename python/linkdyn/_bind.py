@@ -78,6 +78,7 @@ def _listen(procedure: Any, *arguments: Any, **named: Any) -> list[Any]:
     Python's own handler runs as soon as the call is back, and usually raises. If it does not, the program wants to go on, and
     the call is made once more.
     """
+    results: list[Any]
     while True:
         *results, code, message = procedure(*arguments, **named)
         if code != INTERRUPTED:
@@ -154,7 +155,8 @@ def close_scene(handle: int) -> None:
 
 def describe_scene(handle: int) -> dict[str, Any]:
     """Names, units, links, joints, loads of the scene."""
-    return json.loads(_read_text(_api.api_describe_scene, handle))
+    description: dict[str, Any] = json.loads(_read_text(_api.api_describe_scene, handle))
+    return description
 
 
 def describe_results(
@@ -162,7 +164,8 @@ def describe_results(
 ) -> dict[str, Any]:
     """Dimensions and variables of the results; ``want`` "" is all that the solver gives."""
     kind = 2 if is_forward else int(has_time)
-    return json.loads(_read_text(_api.api_describe_results, handle, solver, want, kind, int(error)))
+    schema: dict[str, Any] = json.loads(_read_text(_api.api_describe_results, handle, solver, want, kind, int(error)))
+    return schema
 
 
 def explain(handle: int, with_matrix: bool) -> str:
@@ -298,7 +301,8 @@ class Run:
         arrays
             Their results by name.
         """
-        rows = {kind: _Row(len(t), kind, shapes) for kind in (np.float64, np.intc)}
+        kinds: tuple[type, ...] = (np.float64, np.intc)
+        rows = {kind: _Row(len(t), kind, shapes) for kind in kinds}
         n_done, self.reached, self.statistics, roads, stopped, coordinates, code, message = _api.api_advance(
             self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values
         )

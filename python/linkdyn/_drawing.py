@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib import pyplot
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike, NDArray
 
 from ._drawing_arguments import checked
@@ -28,7 +28,7 @@ LOWEST = 2.4
 
 
 @checked
-def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: Axes | None = None) -> tuple[Figure, Axes]:
+def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: Axes | None = None) -> tuple[Figure | SubFigure, Axes]:
     """Draw a scene in one position; planar scenes in the plane.
 
     Parameters
@@ -76,7 +76,8 @@ def draw(ax: Axes, postures: Postures, sample: int, names: bool) -> None:
 
 
 def _joints(scene: Scene) -> list[dict[str, Any]]:
-    return scene.description["joints"]
+    joints: list[dict[str, Any]] = scene.description["joints"]
+    return joints
 
 
 def _limits(postures: Postures) -> tuple[Points, Points]:
@@ -98,7 +99,7 @@ def picture_size(postures: Postures, largest: tuple[float, float] = LARGEST) -> 
     return max(4.5, width * scale + surround[0]), max(LOWEST, height * scale + surround[1])
 
 
-def set_limits(ax: Axes, postures: Postures) -> None:
+def set_limits(ax: Any, postures: Postures) -> None:
     """Limits that hold the mechanism at every sample."""
     lowest, highest = _limits(postures)
     for name, low, high in zip("xy" if postures.scene.planar else "xyz", lowest, highest):

@@ -59,7 +59,7 @@ def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float
 
 def unit_of(ax: Axes) -> float:
     """A length that small symbols are made of, in the units of the axes."""
-    return 0.018 * max(np.ptp(ax.get_xlim()), 1.4 * np.ptp(ax.get_ylim()))
+    return float(0.018 * max(np.ptp(ax.get_xlim()), 1.4 * np.ptp(ax.get_ylim())))
 
 
 def link_colour(k: int) -> str:
@@ -153,7 +153,7 @@ def _draw_link(ax: Axes, markers: dict[str, Points], held: set[str], colour: str
         corners = corners[around(corners)]
         ax.add_patch(Polygon(corners, facecolor=lighter(colour, 0.3), edgecolor="none", zorder=3))
         corners = np.concatenate([corners, corners[:1]])
-    style = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 4}
+    style: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "zorder": 4}
     ax.plot(*corners.T, color=tuple(0.65 * c for c in to_rgb(colour)), linewidth=BAR + EDGE, **style)
     ax.plot(*corners.T, color=lighter(colour, 0.75), linewidth=BAR - EDGE, **style)
     free = np.array([point[:2] for name, point in markers.items() if name not in held])
@@ -173,7 +173,7 @@ def _draw_slider(ax: Axes, posture: Posture, joint: dict[str, Any], unit: float)
         ax.plot(*rod.T, color=link_colour(first), linewidth=2.5, zorder=4.2)
     across = np.array([-along[1], along[0]])
     corners = [centre + unit * (a * 2.1 * along + b * 1.15 * across) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    style = {"edgecolor": "0.15", "linewidth": 1.2, "joinstyle": "round", "zorder": 4.5, "gid": SOLID}
+    style: dict[str, Any] = {"edgecolor": "0.15", "linewidth": 1.2, "joinstyle": "round", "zorder": 4.5, "gid": SOLID}
     ax.add_patch(Polygon(corners, facecolor=lighter(link_colour(body), 0.55), **style))
 
 
@@ -190,9 +190,9 @@ def _write_names(ax: Axes, posture: Posture, unit: float) -> None:
     for k, markers in enumerate(posture.markers[1:], start=1):
         corners = distinct(np.array([markers[name][:2] for name in jointed(posture, k) or markers]))
         anchors.append((posture.scene.description["links"][k]["name"], corners.mean(axis=0), link_colour(k), True))
-    taken = np.concatenate([_sampled(line.get_xydata(), 0.3 * unit) for line in ax.lines])
+    taken = np.concatenate([_sampled(np.asarray(line.get_xydata()), 0.3 * unit) for line in ax.lines])
     for patch in ax.patches:
-        if patch.get_gid() == SOLID:
+        if isinstance(patch, Polygon) and patch.get_gid() == SOLID:
             outline = _sampled(patch.get_xy(), 0.3 * unit)
             centre = outline.mean(axis=0)
             taken = np.concatenate([taken, *(centre + part * (outline - centre) for part in (1.0, 0.6, 0.2))])
@@ -205,8 +205,10 @@ def _write_names(ax: Axes, posture: Posture, unit: float) -> None:
         distance = np.linalg.norm(places - anchor, axis=1)
         score = np.minimum(boxed, 1.2 * unit) - 0.25 * distance - 100 * unit * outside
         place = places[np.argmax(score)]
-        style = {"fontstyle": "italic", "color": tuple(0.7 * c for c in to_rgb(colour))} if is_link else {"color": colour}
-        ax.text(*place, text, fontsize=FONT, ha="center", va="center", zorder=7, **style)
+        style: dict[str, Any] = {"color": colour}
+        if is_link:
+            style = {"fontstyle": "italic", "color": tuple(0.7 * c for c in to_rgb(colour))}
+        ax.text(place[0], place[1], text, fontsize=FONT, ha="center", va="center", zorder=7, **style)
         grid = np.linspace(-1.0, 1.0, 5)
         taken = np.concatenate([taken, place + half * np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)])
 

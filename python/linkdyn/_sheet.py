@@ -61,7 +61,8 @@ class Table:
         for _ in range(30):
             middle = (low + high) / 2
             low, high = (low, middle) if np.minimum(wanted, middle).sum() > whole else (middle, high)
-        return np.minimum(wanted, low)
+        narrowed: NDArray[np.float64] = np.minimum(wanted, low)
+        return narrowed
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib import pyplot
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from ._sheet import Page, Picture, Table
 from ._style import BAD, COLOURS
@@ -92,7 +93,7 @@ class _Writer:
 
     def rule(self, left: float, right: float, colour: str, width: float, up: float = 0.0) -> None:
         y = 1 - (self.at.y - up) / HEIGHT
-        self.at.figure.add_artist(pyplot.Line2D([left / WIDTH, right / WIDTH], [y, y], color=colour, linewidth=width))
+        self.at.figure.add_artist(Line2D([left / WIDTH, right / WIDTH], [y, y], color=colour, linewidth=width))
 
     def finish(self, title: str) -> bytes:
         stream = io.BytesIO()
@@ -158,7 +159,7 @@ def _table(writer: _Writer, table: Table, left: float, right: float) -> None:
     widths = _wraps(table)
 
     def x(k: int) -> float:
-        return edges[k] if k in table.wide else edges[k + 1] - 1.5 * LETTER
+        return float(edges[k] if k in table.wide else edges[k + 1] - 1.5 * LETTER)
 
     head = LINE * max(text.count("\n") + 1 for text in table.head)
     writer.at.y += 0.07

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
+from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
@@ -24,7 +24,7 @@ SLIDING = ("prismatic", "cylindrical")
 """Joints whose two markers lie apart: what lies between them is drawn as rod and sleeve."""
 
 
-def draw_spatial(ax: Axes, posture: Posture, names: bool) -> None:
+def draw_spatial(ax: Axes3D, posture: Posture, names: bool) -> None:
     """Draw a spatial mechanism in three-dimensional axes whose limits are set."""
     joints = posture.scene.description["joints"]
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
@@ -46,12 +46,12 @@ def _ends(posture: Posture, joint: dict[str, Any]) -> Points:
     return np.array([posture.markers[link][name] for link, name in zip(joint["links"], joint["markers"])])
 
 
-def _draw_link(ax: Axes, markers: dict[str, Points], held: set[str], colour: str) -> None:
+def _draw_link(ax: Axes3D, markers: dict[str, Points], held: set[str], colour: str) -> None:
     """A rod between two joints, a plate between more; thin lines to all other markers."""
     if not markers:
         return
     corners = distinct(np.array([markers[name] for name in held or markers]))
-    style = {"color": colour, "linewidth": 2.6, "solid_capstyle": "round", "solid_joinstyle": "round"}
+    style: dict[str, Any] = {"color": colour, "linewidth": 2.6, "solid_capstyle": "round", "solid_joinstyle": "round"}
     if len(corners) > 2:
         outline = corners[around(corners)]
         ax.add_collection3d(Poly3DCollection([outline], facecolor=(*lighter(colour, 0.5), 0.45), edgecolor="none"))
@@ -64,7 +64,7 @@ def _draw_link(ax: Axes, markers: dict[str, Points], held: set[str], colour: str
             ax.plot(*np.array([centre, point]).T, color=colour, linewidth=0.9, linestyle=":", marker=".", markersize=4)
 
 
-def _draw_joint(ax: Axes, joint: dict[str, Any], ends: Points, listed: set[str]) -> None:
+def _draw_joint(ax: Axes3D, joint: dict[str, Any], ends: Points, listed: set[str]) -> None:
     colour = link_colour(joint["links"][1])
     place = ends[1]
     if joint["type"] in SLIDING:

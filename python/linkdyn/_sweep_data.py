@@ -99,7 +99,8 @@ def within_constraints(run: xr.Dataset) -> NDArray[np.bool_]:
     reduced[0] = True
     if "bound" in run.dims:
         reduced[-run.sizes["bound"] :] = run.bound_is_limit.values == 1
-    return reduced[run.sample_outcome.values]
+    entered: NDArray[np.bool_] = reduced[run.sample_outcome.values]
+    return entered
 
 
 def worst_of(quantity: str, values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
@@ -216,7 +217,7 @@ def mapped_axes(run: xr.Dataset, quantity: str) -> list[str]:
         return []
     dims = [dim for dim in run[name].dims if dim != "design"]
     by_dim = {re.sub("[ /]", "_", name): name for name in axis_names(run)}
-    return [by_dim[dim] for dim in dims]
+    return [by_dim[str(dim)] for dim in dims]
 
 
 def mapped_cells(data: xr.Dataset, names: list[str], quantity: str) -> Grid:
@@ -242,7 +243,7 @@ def _map_variable(quantity: str) -> str:
 def _borders(middle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Half way between neighbours; the first and last cell are as wide as their neighbours' gap."""
     if len(middle) == 1:
-        return middle[0] + np.array([-0.5, 0.5])
+        return np.array([middle[0] - 0.5, middle[0] + 0.5])
     between = (middle[1:] + middle[:-1]) / 2
     return np.concatenate([[2 * middle[0] - between[0]], between, [2 * middle[-1] - between[-1]]])
 

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from matplotlib import pyplot
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
@@ -225,11 +227,11 @@ def _slices(run: xr.Dataset, cells: Cells, shown: _Shown) -> tuple[Figure, np.nd
         figure.legend(handles=handles, loc="outside right center", frameon=False)
     else:
         figure.colorbar(drawn, ax=grid, label=shown.label, shrink=0.9, pad=0.02)
-    notes = []
+    notes: list[Artist] = []
     if np.isnan(shown.values).any():
         notes.append(Patch(color=EMPTY, label="no sample within the constraints"))
     if partly:
-        notes.append(pyplot.Line2D([], [], color="white", linewidth=2.0, path_effects=_edge(), label="inside: every sample feasible"))
+        notes.append(Line2D([], [], color="white", linewidth=2.0, path_effects=_edge(), label="inside: every sample feasible"))
     if notes:
         figure.legend(handles=notes, loc="outside lower center", ncols=2, frameon=False, fontsize="small")
     return figure, panels
@@ -520,7 +522,8 @@ def _use(cloud: NDArray[np.float64], curve: NDArray[np.float64] | None) -> NDArr
     def beyond(scale: NDArray[np.float64]) -> NDArray[np.bool_]:
         with np.errstate(divide="ignore", invalid="ignore"):
             v, f = speed / scale, force / scale
-        return ~((v <= curve[-1, 0]) & (f <= np.interp(v, curve[:, 0], curve[:, 1])))
+        is_within: NDArray[np.bool_] = (v <= curve[-1, 0]) & (f <= np.interp(v, curve[:, 0], curve[:, 1]))
+        return ~is_within
 
     for _ in range(60):
         wide = beyond(high) & np.isfinite(speed + force)
@@ -564,7 +567,7 @@ def _rms(data: xr.Dataset, k: int, cloud: NDArray[np.float64]) -> tuple[float, f
 
 
 def _sizing_legend(figure: Figure, curves: list[Any], has_samples: bool) -> None:
-    line = pyplot.Line2D
+    line = Line2D
     handles: list[Any] = [
         line([], [], color=COLOURS[0], marker="o", linestyle="", markersize=4, label="samples")
         if has_samples

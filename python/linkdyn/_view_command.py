@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from .scene import Scene
 
-__all__ = ["view_command"]
+__all__ = ["parser", "view_command"]
 
 BAD_INPUT, SOME_FAILED = 2, 3
 DESCRIPTION = """\
@@ -27,10 +27,11 @@ class _Parser(argparse.ArgumentParser):
         sys.exit(BAD_INPUT)
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="linkdyn view", description=DESCRIPTION, add_help=False, allow_abbrev=False,
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    view = _Parser(prog="linkdyn view", description=DESCRIPTION, add_help=False, allow_abbrev=False,
                      usage="linkdyn view SCENE|RUN.nc [options]", formatter_class=argparse.RawDescriptionHelpFormatter)
-    add = parser.add_argument
+    add = view.add_argument
     add("source", metavar="SCENE|RUN.nc", help="a scene file, or results of inverse or forward")
     add("-o", "--output", metavar="FILE", help="the page; default: the name of SCENE or RUN with .html in this folder")
     add("--no-open", action="store_true", help="do not open it in the browser")
@@ -40,12 +41,12 @@ def _parser() -> argparse.ArgumentParser:
     add("--scene", metavar="FILE", help="the scene of RUN.nc, if it reads tables")
     add("-q", "--quiet", action="store_true", help="do not say what was written")
     add("-h", "--help", action="help", help="this text")
-    return parser
+    return view
 
 
 def view_command(arguments: Sequence[str]) -> int:
     """Write the page and open it; the exit status."""
-    options = _parser().parse_args(arguments)
+    options = parser().parse_args(arguments)
     from ._view import bundle
     from .errors import LinkdynError
 

@@ -151,7 +151,8 @@ def _up(scene: Scene) -> Values:
     """The axis that is nearest to against gravity; z without gravity."""
     gravity = np.array(scene.description["gravity"])
     axis = int(np.argmax(np.abs(gravity))) if gravity.any() and not scene.planar else 2
-    return np.eye(3)[axis] * (1.0 if scene.planar or gravity[axis] <= 0 else -1.0)
+    up: Values = np.eye(3)[axis] * (1.0 if scene.planar or gravity[axis] <= 0 else -1.0)
+    return up
 
 
 def _level(up: Values) -> Values:

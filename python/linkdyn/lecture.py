@@ -73,7 +73,7 @@ __all__ = [
     "FD_S_COUPLER_POINT",
 ]
 
-_api = _engine.linkdyn_f2py_lecture
+_api: Any = _engine.linkdyn_f2py_lecture  # called with lists of packed arguments, whose number a type does not say
 
 Floats = NDArray[np.float64]
 
@@ -158,7 +158,7 @@ class Attitude:
     Parameters
     ----------
     r
-        (..., 3, 3) the lecture's [R_.], a rotation from the link's axes to world axes; default: parallel to the world's.
+        (..., 3, 3) the lecture's ``[R_.]``, a rotation from the link's axes to world axes; default: parallel to the world's.
     omega, domega
         (..., 3) angular velocity [rad/s] and its derivative [rad/s2], components along the link's axes.
     """
@@ -195,7 +195,7 @@ class Coefficients:
     Parameters
     ----------
     of
-        Of a point (..., n, 2) or (..., n, 3): the lecture's (A_k, C_k) or [C_.]; of an angle or a slide (..., n): E_k;
+        Of a point (..., n, 2) or (..., n, 3): the lecture's (A_k, C_k) or ``[C_.]``; of an angle or a slide (..., n): E_k;
         of an attitude (..., n, 3): [C_omega.]. n is the number of cranks.
     rest
         (..., 2), (..., 3) or (...): (B, D), F, d; zero unless given.
@@ -496,7 +496,7 @@ def fd_prr_links(
     slide, slider, joint, *of = _api.api_fd_prr_links(
         pivot, _length("length", length), line, turn, *place, _mode(mode), *given_of
     )
-    return call.slide(slide), call.point(slider), call.point(joint), *map(call.coefficients, of)
+    return call.slide(slide), call.point(slider), call.point(joint), call.coefficients(of[0]), call.coefficients(of[1]), call.coefficients(of[2])
 
 
 def fd_coupler_point(
@@ -679,7 +679,7 @@ def fd_s_crank_input(
     point, attitude, *of = _api.api_fd_s_crank_input(
         start, axes, turn, _vector("b", b), _matrix("r_ab", r_ab), call.crank(crank), *given_of
     )
-    return call.point(point), call.attitude(attitude), *map(call.coefficients, of)
+    return call.point(point), call.attitude(attitude), call.coefficients(of[0]), call.coefficients(of[1])
 
 
 def fd_csp_links(
@@ -719,7 +719,8 @@ def fd_csp_links(
     call = _Call("fd_csp_links", bodies, given)
     fixed = _vector("s_c", s_c), _vector("s_p", s_p), _mode(mode)
     c, c_frame, s, p, *of = _api.api_fd_csp_links(*call.packed[:4], *fixed, *call.packed[4:])
-    return call.point(c), call.attitude(c_frame), call.point(s), call.point(p), *map(call.coefficients, of)
+    c_of, c_frame_of, s_of, p_of = map(call.coefficients, of)
+    return call.point(c), call.attitude(c_frame), call.point(s), call.point(p), c_of, c_frame_of, s_of, p_of
 
 
 def fd_s_coupler_point(
@@ -756,7 +757,7 @@ def fd_s_coupler_point(
     point, attitude, *of = _api.api_fd_s_coupler_point(
         start, axes, _vector("m", m), _matrix("r_mg", r_mg), *given_of
     )
-    return call.point(point), call.attitude(attitude), *map(call.coefficients, of)
+    return call.point(point), call.attitude(attitude), call.coefficients(of[0]), call.coefficients(of[1])
 
 
 RRR_links = rrr_links
@@ -823,15 +824,15 @@ class _Call:
         ]
         self.packed = [np.concatenate(flat[3 * k : 3 * k + 3], axis=1).T for k in range(len(items))]
         for k, (_, _, size) in enumerate(given):
-            rest, of = flat[3 * len(items) + 2 * k :][:2]
-            columns = np.concatenate([rest, of], axis=1).reshape((count, self.cranks + 1, max(size, 1)))
+            rest, by_crank = flat[3 * len(items) + 2 * k :][:2]
+            columns = np.concatenate([rest, by_crank], axis=1).reshape((count, self.cranks + 1, max(size, 1)))
             self.packed.append(columns.transpose() if size else columns[..., 0].T)
 
     def _fields(self, label: str, item: Any, kind: int) -> list[tuple[Floats, tuple[int, ...], str]]:
         expected, names, shapes = _KINDS[kind]
         if not isinstance(item, expected):
             raise InputError(f"{self.name}: {label}: expected {expected.__name__}, got {type(item).__name__}")
-        if expected is Point and item.p.shape[-1] != kind:
+        if isinstance(item, Point) and item.p.shape[-1] != kind:
             raise InputError(f"{self.name}: {label}: expected a point of {kind} components, got {item.p.shape[-1]}")
         return [(getattr(item, name), shape, f"{label}.{name}") for name, shape in zip(names, shapes)]
 

@@ -209,7 +209,7 @@ def polar(run: xr.Dataset, joints: Iterable[str] | None = None, coordinate: str 
     for k, name in enumerate(names):
         axis.plot(run.q.sel(coordinate=crank), magnitude.sel(joint=name), label=name, **_line(k))
     axis.set_ylim(bottom=0.0)
-    axis.set_rlabel_position(22.5)
+    axis.set_rlabel_position(22.5)  # type: ignore[attr-defined]  # of polar axes
     axis.tick_params(axis="y", labelsize="small")
     axis.grid(True, color="0.88", linewidth=0.6)
     axis.legend(loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize="small", title="joint force [N]")

@@ -115,7 +115,7 @@ def to_dataset(
             coordinates[name] = (name, dimension["labels"])
             if "units" in dimension:
                 coordinates[f"{name}_unit"] = (name, dimension["units"])
-    variables = {}
+    variables: dict[str, Any] = {}
     for variable in schema["variables"]:
         attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
         if "length" in variable:

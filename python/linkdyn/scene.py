@@ -200,7 +200,8 @@ class Scene:
         time = self.description["time"]
         n = max(1, time["n_sample"])
         steps = np.arange(n) / max(1, n - 1)
-        return time["first"] + (time["last"] - time["first"]) * steps
+        instants: NDArray[np.float64] = time["first"] + (time["last"] - time["first"]) * steps
+        return instants
 
     def motion(self, t: ArrayLike | None = None) -> tuple[NDArray[np.float64], ...]:
         """The scene's own motion.
@@ -317,11 +318,10 @@ class Scene:
         InputError
             A wrong shape or dtype, NaN or infinite values, an unknown marker, solver or result.
         """
-        along_motion = q is None
-        if along_motion and (qd is not None or qdd is not None):
+        if q is None and (qd is not None or qdd is not None):
             raise InputError("qd, qdd: given without q")
-        job = self._job(want, solver, wrench, along_motion, error)
-        if along_motion:
+        job = self._job(want, solver, wrench, q is None, error)
+        if q is None:
             instants = self.times() if t is None else self._instants(t)
             *motion, load = _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)
             given = {"time": instants} | dict(zip(("q", "qd", "qdd"), motion))
@@ -423,7 +423,7 @@ class Scene:
     ) -> xr.Dataset:
         """Through all instants of output, with an ear for interrupts."""
         shapes = result_shapes(schema, True)
-        found = {name: np.empty((len(t), *shape), kind) for name, (shape, kind) in shapes.items()}
+        found: dict[str, NDArray[Any]] = {name: np.empty((len(t), *shape), kind) for name, (shape, kind) in shapes.items()}
         length = max(1, min(RUN_BLOCK, RUN_VALUES // sum(math.prod(shape) for shape, _ in shapes.values())))
         n_done = 0
 
@@ -491,7 +491,8 @@ class Scene:
         settings = (as_real("step", step), as_count("threads", threads))
         start = self._batch("q", q, None)
         rate = self._batch("qd", qd, len(start))
-        parts, n_done, sign = [], 0, Progress(None if progress is None else as_flag("progress", progress))
+        parts: list[tuple[NDArray[Any], ...]] = []
+        n_done, sign = 0, Progress(None if progress is None else as_flag("progress", progress))
         try:
             while n_done < len(start) or not parts:
                 block = slice(n_done, n_done + ENSEMBLE_BLOCK)
@@ -692,8 +693,7 @@ class Scene:
         Results by name, the roads that samples took, and why the assembly was lost along a motion, if it was.
         """
         n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
-        outputs = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
-        inputs = (given["q"], given["qd"], given["qdd"])
+        outputs: dict[str, NDArray[Any]] = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         in_order = "time" in given
         # A motion that may change its assembly on the way is one piece.
         length = max(1, n) if in_order else BLOCK
@@ -706,7 +706,7 @@ class Scene:
                 threads,
                 first,
                 in_order,
-                (*(values[block] for values in inputs), _spread(load, list(wrench.values()), block, n)),
+                (given["q"][block], given["qd"][block], given["qdd"][block], _spread(load, list(wrench.values()), block, n)),
                 {name: values[block] for name, values in outputs.items()},
             )
             roads += taken

@@ -99,6 +99,26 @@ def test_states_are_the_motion(tmp_path):
     refused(run("forward", scene, "--states", "a.csv", cwd=tmp_path), "--states", "linkdyn inverse")
 
 
+def test_states_of_positions_alone(tmp_path):
+    """Along a motion the rates are those of a cubic through the positions, which a spline keeps; each on its own is at rest."""
+    scene, t = ROOT / "examples" / "fourbar" / "scene.toml", np.linspace(0, 0.3, 7)
+    q, qd, qdd = 1 + 2 * t - 3 * t**2 + 4 * t**3, 2 - 6 * t + 12 * t**2, -6 + 24 * t
+    for name, columns in (("alone", {"time": t, "q J1": q}), ("whole", {"time": t, "q J1": q, "qd J1": qd, "qdd J1": qdd}),
+                          ("some", {"time": t, "q J1": q, "qd J1": qd}), ("late", {"time": t[::-1], "q J1": q}), ("still", {"q J1": q})):
+        rows = [",".join(columns), *(",".join(map(repr, map(float, row))) for row in zip(*columns.values()))]
+        (tmp_path / f"{name}.csv").write_text("\n".join(rows))
+    for name in ("alone", "whole", "still"):
+        said = run("inverse", scene, "--states", f"{name}.csv", "-o", f"{name}.nc", cwd=tmp_path)
+        assert said.returncode == DONE and ("spline through the positions" in said.stdout) == (name == "alone")
+    alone, whole, still = (linkdyn.read(tmp_path / f"{name}.nc") for name in ("alone", "whole", "still"))
+    assert alone.rates == "of the spline through the positions" and "rates" not in whole.attrs
+    for result, size in (("qd", 1), ("qdd", 1), ("driving_force", abs(whole.driving_force).max())):
+        np.testing.assert_allclose(alone[result], whole[result], rtol=0, atol=1e-11 * float(size))
+    assert not still.qd.any() and not still.qdd.any()
+    refused(run("inverse", scene, "--states", "some.csv", cwd=tmp_path), "some.csv", "no column 'qdd J1'", "positions alone")
+    refused(run("inverse", scene, "--states", "late.csv", cwd=tmp_path), "late.csv:3", "'time' does not increase")
+
+
 def test_version_and_help():
     version = run("--version")
     assert version.returncode == DONE and version.stdout == f"linkdyn {linkdyn.__version__}\n"

@@ -22,6 +22,7 @@ contains
             new_test("line ends, blanks, comments", test_layout), &
             new_test("separators", test_separators), &
             new_test("refusals", test_refusals), &
+            new_test("as spreadsheets write it", test_spreadsheets), &
             new_test("columns by name", test_columns), &
             new_test("long table", test_long)]
     end subroutine collect_csv
@@ -84,6 +85,43 @@ contains
         call expect(error, "t,x"//lf//"0,-inf", "a.csv:2: column 'x': '-inf' is not a finite number")
         call expect(error, "t,x"//lf//"0,1e400", "a.csv:2: column 'x': '1e400' is not a finite number")
     end subroutine test_refusals
+
+    !> Decimal commas, units elsewhere than in square brackets: the message has the remedy.
+    subroutine test_spreadsheets(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: comma = " is not a number (expected a decimal point, not a comma)"
+        character(len=*), parameter :: unit_row = " is not a number (expected the unit behind the column's name: x [mm])"
+
+        call expect(error, "t;x"//lf//"0;1,5"//lf, "a.csv:2: column 'x': '1,5'"//comma)
+        call expect(error, "t;x"//lf//"0,1;-1,5e-3"//lf, "a.csv:2: column 't': '0,1'"//comma)
+        call expect(error, "t;x"//lf//"0;1,5 m"//lf, "a.csv:2: column 'x': '1,5 m' is not a number (expected one)")
+        call expect(error, "0;1,5"//lf//"1;1,6"//lf, "a.csv:1: the header holds the number '0;1'")
+        call expect(error, "t,x"//lf//"0,1,1,5"//lf, "a.csv:2: the row has more than 2 fields (expected no more; if these are "// &
+            "decimal commas: a decimal point")
+        call expect(error, "t,x"//lf//"0,1,2,3,4,5"//lf, "a.csv:2: the row has more than 2 fields (expected no more)")
+        call expect(error, "t;x"//lf//"s;mm"//lf//"0;1"//lf, "a.csv:2: column 't': 's'"//unit_row)
+        call expect(error, "t;x"//lf//"[s];[mm]"//lf//"0;1"//lf, "a.csv:2: column 't': '[s]'"//unit_row)
+        call expect(error, "t;x"//lf//"0;1"//lf//"s;mm"//lf, "a.csv:3: column 't': 's' is not a number (expected one)")
+        call expect_unit(error, "roll (deg)", "deg")
+        call expect_unit(error, "roll/deg", "deg")
+        call expect_unit(error, "roll in deg", "deg")
+        call expect_unit(error, "roll_deg", "deg")
+        call expect_unit(error, "roll (deg/s)", "deg/s")
+    end subroutine test_spreadsheets
+
+    subroutine expect_unit(error, heading, unit)
+        type(test_error), intent(inout) :: error
+        character(len=*), intent(in) :: heading, unit
+        character(len=:), allocatable :: want
+        type(table_spec) :: table
+        type(status_type) :: status
+        integer :: column
+
+        call parse_csv("t,"//heading//lf//"0,1"//lf, "a.csv", table, status)
+        call column_of(table, "roll", column, status)
+        want = "a.csv: no column 'roll' (found 't', '"//heading//"'; the unit belongs in square brackets: 'roll ["//unit//"]')"
+        call check(error, status%message == want, "got '"//trim(status%message)//"', want '"//want//"'")
+    end subroutine expect_unit
 
     subroutine test_columns(error)
         type(test_error), intent(inout) :: error

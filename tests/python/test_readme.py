@@ -65,10 +65,3 @@ def test_scene_excerpt():
     assert len(lines) > 10
     for line in lines:
         assert line in scene, f"{line!r} is not in the scene file"
-
-
-def test_links():
-    targets = [t.partition("#")[0] for t in re.findall(r"\]\(([^)]+)\)", README) if not t.startswith("http")]
-    assert len(targets) > 5
-    for target in targets:
-        assert (ROOT / target).exists(), f"{target} is not there"

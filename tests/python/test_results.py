@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import csv
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import linkdyn
+from linkdyn import cli
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -82,11 +85,40 @@ def test_joint(run):
 
 def test_table(run):
     table = run.linkdyn.to_frame()
-    assert len(table) == run.sizes["sample"] and table.index.name == "time"
+    assert len(table) == run.sizes["sample"] and table.index.name == "time [s]"
     np.testing.assert_array_equal(table["driving_force leg1.P [N]"], run.driving_force.sel(actuator="leg1.P"))
-    np.testing.assert_array_equal(table["reaction leg3.S.Fy [N]"], run.reaction.sel(joint="leg3.S", component="Fy"))
+    np.testing.assert_array_equal(table["reaction leg3.S Fy [N]"], run.reaction.sel(joint="leg3.S", component="Fy"))
     np.testing.assert_array_equal(table["qd platform.yaw [rad/s]"], run.qd.sel(coordinate="platform.yaw"))
     assert table["driving_speed leg1.P [m/s]"].notna().all() and table.columns.is_unique
+    assert set(table["status"]) == {"ok"}
+
+
+def read_table(file: Path) -> dict[str, list[float] | list[str]]:
+    """Columns by name; numbers to the last bit."""
+    with file.open(newline="") as lines:
+        names, *rows = csv.reader(lines)
+    columns = dict(zip(names, zip(*rows)))
+    return {name: list(map(float, values)) if values[0][-1:].isdigit() else list(values) for name, values in columns.items()}
+
+
+def test_tables_in_files(run, scene, tmp_path):
+    """The same columns, numbers and words as the executable writes; the executable takes them as states."""
+    program = [cli.executable(), "inverse", EXAMPLES / "stewart_tsai" / "scene.toml", "-q", "--csv", "-o", tmp_path / "own.csv"]
+    subprocess.run(program, check=True)
+    own = read_table(tmp_path / "own.csv")
+    assert read_table(run.linkdyn.to_csv(tmp_path / "run.csv")) == own
+    stored = pd.read_parquet(run.linkdyn.to_parquet(tmp_path / "run.parquet")).reset_index()
+    assert {name: list(stored[name]) for name in stored} == own
+    subprocess.run([*program[:-1], tmp_path / "again.csv", "--states", tmp_path / "run.csv"], check=True)
+    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "own.csv").read_bytes()
+    with pytest.raises(linkdyn.FileError, match="nowhere/run.csv: cannot be written"):
+        run.linkdyn.to_csv(tmp_path / "nowhere" / "run.csv")
+
+
+def test_parquet_without_its_library(run, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(linkdyn.UnavailableError, match=r"pip install 'linkdyn\[parquet\]'"):
+        run.linkdyn.to_parquet(tmp_path / "run.parquet")
 
 
 def test_pictures_by_the_accessor(tmp_path):

@@ -1,0 +1,75 @@
+"""What the site is made of: links between the project's pages, the gallery's list, the search for dead links."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
+from build_docs import dead_links, lay_out  # noqa: E402
+from docs_gallery import examples, write_gallery  # noqa: E402
+
+PAGES = sorted([*(page for page in ROOT.glob("*.md") if page.stem != "ford"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/*/README.md"), *ROOT.glob("benchmarks/*.md")])
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+CODE = re.compile(r"^```.*?^```|`[^`\n]*`", re.M | re.S)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_between_pages(page):
+    targets = [target.partition("#")[0] for target in LINK.findall(CODE.sub("", page.read_text(encoding="utf-8")))]
+    missing = [target for target in targets if target and "://" not in target and not (page.parent / target).exists()]
+    assert not missing
+
+
+def test_every_example_is_in_the_gallery():
+    found = [example for _, members in examples(ROOT / "examples") for example in members]
+    assert len(found) == len(list(ROOT.glob("examples/*/README.md"))) > 20
+    for example in found:
+        assert example.scene.exists() and 3 < len(example.title) < 70 and "](" not in example.text
+
+
+def test_an_example_in_no_group_is_an_error(tmp_path):
+    (tmp_path / "new").mkdir()
+    (tmp_path / "new" / "README.md").write_text("# New\n\nOne more.\n")
+    with pytest.raises(SystemExit, match="GROUPS and examples differ.*new"):
+        list(examples(tmp_path))
+
+
+def test_gallery_of_one(tmp_path, monkeypatch):
+    """An example's picture and view are made of its run, and made again only when it changes."""
+    folder = tmp_path / "examples" / "fourbar"
+    folder.mkdir(parents=True)
+    for name in ("scene.toml", "README.md"):
+        (folder / name).write_bytes((ROOT / "examples" / "fourbar" / name).read_bytes())
+    monkeypatch.setattr("docs_gallery.GROUPS", {"Linkages": ("fourbar",)})
+    made = [tmp_path / "source" / "pictures" / "fourbar.png", tmp_path / "views" / "fourbar.html"]
+    write_gallery(tmp_path / "examples", tmp_path / "source", tmp_path / "views")
+    times = [file.stat().st_mtime_ns for file in made]
+    write_gallery(tmp_path / "examples", tmp_path / "source", tmp_path / "views")
+    assert [file.stat().st_mtime_ns for file in made] == times
+    page = (tmp_path / "source" / "gallery.md").read_text()
+    assert ":img-top: pictures/fourbar.png" in page and ":link: examples/fourbar/README" in page
+    assert made[0].read_bytes()[:4] == b"\x89PNG" and "linkdyn-view" in made[1].read_text()
+
+
+def test_pages_are_laid_out_as_in_the_project(tmp_path):
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "stale.md").write_text("")
+    lay_out(tmp_path)
+    assert not (tmp_path / "docs" / "stale.md").exists()
+    for name in ("docs/index.md", "docs/tutorials/lecture.md", "examples/fourbar/scene.png", "CHANGELOG.md"):
+        assert (tmp_path / name).is_file()
+
+
+def test_dead_links(tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "index.html").write_text('<h2 id="here">Here</h2><a href="../a.html#two">up</a><a href="#here">on</a>')
+    (tmp_path / "a.html").write_text(
+        '<a id="two" href="sub/">folder</a><a href="sub/index.html#here">place</a><a href="https://example.org/x">far</a>'
+        '<img src="lost.png"><a href="sub/index.html#there">no place</a><a href="b%20c.html">no page</a>'
+    )
+    assert sorted(dead_links(tmp_path)) == ["a.html: b%20c.html", "a.html: lost.png", "a.html: sub/index.html#there"]
