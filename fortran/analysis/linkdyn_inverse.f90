@@ -20,6 +20,7 @@ module linkdyn_inverse
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts
     use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies, gives_attitude, attitude_angles
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_planar_motion, only: level_given
@@ -98,6 +99,7 @@ module linkdyn_inverse
         type(error_probe), allocatable :: probe                 !! there if errors are wanted
         type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
         logical :: wants_distance = .false.
+        type(sample_assembly) :: at_start                       !! that of every sample outside a motion
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
         procedure :: free => free_solver
@@ -124,6 +126,7 @@ contains
             allocate (solver%condition)
             call make_condition(model, solver%equations%unknown, solver%condition, status)
         end if
+        if (has_assemblies(model)) call make_room(model, 1, solver%at_start)
         if (status%is_ok()) allocate (solver%pool)
     end subroutine prepare_inverse
 
@@ -192,7 +195,7 @@ contains
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
         integer :: n, n_block, n_thread, share, block, n_dense
-        logical :: wants_rates, wants_world, has_stand_ins
+        logical :: wants_rates, wants_world, has_stand_ins, is_on_way
 
         n = size(q, 2)
         n_block = (n + lanes - 1)/lanes
@@ -203,13 +206,12 @@ contains
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
                       .or. has_stand_ins .or. solver%wants_distance
         n_dense = 0
+        is_on_way = present(known) .or. (present(trail) .and. n > 0)
         if (has_assemblies(model) .or. has_stand_ins) then
             if (present(known)) then
                 assembly = known
-            else if (present(trail) .and. n > 0) then
+            else if (is_on_way) then
                 call follow_assembly(model, q, trail, assembly)
-            else
-                call make_room(model, 1, assembly)
             end if
         end if
 
@@ -231,10 +233,14 @@ contains
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
         if (associated(results%assembly)) then
             results%assembly = reached_straight
-            if (allocated(assembly%reached) .and. (present(known) .or. present(trail))) results%assembly = assembly%reached(:n)
+            if (allocated(assembly%reached)) results%assembly = assembly%reached(:n)
         end if
         results%lost_sample = assembly%lost%sample
-        if (results%lost_sample > 0) results%lost_in_words = lost_in_words(model, assembly%lost)
+        if (results%lost_sample > 0) then
+            call hold_texts()
+            results%lost_in_words = lost_in_words(model, assembly%lost)
+            call release_texts()
+        end if
         if (present(turns) .and. associated(results%joint_variable)) then
             if (present(own)) then
                 call count_turns(own, results%joint_variable, turns)
@@ -254,7 +260,7 @@ contains
             type(condition_space), intent(inout) :: condition
             type(singularity_space), intent(inout) :: singularity
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap, distance
-            real(wp) :: of_own(lanes, model%n_q)
+            real(wp), allocatable :: of_own(:, :)
 
             call gather(block, workspace)
             workspace%fell_back = .false.
@@ -275,7 +281,10 @@ contains
             if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
                 call measure_energy(model, workspace%state, kinetic, potential)
             if (associated(results%closure)) call measure_closure(model, workspace%state, gap)
-            if (has_stand_ins) call tell_accelerations(model, workspace, of_own)
+            if (has_stand_ins) then
+                allocate (of_own(lanes, model%n_q))
+                call tell_accelerations(model, workspace, of_own)
+            end if
             if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
             if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
             if (has_stand_ins) workspace%acceleration = of_own
@@ -298,8 +307,12 @@ contains
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(quaternion)) workspace%state%quaternion(lane, :, :) = quaternion(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
-                if (has_assemblies(model) .or. has_stand_ins) &
-                    call place_sample(model, assembly, min(sample, size(assembly%branch, 2)), lane, workspace%state)
+                if (.not. (has_assemblies(model) .or. has_stand_ins)) cycle
+                if (is_on_way) then
+                    call place_sample(model, assembly, sample, lane, workspace%state)
+                else
+                    call place_sample(model, solver%at_start, 1, lane, workspace%state)
+                end if
             end do
         end subroutine gather
 
@@ -420,12 +433,12 @@ contains
         type(thread_space), pointer, intent(out) :: space
 
         nullify (space)
-        !$omp critical (linkdyn_space_pool)
         if (associated(solver%pool)) then
+            call hold_lock()
             space => solver%pool%first
             if (associated(space)) solver%pool%first => space%next
+            call release_lock()
         end if
-        !$omp end critical (linkdyn_space_pool)
         if (associated(space)) return
         allocate (space)
         call prepare_workspace(model, solver%equations, space%workspace)
@@ -447,10 +460,10 @@ contains
             call free_space(space)
             return
         end if
-        !$omp critical (linkdyn_space_pool)
+        call hold_lock()
         space%next => solver%pool%first
         solver%pool%first => space
-        !$omp end critical (linkdyn_space_pool)
+        call release_lock()
     end subroutine return_space
 
     subroutine free_space(space)
