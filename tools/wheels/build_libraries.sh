@@ -37,8 +37,11 @@ get lapack_3.11.0.orig.tar.gz l/lapack 4b9ba79bfd4921ca820e83979db76ab3363155709
 
 export CPPFLAGS="-I$prefix/include" LDFLAGS="-L$prefix/lib" PKG_CONFIG_PATH="$prefix/lib/pkgconfig"
 build hdf5 --enable-build-mode=production --disable-fortran --disable-cxx --disable-tools --disable-tests --without-szlib
+# what else the machine happens to have is not looked for
 build netcdf --disable-dap --disable-byterange --disable-nczarr --disable-libxml2 --disable-plugins --disable-utilities \
-    --disable-testsets --disable-examples
+    --disable-testsets --disable-examples \
+    ac_cv_lib_curl_curl_easy_setopt=no ac_cv_search_SZ_BufftoBuffCompress=no ac_cv_lib_sz_SZ_BufftoBuffCompress=no \
+    ac_cv_search_BZ2_bzCompress=no ac_cv_lib_bz2_BZ2_bzCompress=no ac_cv_lib_zstd_ZSTD_compress=no ac_cv_lib_blosc_blosc_init=no
 LIBS="-lnetcdf -lhdf5_hl -lhdf5 -lz -ldl -lm" build netcdf-fortran
 
 # of LAPACK double precision alone; it has no configure
