@@ -26,7 +26,8 @@ MEGABYTE = 1_000_000
 MOST_WHEEL, MOST_SDIST = 12 * MEGABYTE, 4 * MEGABYTE
 PORTABLE = ("-Dgsl=disabled", "-Dmarch=")
 STATIC = ("-Dlapack=netlib", "-Dnetcdf=static")
-TESTS = ("tests/cli", "tests/python/test_scene.py", "tests/python/test_references.py")
+TESTS = ("tests/cli/test_cli.py", "tests/cli/test_sheet.py", "tests/cli/test_sweep.py", "tests/python/test_scene.py", "tests/python/test_references.py")
+"""Of all parts, but for forward runs from the command line: these are tests of the default method, which is GSL's."""
 NEEDED = ("linkdyn/_bin/linkdyn", "licenses/LICENSE", "licenses/licenses/HDF5.txt")
 
 
@@ -70,7 +71,7 @@ def look_at(wheel: Path, most: int) -> None:
     """Size and contents."""
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
-        libraries = sorted((item.file_size, Path(item.filename).name) for item in archive.infolist() if ".libs/" in item.filename)
+        libraries = sorted((item.file_size, Path(item.filename).name) for item in archive.infolist() if ".libs/" in item.filename and item.file_size)
     for size, name in reversed(libraries):
         print(f"  {size / MEGABYTE:6.2f} MB  {name}")
     print(f"{wheel.name}: {wheel.stat().st_size / MEGABYTE:.2f} MB, {len(libraries)} libraries beside it")
