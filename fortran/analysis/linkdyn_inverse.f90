@@ -99,7 +99,7 @@ module linkdyn_inverse
         type(error_probe), allocatable :: probe                 !! there if errors are wanted
         type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
         logical :: wants_distance = .false.
-        type(sample_assembly) :: at_start                       !! that of every sample outside a motion
+        type(sample_assembly) :: at_start                       !! of samples outside a motion; not there: made anew
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
         procedure :: free => free_solver
@@ -212,6 +212,8 @@ contains
                 assembly = known
             else if (is_on_way) then
                 call follow_assembly(model, q, trail, assembly)
+            else if (.not. allocated(solver%at_start%status)) then
+                call make_room(model, 1, assembly)
             end if
         end if
 
@@ -233,7 +235,7 @@ contains
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
         if (associated(results%assembly)) then
             results%assembly = reached_straight
-            if (allocated(assembly%reached)) results%assembly = assembly%reached(:n)
+            if (is_on_way .and. allocated(assembly%reached)) results%assembly = assembly%reached(:n)
         end if
         results%lost_sample = assembly%lost%sample
         if (results%lost_sample > 0) then
@@ -310,8 +312,10 @@ contains
                 if (.not. (has_assemblies(model) .or. has_stand_ins)) cycle
                 if (is_on_way) then
                     call place_sample(model, assembly, sample, lane, workspace%state)
-                else
+                else if (allocated(solver%at_start%status)) then
                     call place_sample(model, solver%at_start, 1, lane, workspace%state)
+                else
+                    call place_sample(model, assembly, 1, lane, workspace%state)
                 end if
             end do
         end subroutine gather
