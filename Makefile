@@ -9,6 +9,8 @@
 #                methods on hard cases. Tables and pictures go to results/benchmarks
 #   make renew   put these where benchmarks/README.md and docs/accuracy.md show them
 #   make real128 linkdyn-real128, the same program in quadruple precision, beside the installed one
+#   make wheel   the wheel and the source archive in build/wheels, the wheel tested where nothing is installed; the first time its
+#                libraries are fetched and built. `make wheel WHEEL=--shared`: with the system's, 40 MB
 #   make docs    the site with tutorials, gallery and reference, in build/site/html
 #   make clean   remove what was made; `make distclean` removes .venv too
 
@@ -32,14 +34,14 @@ unexport PYTHONPATH PYTHONHOME
 SOURCES := $(shell find fortran c app python tools viewer -type f \
     -not -name '*.pyc' -not -name '.*' 2>/dev/null) \
     meson.build meson.options pyproject.toml README.md LICENSE
-# configuration of the one build folder: test and benchmark programs are built only when asked for
-SETUP := -Dtests=true -Dbenchmarks=true
+# configuration of the one build folder: for this machine; test and benchmark programs are built only when asked for
+SETUP := -Dtests=true -Dbenchmarks=true -Dmarch=native
 
 # the same sources in quadruple precision: the measure of accuracy, not part of the package; its time goes into libquadmath,
 # which no optimization of ours makes faster
 REAL128 := build/real128
 
-.PHONY: run test check fuzz bench bench-forward accuracy renew real128 docs clean distclean system system-mpi browser
+.PHONY: run test check fuzz bench bench-forward accuracy renew real128 wheel docs clean distclean system system-mpi browser
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -80,6 +82,11 @@ real128: $(PACKAGE)
 
 accuracy: real128
 	$(VENV)/bin/python benchmarks/python/accuracy.py
+
+wheel: $(REQUIREMENTS)
+	$(VENV)/bin/python tools/list_requirements.py wheel > $(VENV)/wheel.txt
+	$(VENV)/bin/python -m pip install --quiet -r $(VENV)/wheel.txt
+	$(VENV)/bin/python tools/make_wheel.py $(WHEEL)
 
 docs: $(PACKAGE) $(DOCS_REQUIREMENTS)
 	@$(VENV)/bin/python tools/build_docs.py build/site

@@ -11,7 +11,7 @@ module linkdyn_run_output
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type
     use linkdyn_text, only: to_text
-    use linkdyn_version, only: version
+    use linkdyn_build, only: version
     implicit none (type, external)
     private
     public :: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, default_name

@@ -13,7 +13,7 @@ program linkdyn
     use linkdyn_report, only: open_report, print_report
     use linkdyn_status, only: status_type
     use linkdyn_terminal, only: start_progress, show_stage, end_progress, say, leave_program
-    use linkdyn_version, only: version
+    use linkdyn_build, only: version
     implicit none (type, external)
     integer, parameter :: exit_bad_input = 2
     type(argument_type), allocatable :: arguments(:)

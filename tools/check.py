@@ -145,7 +145,8 @@ def run_way(name: str) -> Count:
     if way.tests:
         site = next(iter(folder.glob("stage/**/linkdyn/__init__.py"))).parent.parent
         twin = {"LINKDYN_REAL128": str(TWIN / "app" / "linkdyn-real128")}
-        count += run_python(folder / "pytest.xml", list(way.tests), twin | environment | {"PYTHONPATH": str(site)})
+        of_build = {"PYTHONPATH": str(site), "LINKDYN_BUILD": str(folder.resolve())}
+        count += run_python(folder / "pytest.xml", list(way.tests), twin | environment | of_build)
     return count
 
 

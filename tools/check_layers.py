@@ -42,6 +42,7 @@ RESERVED = [
 ]
 MODULE = re.compile(r"^\s*module\s+(?!procedure\b|subroutine\b|function\b)(\w+)\s*$", re.I | re.M)
 USES = re.compile(r"^\s*use\b(?:\s*,\s*non_intrinsic)?\s*(?:::)?\s*(\w+)", re.I | re.M)
+BINDS = re.compile(r"\bbind\s*\(\s*c\s*,\s*name\s*=\s*[\"'](\w+)[\"']", re.I)
 SUBMODULE = re.compile(r"^\s*submodule\s*\(\s*(\w+)", re.I | re.M)
 
 
@@ -52,20 +53,21 @@ def code_of(text: str) -> str:
 
 
 def read_sources(root: Path) -> dict[str, tuple[str, str]]:
-    """layer and code of each source, by its name `layer/file.f90`."""
+    """layer and text of each source, by its name `layer/file.f90`."""
     sources = {}
     for path in sorted([*(root / "fortran").glob("*/*.f90*"), *(root / "app").glob("*.f90*")]):
         layer = path.parent.name
-        sources[f"{layer}/{path.name.removesuffix('.in')}"] = layer, code_of(path.read_text(encoding="utf-8"))
+        sources[f"{layer}/{path.name.removesuffix('.in')}"] = layer, path.read_text(encoding="utf-8")
     return sources
 
 
 def find_violations(root: Path) -> list[str]:
     """One line for each `use` or mention that breaks the order of the layers."""
     sources = read_sources(root)
-    layer_of = {name: layer for layer, code in sources.values() for name in MODULE.findall(code)}
+    layer_of = {name: layer for layer, text in sources.values() for name in MODULE.findall(code_of(text))}
     violations = []
-    for file, (layer, code) in sources.items():
+    for file, (layer, text) in sources.items():
+        code = code_of(text)
         if layer not in MAY_USE:
             violations.append(f"{file}: '{layer}' is not a layer")
             continue
@@ -77,6 +79,8 @@ def find_violations(root: Path) -> list[str]:
         for what, pattern, allowed in RESERVED:
             if re.search(pattern, code, re.M) and not any(fnmatch(file, form) for form in allowed):
                 violations.append(f"{file}: names {what}; only {', '.join(allowed)} may")
+        for name in {name.lower() for name in BINDS.findall(text)} & layer_of.keys():
+            violations.append(f"{file}: binds {name}, the name of a module: gfortran takes one for the other")
         modules = MODULE.findall(code)
         stem = Path(file).stem
         if layer not in ("kinds", "app") and len(modules) > 1:

@@ -80,7 +80,7 @@ def run_python(report: Path, arguments: list[str], environment: dict[str, str] |
 def run_all(build: Path, arguments: list[str]) -> Count:
     """Both, with a line on each."""
     fortran = run_fortran(build)
-    python = run_python(build.resolve() / "pytest.xml", arguments)
+    python = run_python(build.resolve() / "pytest.xml", arguments, {"LINKDYN_BUILD": str(build.resolve())})
     print(f"Fortran: {fortran}; Python and command line: {python}")
     return fortran + python
 

@@ -29,6 +29,7 @@ module linkdyn_forward
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
+    use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
@@ -316,7 +317,10 @@ contains
         call advance_to(run, t)
         run%good_until = run%integrator%good_until(1)
         run%has_stopped = run%integrator%failed(1)
-        if (run%has_stopped) run%reason = reason_of_stop(run)
+        if (.not. run%has_stopped) return
+        call hold_texts()
+        run%reason = reason_of_stop(run)
+        call release_texts()
     end subroutine go_to
 
     !> Integrate to t, from phase to phase. A run that cannot go on tries other coordinates, too.
@@ -350,8 +354,11 @@ contains
         call run%system%look_at(spread(run%integrator%good_until(1), 1, lanes), run%y)
         is_new = .false.
         ! A phase that has failed at its first step is no improvement.
-        if (run%options%switches .and. .not. (all(run%integrator%failed) .and. run%integrator%n_step == run%step_entered)) &
+        if (run%options%switches .and. .not. (all(run%integrator%failed) .and. run%integrator%n_step == run%step_entered)) then
+            call hold_texts()
             call find_better_phase(run, is_new)
+            call release_texts()
+        end if
         if (is_new) return
         run%system%watch%may_exchange = .false.
         run%dead_coordinate = dead_coordinate(run%system%watch, all(run%integrator%failed))

@@ -24,6 +24,7 @@ module linkdyn_inverse
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts
     use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies, gives_attitude, attitude_angles
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_planar_motion, only: level_given
@@ -79,6 +80,7 @@ module linkdyn_inverse
         type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
         logical :: wants_distance = .false.
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
+        type(sample_assembly) :: at_start                       !! of samples outside a motion; not there: made anew
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
         procedure :: free => free_solver
@@ -106,6 +108,7 @@ contains
             call make_condition(model, solver%equations%unknown, solver%condition, status)
         end if
         if (.not. status%is_ok()) return
+        if (has_assemblies(model)) call make_room(model, 1, solver%at_start)
         allocate (solver%pool)
         if (options%by_record .and. options%solver == solver_elimination .and. .not. options%wants_errors &
             .and. .not. options%wants_rcond .and. .not. options%wants_distance) allocate (solver%records)
@@ -183,7 +186,7 @@ contains
         type(recorded_forces), pointer :: recorded
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
         integer :: n, n_left, n_block, n_thread, share, block, n_dense
-        logical :: wants_rates, wants_world, has_stand_ins
+        logical :: wants_rates, wants_world, has_stand_ins, is_on_way
 
         n = size(q, 2)
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
@@ -195,16 +198,23 @@ contains
         if (associated(solver%records) .and. is_worth_recording(model, n) .and. .not. &
             (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) &
             call need_record(model, solver, results, q, recorded)
+        is_on_way = present(known) .or. (present(trail) .and. n > 0)
         if (has_assemblies(model) .or. has_stand_ins) then
             if (present(known)) then
                 assembly = known
-            else if (present(trail) .and. n > 0) then
+            else if (is_on_way) then
                 call follow_assembly(model, q, trail, assembly)
-            else
+            else if (.not. allocated(solver%at_start%status)) then
                 call make_room(model, 1, assembly)
             end if
         end if
-        if (associated(recorded)) call run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, left)
+        if (associated(recorded)) then
+            if (is_on_way .or. .not. allocated(solver%at_start%status)) then
+                call run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, left)
+            else
+                call run_by_record(recorded, threads, q, qd, qdd, load, solver%at_start, results, left)
+            end if
+        end if
         n_left = n
         if (allocated(left)) n_left = size(left)
         n_block = (n_left + lanes - 1)/lanes
@@ -229,10 +239,14 @@ contains
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
         if (associated(results%assembly)) then
             results%assembly = reached_straight
-            if (allocated(assembly%reached) .and. (present(known) .or. present(trail))) results%assembly = assembly%reached(:n)
+            if (is_on_way .and. allocated(assembly%reached)) results%assembly = assembly%reached(:n)
         end if
         results%lost_sample = assembly%lost%sample
-        if (results%lost_sample > 0) results%lost_in_words = lost_in_words(model, assembly%lost)
+        if (results%lost_sample > 0) then
+            call hold_texts()
+            results%lost_in_words = lost_in_words(model, assembly%lost)
+            call release_texts()
+        end if
         if (present(turns) .and. associated(results%joint_variable)) then
             if (present(own)) then
                 call count_turns(own, results%joint_variable, turns)
@@ -260,7 +274,7 @@ contains
             type(condition_space), intent(inout) :: condition
             type(singularity_space), intent(inout) :: singularity
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap, distance
-            real(wp) :: of_own(lanes, model%n_q)
+            real(wp), allocatable :: of_own(:, :)
 
             call gather(block, workspace)
             workspace%fell_back = .false.
@@ -281,7 +295,10 @@ contains
             if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
                 call measure_energy(model, workspace%state, kinetic, potential)
             if (associated(results%closure)) call measure_closure(model, workspace%state, gap)
-            if (has_stand_ins) call tell_accelerations(model, workspace, of_own)
+            if (has_stand_ins) then
+                allocate (of_own(lanes, model%n_q))
+                call tell_accelerations(model, workspace, of_own)
+            end if
             if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
             if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
             if (has_stand_ins) workspace%acceleration = of_own
@@ -304,8 +321,14 @@ contains
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(quaternion)) workspace%state%quaternion(lane, :, :) = quaternion(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
-                if (has_assemblies(model) .or. has_stand_ins) &
-                    call place_sample(model, assembly, min(sample, size(assembly%branch, 2)), lane, workspace%state)
+                if (.not. (has_assemblies(model) .or. has_stand_ins)) cycle
+                if (is_on_way) then
+                    call place_sample(model, assembly, sample, lane, workspace%state)
+                else if (allocated(solver%at_start%status)) then
+                    call place_sample(model, solver%at_start, 1, lane, workspace%state)
+                else
+                    call place_sample(model, assembly, 1, lane, workspace%state)
+                end if
             end do
         end subroutine gather
 
@@ -562,12 +585,12 @@ contains
         type(thread_space), pointer, intent(out) :: space
 
         nullify (space)
-        !$omp critical (linkdyn_space_pool)
         if (associated(solver%pool)) then
+            call hold_lock()
             space => solver%pool%first
             if (associated(space)) solver%pool%first => space%next
+            call release_lock()
         end if
-        !$omp end critical (linkdyn_space_pool)
         if (associated(space)) return
         allocate (space)
         call prepare_workspace(model, solver%equations, space%workspace)
@@ -589,10 +612,10 @@ contains
             call free_space(space)
             return
         end if
-        !$omp critical (linkdyn_space_pool)
+        call hold_lock()
         space%next => solver%pool%first
         solver%pool%first => space
-        !$omp end critical (linkdyn_space_pool)
+        call release_lock()
     end subroutine return_space
 
     subroutine free_space(space)

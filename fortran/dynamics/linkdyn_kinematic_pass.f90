@@ -121,17 +121,17 @@ contains
         associate (c => step%coordinate)
             if (is_by_quaternion(state, step)) then
                 state%rotation(o) = rotation_of_quaternion(state%quaternion(:, :, step%first))
-                state%omega(o) = from_components(state%qd(:, c(4:6)))
-                state%alpha(0, o) = from_components(state%qdd(:, c(4:6)))
+                state%omega(o) = from_components(columns(state%qd, c(4:6)))
+                state%alpha(0, o) = from_components(columns(state%qdd, c(4:6)))
             else
                 call rotate_rpy(state%q(:, c(4)), state%q(:, c(5)), state%q(:, c(6)), turn)
                 state%rotation(o) = turn%r
-                state%omega(o) = angular_velocity_rpy(turn, state%qd(:, c(4:6)))
-                state%alpha(0, o) = angular_acceleration_rpy(turn, state%qd(:, c(4:6)), state%qdd(:, c(4:6)))
+                state%omega(o) = angular_velocity_rpy(turn, columns(state%qd, c(4:6)))
+                state%alpha(0, o) = angular_acceleration_rpy(turn, columns(state%qd, c(4:6)), columns(state%qdd, c(4:6)))
             end if
-            state%position(link) = from_components(state%q(:, c(1:3)))
-            state%velocity(link) = from_components(state%qd(:, c(1:3)))
-            state%acceleration(0, link) = from_components(state%qdd(:, c(1:3)))
+            state%position(link) = from_components(columns(state%q, c(1:3)))
+            state%velocity(link) = from_components(columns(state%qd, c(1:3)))
+            state%acceleration(0, link) = from_components(columns(state%qdd, c(1:3)))
             if (state%n_column > 0) then
                 do k = 1, 3
                     axis = 0
@@ -143,6 +143,18 @@ contains
         end associate
         call turn_into_link(model, link, state)
     end subroutine take_pose
+
+    !> Three columns of some coordinates' values: a vector subscript would make room for them on the heap.
+    pure function columns(values, c) result(three)
+        real(wp), intent(in) :: values(:, :)            !! (lane, n_q)
+        integer, intent(in) :: c(3)
+        real(wp) :: three(lanes, 3)
+        integer :: k
+
+        do k = 1, 3
+            three(:, k) = values(:, c(k))
+        end do
+    end function columns
 
     !> Open chain: the second link of a joint whose variables are coordinates (or the first, seen from the second).
     subroutine walk_joint(model, step, state)

@@ -54,15 +54,22 @@ contains
     subroutine evaluate_kinematics(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
+
+        if (size(model%group) == 0) then
+            call run_program(model, state)
+        else
+            call evaluate_with_groups(model, state)
+        end if
+    end subroutine evaluate_kinematics
+
+    subroutine evaluate_with_groups(model, state)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
         type(way_report) :: report
         real(wp) :: from(lanes, model%n_q)
         logical :: goes(lanes)
         integer :: k, told(lanes)
 
-        if (size(model%group) == 0) then
-            call run_program(model, state)
-            return
-        end if
         told = state%way_status
         state%group%place = state%group%start_place
         from = state%group%start_q
@@ -80,7 +87,7 @@ contains
         state%group%moves = state%way_status == sample_ok
         call run_program(model, state)
         state%way_status = told
-    end subroutine evaluate_kinematics
+    end subroutine evaluate_with_groups
 
     !> The outcome of a way as the status of the sample at its end.
     elemental integer function status_of_way(outcome) result(status)

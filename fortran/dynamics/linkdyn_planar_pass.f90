@@ -90,16 +90,17 @@ contains
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state
         type(hanger) :: h
-        real(wp) :: rate(lanes), one
+        real(wp) :: variable(lanes), rate(lanes), one
         integer :: level, c
 
         c = step%coordinate(1)
         h = hanger_of(model, step%joint(1), step%link(1))
+        variable = h%sense*state%q(:, c)
         if (h%slides) then
             call turn_with_known(model, h, state%plane)
-            call place_on_slide(model, h, h%sense*state%q(:, c), state)
+            call place_on_slide(model, h, variable, state)
         else
-            call turn_by_angle(model, h, h%sense*state%q(:, c), state%plane)
+            call turn_by_angle(model, h, variable, state%plane)
             call place_on_hinge(model, h, state%plane)
         end if
         do level = level_velocity, state%n_column

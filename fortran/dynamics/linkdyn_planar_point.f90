@@ -1,5 +1,7 @@
 !> Motion of a point fixed to a planar link, at any level: velocity, acceleration, or one of its columns.
 module linkdyn_planar_point
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), perp
     implicit none (type, external)
@@ -27,8 +29,11 @@ contains
         integer, intent(in) :: o
         type(vec2), intent(in) :: arm     !! from that point to the other
         type(vec2) :: motion
+        real(wp) :: square(lanes)
 
         motion = from + plane%angular(:, level, o)*perp(arm)
-        if (level == level_given) motion = motion - plane%angular(:, level_velocity, o)**2*arm
+        if (level /= level_given) return
+        square = plane%angular(:, level_velocity, o)**2
+        motion = motion - square*arm
     end function carry
 end module linkdyn_planar_point

@@ -17,7 +17,7 @@ module linkdyn_checkpoint
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_totals, only: packed_size, pack_totals, unpack_totals
     use linkdyn_text, only: to_text
-    use linkdyn_version, only: version
+    use linkdyn_build, only: version
     implicit none (type, external)
     private
     public :: sweep_hash, write_checkpoint, read_checkpoint, checkpoint_name, has_checkpoint

@@ -245,7 +245,7 @@ class Run:
     Parameters
     ----------
     handle
-        Of the scene, which must stay open.
+        Of the scene, which may be closed then.
     settings
         step [s], rtol, atol.
     switch

@@ -28,6 +28,7 @@ def test_sources_keep_the_order() -> None:
         ("linalg", "call dgesvx(a)", "LAPACK"),
         ("analysis", "call get_command_argument(1, name)", "the command line"),
         ("io", "error stop 1", "stop"),
+        ("io", "function f() bind(c, name=\"linkdyn_upper\")", "the name of a module"),
     ],
 )
 def test_a_breach_is_seen(tmp_path: Path, layer: str, line: str, complaint: str) -> None:

@@ -1,8 +1,9 @@
-!> Open sweeps by number, for the f2py layer.
-module linkdyn_sweep_handles
-    use, intrinsic :: iso_c_binding, only: c_double
+!> An open sweep.
+module linkdyn_open_sweep
+    use, intrinsic :: iso_c_binding, only: c_double, c_intptr_t
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_dataset, only: dataset_type
+    use linkdyn_handles, only: held_thing, make_handle, take, give_back
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_variant, only: variants_of
@@ -14,25 +15,26 @@ module linkdyn_sweep_handles
     use linkdyn_sweep_wishes, only: choose_kept
     implicit none (type, external)
     private
-    public :: open_sweep, find_sweep, close_sweep, advance_sweep, kept_width, copy_numbers
+    public :: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, kept_width, copy_numbers
 
-    type :: sweep_box
-        type(sweep_run), pointer :: run => null()
-    end type sweep_box
-
-    type(sweep_box), allocatable, save :: opened(:)   !! place = handle; a closed one stays empty
+    type, extends(held_thing) :: open_sweep
+        type(sweep_run) :: run
+    contains
+        procedure :: release => release_sweep
+    end type open_sweep
 
 contains
 
-    subroutine open_sweep(scene, folder, solver, keep, handle, status)
+    !> Plan a sweep. An interrupt leaves none.
+    subroutine start_open_sweep(scene, folder, solver, keep, handle, status)
         type(scene_type), intent(in) :: scene
         character(len=*), intent(in) :: folder        !! where its tables lie
         integer, intent(in) :: solver
         character(len=*), intent(in) :: keep          !! names with commas; blank: as the scene says
-        integer, intent(out) :: handle
+        integer(c_intptr_t), intent(out) :: handle
         type(status_type), intent(inout) :: status
-        type(sweep_run), pointer :: new
-        type(sweep_box), allocatable :: longer(:)
+        type(open_sweep), pointer :: new
+        class(held_thing), pointer :: thing
         type(scene_type) :: wished
 
         handle = 0
@@ -40,49 +42,47 @@ contains
         if (len(keep) > 0) call choose_kept(keep, wished%sweep, status)
         if (.not. status%is_ok()) return
         allocate (new)
-        call start_sweep(wished, variants_of(wished, folder), solver, new, status)
-        if (.not. status%is_ok() .or. is_interrupted()) then
-            call finish_sweep(new)
-            deallocate (new)
-            return
-        end if
-        !$omp critical (linkdyn_sweeps)
-        if (.not. allocated(opened)) allocate (opened(0))
-        allocate (longer(size(opened) + 1))
-        longer(:size(opened)) = opened
-        call move_alloc(longer, opened)
-        handle = size(opened)
-        opened(handle)%run => new
-        !$omp end critical (linkdyn_sweeps)
-    end subroutine open_sweep
+        call start_sweep(wished, variants_of(wished, folder), solver, new%run, status)
+        thing => new
+        if (status%is_ok() .and. .not. is_interrupted()) call make_handle(thing, handle, status)
+        if (handle /= 0) return
+        call new%release()
+        deallocate (new)
+    end subroutine start_open_sweep
 
-    subroutine find_sweep(handle, run, status)
-        integer, intent(in) :: handle
-        type(sweep_run), pointer, intent(out) :: run
+    !> Use a sweep alone until `leave_sweep`. Null: the call has failed.
+    subroutine take_sweep(handle, sweep, status)
+        integer(c_intptr_t), intent(in) :: handle
+        type(open_sweep), pointer, intent(out) :: sweep
         type(status_type), intent(inout) :: status
+        class(held_thing), pointer :: thing
 
-        nullify (run)
-        !$omp critical (linkdyn_sweeps)
-        if (allocated(opened)) then
-            if (handle >= 1 .and. handle <= size(opened)) run => opened(handle)%run
-        end if
-        !$omp end critical (linkdyn_sweeps)
-        if (.not. associated(run)) call fail(status, status_bad_input, "this sweep was closed")
-    end subroutine find_sweep
+        nullify (sweep)
+        call take(handle, "sweep", .true., thing, status)
+        if (.not. associated(thing)) return
+        select type (thing)
+        type is (open_sweep)
+            sweep => thing
+        class default
+            call give_back(handle)
+            call fail(status, status_bad_input, "the handle is not that of a sweep")
+        end select
+    end subroutine take_sweep
 
-    subroutine close_sweep(handle)
-        integer, intent(in) :: handle
-        type(sweep_run), pointer :: run
-        type(status_type) :: status
+    !> The end of a use; nothing for a sweep that could not be taken.
+    subroutine leave_sweep(handle, sweep)
+        integer(c_intptr_t), intent(in) :: handle
+        type(open_sweep), pointer, intent(inout) :: sweep
 
-        call find_sweep(handle, run, status)
-        if (.not. associated(run)) return
-        !$omp critical (linkdyn_sweeps)
-        nullify (opened(handle)%run)
-        !$omp end critical (linkdyn_sweeps)
-        call finish_sweep(run)
-        deallocate (run)
-    end subroutine close_sweep
+        if (associated(sweep)) call give_back(handle)
+        nullify (sweep)
+    end subroutine leave_sweep
+
+    subroutine release_sweep(self)
+        class(open_sweep), intent(inout) :: self
+
+        call finish_sweep(self%run)
+    end subroutine release_sweep
 
     !> Values kept of a sample; 0: nothing is kept.
     pure integer function kept_width(run) result(width)
@@ -140,4 +140,4 @@ contains
             end associate
         end do
     end subroutine copy_numbers
-end module linkdyn_sweep_handles
+end module linkdyn_open_sweep

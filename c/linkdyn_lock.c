@@ -1,0 +1,39 @@
+#define _POSIX_C_SOURCE 200809L
+#include "linkdyn_lock.h"
+
+#include <pthread.h>
+
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static pthread_mutex_t texts;
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+
+void linkdyn_hold_lock(void)
+{
+    pthread_mutex_lock(&lock);
+}
+
+void linkdyn_release_lock(void)
+{
+    pthread_mutex_unlock(&lock);
+}
+
+static void make_recursive(void)
+{
+    pthread_mutexattr_t attributes;
+
+    pthread_mutexattr_init(&attributes);
+    pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_RECURSIVE);
+    pthread_mutex_init(&texts, &attributes);
+    pthread_mutexattr_destroy(&attributes);
+}
+
+void linkdyn_hold_texts(void)
+{
+    pthread_once(&once, make_recursive);
+    pthread_mutex_lock(&texts);
+}
+
+void linkdyn_release_texts(void)
+{
+    pthread_mutex_unlock(&texts);
+}

@@ -1,0 +1,13 @@
+/* Locks of the process, of OpenMP's threads and of any others. */
+#ifndef LINKDYN_LOCK_H
+#define LINKDYN_LOCK_H
+
+/* For lists that several threads change: held for a few instructions, never twice by one thread. */
+void linkdyn_hold_lock(void);
+void linkdyn_release_lock(void);
+
+/* For the making of texts; a thread that holds it may hold it again. */
+void linkdyn_hold_texts(void);
+void linkdyn_release_texts(void);
+
+#endif

@@ -1,0 +1,307 @@
+!> Inverse dynamics between flat arrays of a caller: checked, and computed straight into them.
+module linkdyn_inverse_call
+    use, intrinsic :: iso_c_binding, only: c_double, c_int
+    use, intrinsic :: iso_fortran_env, only: int64
+    use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+    use linkdyn_assembly_trail, only: assembly_trail
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, run_prepared
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_model, only: model_type
+    use linkdyn_open_scene, only: open_scene, find_solver
+    use linkdyn_results, only: find_driving_power, result_driving_force, result_driving_speed, result_driving_power, &
+        result_reaction, result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, &
+        result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
+        result_transmission_angle, result_growth, result_assembly
+    use linkdyn_roads, only: road_counts
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
+    use linkdyn_text, only: to_text, quoted
+    use linkdyn_turns, only: turn_count
+    implicit none (type, external)
+    private
+    public :: room_type, inverse_report, n_room, room_id, room_name, room_width, compute_inverse, check_size, check_finite, &
+        check_count
+
+    !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
+    integer, parameter :: n_room = 15
+    integer, parameter :: room_id(n_room) = [result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
+        result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, result_singularity_distance, &
+        result_error, result_driving_force_error, result_reaction_error, result_transmission_angle, result_growth, &
+        result_assembly]
+    character(len=20), parameter :: room_name(n_room) = [character(len=20) :: "driving_force", "driving_speed", "driving_power", &
+        "reaction", "joint_variable", "joint_rate", "power_imbalance", "rcond", "singularity_distance", "error", &
+        "driving_force_error", "reaction_error", "transmission_angle", "growth", "assembly"]
+
+    !> Where a result goes; null: it is not wanted.
+    type :: room_type
+        real(c_double), pointer, contiguous :: real(:) => null()       !! (width*n), sample after sample
+        integer(c_int), pointer, contiguous :: integer(:) => null()    !! in its place for what is a whole number
+    end type room_type
+
+    !> What a batch tells of itself.
+    type :: inverse_report
+        type(road_counts) :: roads
+        integer :: lost_sample = 0                       !! the first to which the assembly was not followed; 0: none
+        character(len=message_len) :: lost_in_words = ""
+    end type inverse_report
+
+contains
+
+    !> Numbers that a sample has in a room.
+    pure integer function room_width(model, id) result(width)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: id                        !! one of `room_id`
+
+        select case (id)
+        case (result_driving_force, result_driving_speed, result_driving_power, result_driving_force_error)
+            width = model%n_actuator
+        case (result_reaction, result_reaction_error)
+            width = model%n_component*model%n_joint
+        case (result_joint_variable, result_joint_rate)
+            width = model%n_variable
+        case (result_transmission_angle)
+            width = model%n_dyad
+        case default
+            width = 1
+        end select
+    end function room_width
+
+    !> A batch. A sample that fails has its status, and NaN for results.
+    !>
+    !> **Errors**: arrays of a wrong size, input that is not finite, a scene or solver that cannot give what is wanted.
+    subroutine compute_inverse(scene, options, first, n, q, qd, qdd, load, room, sample_status, report, status)
+        type(open_scene), intent(inout) :: scene
+        type(inverse_options), intent(in) :: options     !! what is wanted of its errors, rcond, distance is seen from the rooms
+        integer, intent(in) :: first                     !! number of the first sample in messages
+        integer, intent(in) :: n                         !! samples
+        real(c_double), intent(in), target, contiguous :: q(:), qd(:), qdd(:)   !! (n_q*n) [m, rad] and rates
+        real(c_double), intent(in), target, contiguous :: load(:)               !! (6*n_load*n) [N, N m]
+        type(room_type), intent(in) :: room(n_room)
+        integer(c_int), intent(inout), target, contiguous :: sample_status(:)   !! (n)
+        type(inverse_report), intent(inout) :: report
+        type(status_type), intent(inout) :: status
+        type(inverse_solver), pointer :: solver
+        type(assembly_trail) :: trail
+        type(turn_count) :: turns
+        type(inverse_results) :: results
+        type(inverse_options) :: own
+        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
+        real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
+
+        own = options
+        own%wants_errors = is_wanted(result_driving_force_error) .or. is_wanted(result_reaction_error)
+        own%wants_rcond = is_wanted(result_rcond)
+        own%wants_distance = is_wanted(result_singularity_distance)
+        call hold_texts()
+        call check_count(n, status)
+        if (status%is_ok()) call find_solver(scene, own, is_wanted(result_reaction), solver, status)
+        if (status%is_ok()) call check_arrays(scene%model, n, q, qd, qdd, load, room, sample_status, status)
+        if (status%is_ok()) call check_input(scene%model, first, n, q, qd, qdd, load, status)
+        call release_texts()
+        if (.not. status%is_ok()) return
+        associate (model => scene%model)
+            q2(1:model%n_q, 1:n) => q
+            qd2(1:model%n_q, 1:n) => qd
+            qdd2(1:model%n_q, 1:n) => qdd
+            load3(1:6, 1:model%n_load, 1:n) => load
+            results%status => sample_status
+            call use_rooms(model, n, room, results)
+            if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed)) then
+                if (.not. associated(results%driving_force)) then
+                    allocate (own_force(model%n_actuator, n))
+                    results%driving_force => own_force
+                end if
+                if (.not. associated(results%joint_rate)) then
+                    allocate (own_rate(model%n_variable, n))
+                    results%joint_rate => own_rate
+                end if
+            end if
+            if (own%in_order) then
+                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, trail=trail, turns=turns)
+            else
+                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results)
+            end if
+            report%roads = results%roads
+            report%lost_sample = results%lost_sample
+            report%lost_in_words = results%lost_in_words
+            if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed)) call give_power(model%n_actuator)
+        end associate
+
+    contains
+
+        pure logical function is_wanted(id)
+            integer, intent(in) :: id
+
+            associate (place => findloc(room_id, id, dim=1))
+                is_wanted = associated(room(place)%real) .or. associated(room(place)%integer)
+            end associate
+        end function is_wanted
+
+        !> Speed and power of the actuators; one of them may be unwanted.
+        subroutine give_power(n_actuator)
+            integer, intent(in) :: n_actuator
+            real(c_double), allocatable, target :: unwanted(:)
+
+            if (.not. (is_wanted(result_driving_power) .and. is_wanted(result_driving_speed))) allocate (unwanted(n_actuator*n))
+            call view(result_driving_speed, n_actuator, unwanted, speed2)
+            call view(result_driving_power, n_actuator, unwanted, power2)
+            call find_driving_power(scene%layout, results%driving_force, results%joint_rate, speed2, power2)
+            where (sample_status == sample_ok .and. .not. all(abs(power2) <= huge(1.0_c_double), dim=1)) &
+                sample_status = sample_undefined
+        end subroutine give_power
+
+        subroutine view(id, n_actuator, unwanted, values)
+            integer, intent(in) :: id, n_actuator
+            real(c_double), allocatable, intent(in), target :: unwanted(:)
+            real(c_double), pointer, intent(out) :: values(:, :)
+
+            if (is_wanted(id)) then
+                values(1:n_actuator, 1:n) => room(findloc(room_id, id, dim=1))%real
+            else
+                values(1:n_actuator, 1:n) => unwanted
+            end if
+        end subroutine view
+    end subroutine compute_inverse
+
+    !> Have the engine write into the rooms.
+    subroutine use_rooms(model, n, room, results)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        type(room_type), intent(in) :: room(n_room)
+        type(inverse_results), intent(inout) :: results
+        integer :: i
+
+        do i = 1, n_room
+            if (associated(room(i)%integer)) results%assembly => room(i)%integer    ! the only one
+            if (.not. associated(room(i)%real)) cycle
+            select case (room_id(i))
+            case (result_driving_force)
+                results%driving_force(1:model%n_actuator, 1:n) => room(i)%real
+            case (result_reaction)
+                results%reaction(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
+            case (result_joint_variable)
+                results%joint_variable(1:model%n_variable, 1:n) => room(i)%real
+            case (result_joint_rate)
+                results%joint_rate(1:model%n_variable, 1:n) => room(i)%real
+            case (result_power_imbalance)
+                results%power_imbalance => room(i)%real
+            case (result_rcond)
+                results%rcond => room(i)%real
+            case (result_singularity_distance)
+                results%singularity_distance => room(i)%real
+            case (result_error)
+                results%error => room(i)%real
+            case (result_driving_force_error)
+                results%driving_force_error(1:model%n_actuator, 1:n) => room(i)%real
+            case (result_reaction_error)
+                results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
+            case (result_transmission_angle)
+                results%transmission_angle(1:model%n_dyad, 1:n) => room(i)%real
+            case (result_growth)
+                results%growth => room(i)%real
+            end select
+        end do
+    end subroutine use_rooms
+
+    ! ---------------------------------------------------------------- checks
+
+    !> Samples are counted in whole blocks, by a default integer.
+    subroutine check_count(n, status)
+        integer, intent(in) :: n
+        type(status_type), intent(inout) :: status
+        integer, parameter :: most = huge(1) - lanes
+
+        if (n < 0 .or. n > most) call fail(status, status_bad_input, to_text(n)//" samples (expected 0 to "//to_text(most)//")")
+    end subroutine check_count
+
+    subroutine check_arrays(model, n, q, qd, qdd, load, room, sample_status, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        real(c_double), intent(in) :: q(:), qd(:), qdd(:), load(:)
+        type(room_type), intent(in) :: room(n_room)
+        integer(c_int), intent(in) :: sample_status(:)
+        type(status_type), intent(inout) :: status
+        integer :: i
+
+        call check_size("q", size(q, kind=int64), model%n_q, n, status)
+        call check_size("qd", size(qd, kind=int64), model%n_q, n, status)
+        call check_size("qdd", size(qdd, kind=int64), model%n_q, n, status)
+        call check_size("load", size(load, kind=int64), 6*model%n_load, n, status)
+        call check_size("status", size(sample_status, kind=int64), 1, n, status)
+        do i = 1, n_room
+            associate (width => room_width(model, room_id(i)))
+                if (associated(room(i)%real)) call check_size(room_name(i), size(room(i)%real, kind=int64), width, n, status)
+                if (associated(room(i)%integer)) call check_size(room_name(i), size(room(i)%integer, kind=int64), width, n, status)
+            end associate
+        end do
+    end subroutine check_arrays
+
+    subroutine check_size(name, given, width, n, status)
+        character(len=*), intent(in) :: name
+        integer(int64), intent(in) :: given
+        integer, intent(in) :: width, n                  !! numbers of a sample, samples
+        type(status_type), intent(inout) :: status
+
+        if (given == int(width, int64)*n) return
+        call fail(status, status_bad_input, trim(name)//": "//long_to_text(given)//" values given (expected " &
+                  //long_to_text(int(width, int64)*n)//")")
+    end subroutine check_size
+
+    function long_to_text(number) result(text)
+        integer(int64), intent(in) :: number
+        character(len=:), allocatable :: text
+        character(len=20) :: buffer
+
+        write (buffer, "(i0)") number
+        text = trim(buffer)
+    end function long_to_text
+
+    subroutine check_input(model, first, n, q, qd, qdd, load, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first, n
+        real(c_double), intent(in) :: q(:), qd(:), qdd(:), load(:)
+        type(status_type), intent(inout) :: status
+
+        call check_finite("q", model, first, n, q, status)
+        call check_finite("qd", model, first, n, qd, status)
+        call check_finite("qdd", model, first, n, qdd, status)
+        call check_finite_loads(model, first, n, load, status)
+    end subroutine check_input
+
+    !> NaN or infinite input is refused by name and place.
+    subroutine check_finite(name, model, first, n, values, status)
+        character(len=*), intent(in) :: name
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first, n
+        real(c_double), intent(in) :: values(model%n_q, n)
+        type(status_type), intent(inout) :: status
+        integer :: i, k
+
+        do i = 1, n
+            if (all(ieee_is_finite(values(:, i)))) cycle
+            do k = 1, model%n_q
+                if (.not. ieee_is_finite(values(k, i))) call fail(status, status_bad_input, name//"["// &
+                    to_text(first + i - 1)//", "//to_text(k - 1)//"] (coordinate "// &
+                    quoted(model%scene%coordinate(k)%name)//") is not a finite number")
+            end do
+            return
+        end do
+    end subroutine check_finite
+
+    subroutine check_finite_loads(model, first, n, values, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first, n
+        real(c_double), intent(in) :: values(6, model%n_load, n)
+        type(status_type), intent(inout) :: status
+        integer :: i, k
+
+        do i = 1, n
+            if (all(ieee_is_finite(values(:, :, i)))) cycle
+            do k = 1, model%n_load
+                if (.not. all(ieee_is_finite(values(:, k, i)))) call fail(status, status_bad_input, "wrench "// &
+                    quoted(model%scene%load(k)%name)//": sample "//to_text(first + i - 1)//" is not a finite number")
+            end do
+            return
+        end do
+    end subroutine check_finite_loads
+end module linkdyn_inverse_call

@@ -1,0 +1,26 @@
+!> Locks of the process: for threads that OpenMP knows nothing of, too, and in builds without it.
+!>
+!> `hold_lock` is for lists that several threads change: held for a few instructions, and never twice by one thread.
+!>
+!> `hold_texts` is for the making of texts, thus for reading and planning scenes and for messages. gfortran keeps the length of
+!> a text that a function returns in a static variable of the place that called it: two threads there at once would take each
+!> other's. A thread may hold it twice. Nothing is computed under it that takes long.
+module linkdyn_lock
+    implicit none (type, external)
+    private
+    public :: hold_lock, release_lock, hold_texts, release_texts
+
+    interface
+        subroutine hold_lock() bind(c, name="linkdyn_hold_lock")
+        end subroutine hold_lock
+
+        subroutine release_lock() bind(c, name="linkdyn_release_lock")
+        end subroutine release_lock
+
+        subroutine hold_texts() bind(c, name="linkdyn_hold_texts")
+        end subroutine hold_texts
+
+        subroutine release_texts() bind(c, name="linkdyn_release_texts")
+        end subroutine release_texts
+    end interface
+end module linkdyn_lock

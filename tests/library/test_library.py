@@ -1,0 +1,106 @@
+"""Programs in C and Fortran, built against the installed library: they get Python's numbers, and errors where they are wrong."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import linkdyn
+import numpy as np
+import pytest
+
+from .conftest import BUILD, ROOT, run
+
+EXAMPLES = ROOT / "examples"
+HERE = Path(__file__).parent
+SCENE = EXAMPLES / "fourbar_start" / "scene.toml"
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+Compiled = Callable[..., Callable[..., str]]
+
+
+def numbers_of(text: str, pattern: str) -> np.ndarray:
+    """The numbers of the lines that match, in their order."""
+    return np.array([float(number) for number in re.findall(pattern, text, re.M)])
+
+
+@pytest.fixture(scope="module")
+def largest() -> np.ndarray:
+    """What the examples print of the reactions, from Python."""
+    force = linkdyn.load(SCENE).inverse(t=np.linspace(0.0, 4.0, 401)).reaction.sel(component=["Fx", "Fy"])
+    return np.sqrt((force**2).sum("component")).max(force.dims[0]).values
+
+
+@pytest.fixture(scope="module")
+def energy() -> float:
+    """And of the forward run."""
+    return float(linkdyn.load(SCENE).forward(t=[0.0, 1.0, 2.0], method="gbs").kinetic_energy[-1])
+
+
+# ------------------------------------------------------------------------------------------------ the examples
+def test_c_example(compiled: Compiled, largest: np.ndarray, energy: float) -> None:
+    printed = compiled("cc", EXAMPLES / "library_c" / "main.c", *STRICT)(SCENE)
+    np.testing.assert_allclose(numbers_of(printed, r"^J\d (\S+) N"), largest, rtol=1e-8)
+    np.testing.assert_allclose(numbers_of(printed, r"energy at 2 s: (\S+) J"), [energy] * 2, rtol=1e-7)
+    force = linkdyn.load(SCENE).inverse(t=[0.0, 0.5, 1.0]).driving_force.values[:, 0]
+    np.testing.assert_allclose(numbers_of(printed, r"^drive at \S+ s: (\S+)"), force, rtol=1e-8)
+    assert printed in (EXAMPLES / "library_c" / "README.md").read_text()
+
+
+def test_c_example_by_cmake(prefix: Path, found: dict[str, str], tmp_path: Path, largest: np.ndarray) -> None:
+    run("cmake", "-S", EXAMPLES / "library_c", "-B", tmp_path, f"-DCMAKE_PREFIX_PATH={prefix}")
+    run("cmake", "--build", tmp_path)
+    printed = run(tmp_path / "main", SCENE, **found)
+    np.testing.assert_allclose(numbers_of(printed, r"^J\d (\S+) N"), largest, rtol=1e-8)
+
+
+def test_fortran_example(compiled: Compiled, largest: np.ndarray, energy: float) -> None:
+    printed = compiled("gfortran", EXAMPLES / "library_fortran" / "main.f90", "-Wall", "-Werror")(SCENE)
+    np.testing.assert_allclose(numbers_of(printed, r"^J\d +(\S+) N"), largest, rtol=1e-8)
+    np.testing.assert_allclose(numbers_of(printed, r"energy at 2 s: +(\S+) J"), [energy] * 2, rtol=1e-7)
+
+
+# ------------------------------------------------------------------------------------------------ what is promised
+def test_wrong_calls_are_errors_with_a_line(compiled: Compiled, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.toml"
+    broken.write_text(SCENE.read_text().replace("frame.J1", "frame.J9"))
+    assert compiled("cc", HERE / "wrong_calls.c", *STRICT)(SCENE, broken).endswith("all refused\n")
+
+
+def test_threads(compiled: Compiled, tmp_path: Path) -> None:
+    """Scenes shared and of a thread's own, opened, closed, refused, all at once."""
+    broken = tmp_path / "broken.toml"
+    broken.write_text(SCENE.read_text().replace("frame.J1", "frame.J9"))
+    assert compiled("cc", HERE / "threads.c", "-std=gnu11", "-Wall", "-Werror", "-pthread")(SCENE, broken) == "all alike\n"
+
+
+@pytest.mark.parametrize("example", ["fourbar_start", "stewart_tsai", "stewart_drilling", "slider_crank"])
+def test_one_pose_allocates_nothing(compiled: Compiled, example: str) -> None:
+    assert compiled("cc", HERE / "allocations.c", "-std=gnu11", "-Wall", "-Werror")(EXAMPLES / example / "scene.toml") == "0\n"
+
+
+def test_a_state_brings_its_assembly_along(compiled: Compiled) -> None:
+    """Half a turn on, the crank is not where the scene's start would have it at the same stroke."""
+    assert compiled("cc", HERE / "states.c", *STRICT)(HERE / "stroke.toml").endswith("as it went on\n")
+
+
+def test_names_are_those_of_the_header() -> None:
+    """The header, the list of what the library shows, and what it does show."""
+    header = (ROOT / "fortran" / "api" / "linkdyn.h").read_text()
+    declared = set(re.findall(r"\b(linkdyn_\w+)\(", re.sub(r"/\*.*?\*/", "", header, flags=re.S)))
+    listed = set(re.findall(r"^    (linkdyn_\w+);", (ROOT / "fortran" / "api" / "linkdyn.map").read_text(), re.M))
+    library = BUILD / "fortran" / "api" / "liblinkdyn.so"
+    shown = {line.split()[-1] for line in run("nm", "-D", "--defined-only", library).splitlines()}
+    assert declared == listed
+    assert declared == {name for name in shown if not name.startswith("__linkdyn_MOD_")}
+
+
+def test_header_is_cpp_too(compiled: Compiled, tmp_path: Path) -> None:
+    source = tmp_path / "version.cpp"
+    source.write_text("#include <linkdyn.h>\n#include <cstdio>\nint main() { std::puts(linkdyn_version()); }\n")
+    assert compiled("c++", source, "-Wall", "-Wextra", "-Wpedantic", "-Werror")().strip() == linkdyn.__version__
+
+
+def test_it_has_the_number_of_its_interface(prefix: Path) -> None:
+    library = next(prefix.glob("**/liblinkdyn.so"))
+    assert re.search(r"SONAME.*\[liblinkdyn\.so\.\d+\]", run("readelf", "-d", library.resolve()))
