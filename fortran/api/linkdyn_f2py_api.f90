@@ -15,7 +15,7 @@ module linkdyn_f2py_api
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_force_map, only: typical_length
-    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, method_rk4, run_ensemble
+    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, rounding_in_words, method_rk4, run_ensemble
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         choose_solver, solver_name
@@ -481,7 +481,7 @@ contains
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
     subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, roads, &
-            stopped, coordinates, code, message)
+            rounding, stopped, coordinates, code, message)
         !f2py threadsafe
         integer(c_int), intent(in) :: run_handle
         integer(c_int), intent(in) :: n, n_values, n_numbers
@@ -493,6 +493,7 @@ contains
         real(c_double), intent(out) :: reached             ! [s]
         integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
         integer(c_int), intent(out) :: roads(3)            ! of these instants, as in `api_inverse`
+        character(len=256), intent(out) :: rounding        ! what it left of the tolerances; blank if these were met
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
         integer(c_int), intent(out) :: code
@@ -507,6 +508,7 @@ contains
         reached = 0
         statistics = 0
         roads = 0
+        rounding = ""
         stopped = ""
         coordinates = ""
         call find_run(run_handle, here, status)
@@ -542,6 +544,7 @@ contains
             reached = time_reached(here)
             if (here%run%has_stopped) stopped = here%run%reason
             coordinates = coordinates_in_words(here%run)
+            rounding = rounding_in_words(here%run)
         end if
         call report(status, code, message)
     end subroutine api_advance
