@@ -4,7 +4,7 @@ module linkdyn_drive_forward
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
     use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
-    use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, method_name, method_rk4
+    use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, rounding_in_words, method_name, method_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: block_type, prepare_block
@@ -177,6 +177,7 @@ contains
             call note_result("steps", i%n_step, output, status)
             call note_result("rejected_steps", i%n_rejected, output, status)
             call note_result("right_hand_sides", i%n_evaluation, output, status)
+            call note_result("rounding", rounding_in_words(run), output, status)
             call note_result("stopped", trim(run%reason), output, status)
             call note_result("coordinates_integrated", coordinates_in_words(run), output, status)
         end associate
@@ -195,6 +196,7 @@ contains
             if (i%n_step > 0) write (unit, "(a)") "  steps            "//to_text(i%shortest_step)//" to " &
                 //to_text(i%longest_step)//" s"
         end associate
+        if (len(rounding_in_words(run)) > 0) write (unit, "(a)") "  rounding         "//rounding_in_words(run)
         if (len(coordinates_in_words(run)) > 0) write (unit, "(a)") "  coordinates      "//coordinates_in_words(run)
     end subroutine print_statistics
 end module linkdyn_drive_forward

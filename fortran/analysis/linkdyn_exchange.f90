@@ -15,6 +15,7 @@ module linkdyn_exchange
     use linkdyn_model, only: model_type, orientation_of, scene_size
     use linkdyn_scene, only: scene_type, coordinate_joint, variable_name, frame_link, law_none
     use linkdyn_vec3, only: identity_mat3, zero_vec3
+    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: list_choices, exchange_scene, coordinate_now, number_iterated, is_same_place, choice_names
@@ -83,50 +84,54 @@ contains
         place(2) = variable - model%joint(place(1))%first_variable
     end function place_of
 
-    !> A coordinate of the user's at the position reached, and its rate, on lane 1. Angles count turns.
-    subroutine coordinate_now(own, model, state, k, value, rate)
+    !> A coordinate of the user's at the position reached, and its rate, on lane 1. Angles count turns, or leave them apart.
+    subroutine coordinate_now(own, model, state, k, value, rate, turns)
         type(model_type), intent(in) :: own
         type(model_type), intent(in) :: model            !! in use
         type(kinematic_state), intent(in) :: state       !! of it
         integer, intent(in) :: k
         real(wp), intent(out) :: value, rate
-        real(wp), dimension(lanes) :: values, rates
+        real(wp), intent(out), optional :: turns         !! which are then not in the value
+        real(wp), dimension(lanes) :: values, rates, whole
 
         if (model%scene%coordinate(k)%for_joint == 0) then
-            call given_coordinate(model, state, k, value, rate)
-            return
+            call given_coordinate(model, state, k, values, rates, whole)
+        else
+            associate (c => own%scene%coordinate(k))
+                call measure_variable(model, state, c%joint, c%variable, state%counted(:, k), values, rates, whole)
+            end associate
         end if
-        associate (c => own%scene%coordinate(k))
-            call measure_variable(model, state, c%joint, c%variable, state%counted(:, k), values, rates)
-        end associate
-        value = values(1)
         rate = rates(1)
+        if (present(turns)) then
+            value = values(1)
+            turns = whole(1)
+        else
+            value = with_turns(values(1), whole(1))
+        end if
     end subroutine coordinate_now
 
-    !> A coordinate in use and its rate, on lane 1; an angle of an attitude that comes as quaternion is measured.
-    subroutine given_coordinate(model, state, k, value, rate)
+    !> A coordinate in use, its rate and turns; an angle of an attitude that comes as quaternion is measured.
+    subroutine given_coordinate(model, state, k, value, rate, turns)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: k
-        real(wp), intent(out) :: value, rate
-        real(wp), dimension(lanes) :: values, rates
+        real(wp), intent(out), dimension(lanes) :: value, rate, turns
         real(wp), dimension(lanes, 3) :: angles, angle_rates
 
         associate (c => model%scene%coordinate(k))
             if (c%kind == coordinate_joint) then
-                call measure_variable(model, state, c%joint, c%variable, state%counted(:, k), values, rates)
+                call measure_variable(model, state, c%joint, c%variable, state%counted(:, k), value, rate, turns)
             else
-                values = state%q(:, k)
-                rates = state%qd(:, k)
+                value = state%q(:, k)
+                rate = state%qd(:, k)
+                turns = state%turns(:, k)
                 if (.not. model%is_planar .and. c%variable > 3) then
                     call attitude_of(model, state, c%link, angles, angle_rates)
-                    values = angles(:, c%variable - 3)
-                    rates = angle_rates(:, c%variable - 3)
+                    value = angles(:, c%variable - 3)
+                    rate = angle_rates(:, c%variable - 3)
                 end if
             end if
         end associate
-        value = values(1)
-        rate = rates(1)
     end subroutine given_coordinate
 
     !> Roll, pitch, yaw of a link and their rates.
@@ -142,7 +147,7 @@ contains
         end associate
     end subroutine attitude_of
 
-    !> The scene of a choice, starting at the position reached.
+    !> The scene of a choice, starting at the position reached; angles without the turns that they have made.
     subroutine exchange_scene(own, choice, model, state, scene)
         type(model_type), intent(in) :: own
         integer, intent(in) :: choice(:)                 !! (n_q)
@@ -150,13 +155,14 @@ contains
         type(kinematic_state), intent(in) :: state       !! of it
         type(scene_type), intent(out) :: scene
         real(wp), dimension(lanes) :: value, rate, zero
+        real(wp) :: turns
         integer :: k, l, place(2)
 
         zero = 0
         scene = own%scene
         do k = 1, own%n_q
             associate (c => scene%coordinate(k))
-                call coordinate_now(own, model, state, k, c%start_position, c%start_velocity)
+                call coordinate_now(own, model, state, k, c%start_position, c%start_velocity, turns)
                 c%has_start = .true.
                 if (.not. c%is_driven) c%motion%kind = law_none
                 if (choice(k) == 0) cycle

@@ -42,7 +42,8 @@ module linkdyn_forward
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
-    public :: run_forward, run_ensemble, coordinates_in_words, integrator_options, choose_method, method_name, default_method
+    public :: run_forward, run_ensemble, coordinates_in_words, rounding_in_words, integrator_options, choose_method, method_name
+    public :: default_method
     public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
 
     !> Where the results of a chunk go; what is not associated is not computed.
@@ -464,6 +465,18 @@ contains
         end function names_of
     end function coordinates_in_words
 
+    !> "left 34 of 441 steps with errors above the tolerance, up to 3e-11"; blank if it did not.
+    function rounding_in_words(run) result(text)
+        type(forward_run), intent(in) :: run
+        character(len=:), allocatable :: text
+
+        text = ""
+        associate (i => run%integrator)
+            if (i%n_rough > 0) text = "left "//to_text(i%n_rough)//" of "//to_text(i%n_step) &
+                                      //" steps with errors above the tolerance, up to "//to_text(i%roughest)
+        end associate
+    end function rounding_in_words
+
     function reason_of_stop(run) result(reason)
         type(forward_run), intent(in) :: run
         character(len=:), allocatable :: reason
@@ -531,8 +544,8 @@ contains
             call run%system%evaluate(instant, run%output, rate, failed)
             force = run%system%workspace%driving_force(1, :)
         end if
-        call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%workspace%state, lane_q, lane_qd, &
-                              lane_qdd)
+        call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%turns, run%system%workspace%state, &
+                              lane_q, lane_qd, lane_qdd)
         q = lane_q(1, :)
         qd = lane_qd(1, :)
         qdd = lane_qdd(1, :)
@@ -683,8 +696,8 @@ contains
             real(wp), dimension(lanes, model%n_q) :: lane_q, lane_qd, lane_qdd
             integer :: lane
 
-            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%output, run%system%workspace%state, &
-                                  lane_q, lane_qd, lane_qdd)
+            call read_coordinates(model, run%system%layout, spread(instant, 1, lanes), run%output, run%system%turns, &
+                                  run%system%workspace%state, lane_q, lane_qd, lane_qdd)
             do lane = 1, lanes
                 if (run%integrator%failed(lane)) then
                     lane_q(lane, :) = ieee_value(1.0_wp, ieee_quiet_nan)

@@ -78,7 +78,7 @@ contains
         real(wp), allocatable, intent(out) :: y(:, :)
         logical, intent(out) :: fits
         type(status_type), intent(inout) :: status
-        real(wp) :: counted(own%n_q), rate
+        real(wp) :: counted(own%n_q), turns(own%n_q), value, rate
         integer :: k
 
         fits = .false.
@@ -89,12 +89,18 @@ contains
         if (.not. status%is_ok()) return
         do k = 1, own%n_q
             call coordinate_now(own, from%model, from%system%watch%state, k, counted(k), rate)
+            call coordinate_now(own, from%model, from%system%watch%state, k, value, rate, turns(k))
         end do
         associate (start => model%scene%coordinate, system => phase%system)
             system%model => phase%model
             allocate (y(lanes, system%n))
             call fill_start(model, system%layout, spread(start%start_position, 1, lanes), &
                             spread(start%start_velocity, 1, lanes), y, counted)
+            system%turns = 0
+            do k = 1, own%n_q
+                if (phase%choice(k) == 0 .and. system%layout%position(k) > 0) &
+                    system%turns(:, system%layout%position(k)) = turns(k)
+            end do
             y(:, system%layout%work) = y_from(:, from%system%layout%work)
             call system%take_over(from%system, t, y)
             call system%look_at(spread(t, 1, lanes), y)

@@ -3,7 +3,6 @@
 !> angles are not regular everywhere; the angles of coordinates that others stand in for, which count their
 !> turns; last the work of the driving forces, and the energy that all forces but gravity supply.
 module linkdyn_forward_state
-    use linkdyn_constants, only: two_pi
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_joint_motion, only: variables_of_relative, is_slide, kind_spherical
     use linkdyn_joint_rates, only: joint_rate
@@ -18,9 +17,10 @@ module linkdyn_forward_state
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     use linkdyn_vec3, only: vec3, identity_mat3, zero_vec3
+    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: state_layout, plan_layout, largest_sizes, choose_free, fill_start, unpack_state, pack_rates, read_coordinates, &
+    public :: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, pack_rates, read_coordinates, &
         read_attitudes
     public :: scene_start
 
@@ -114,19 +114,19 @@ contains
         layout%n = layout%n + 2
     end subroutine plan_layout
 
-    !> What components of y count at most where errors are relative: angles one turn.
-    pure function largest_sizes(model, layout) result(largest)
+    !> Which components of y are angles: the mechanism looks alike after a turn.
+    pure function angles_of_state(model, layout) result(is_angle)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
-        real(wp) :: largest(layout%n)
+        logical :: is_angle(layout%n)
         integer :: k
 
-        largest = huge(1.0_wp)
+        is_angle = .false.
         do k = 1, model%n_q
-            if (layout%position(k) > 0 .and. model%scene%coordinate(k)%unit /= "m") largest(layout%position(k)) = two_pi
-            if (layout%counted(k) > 0) largest(layout%counted(k)) = two_pi
+            if (layout%position(k) > 0) is_angle(layout%position(k)) = model%scene%coordinate(k)%unit /= "m"
+            if (layout%counted(k) > 0) is_angle(layout%counted(k)) = .true.
         end do
-    end function largest_sizes
+    end function angles_of_state
 
     !> Coordinates and rates at the start: as the scene says, or else what the motion law has at t.
     subroutine scene_start(model, t, q, qd)
@@ -179,11 +179,12 @@ contains
     end subroutine fill_start
 
     !> Input of the kinematics from y, and from the motion laws of driven coordinates. Accelerations of free ones are zero.
-    subroutine unpack_state(model, layout, t, y, state)
+    subroutine unpack_state(model, layout, t, y, turns, state)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: t(lanes)              !! [s]
         real(wp), intent(in) :: y(:, :)               !! (lane, n)
+        real(wp), intent(in) :: turns(:, :)           !! of angles that are not in y (lane, n)
         type(kinematic_state), intent(inout) :: state
         integer :: k, p
 
@@ -191,11 +192,15 @@ contains
             if (layout%rate(k) == 0) then
                 call law_on_lanes(model%scene%coordinate(k)%motion, t, state%q(:, k), state%qd(:, k), state%qdd(:, k))
             else
-                if (layout%position(k) > 0) state%q(:, k) = y(:, layout%position(k))
+                if (layout%position(k) > 0) then
+                    state%q(:, k) = y(:, layout%position(k))
+                    state%turns(:, k) = turns(:, layout%position(k))
+                end if
                 state%qd(:, k) = y(:, layout%rate(k))
                 state%qdd(:, k) = 0
             end if
-            if (layout%counted(k) > 0) state%counted(:, k) = y(:, layout%counted(k))
+            if (layout%counted(k) > 0) &
+                state%counted(:, k) = with_turns(y(:, layout%counted(k)), turns(:, layout%counted(k)))
         end do
         do p = 1, model%n_attitude
             state%by_quaternion(p) = layout%quaternion(p) > 0
@@ -252,19 +257,20 @@ contains
     end subroutine read_attitudes
 
     !> Coordinates and rates for output: orientation as roll, pitch, yaw in (-pi, pi].
-    subroutine read_coordinates(model, layout, t, y, state, q, qd, qdd)
+    subroutine read_coordinates(model, layout, t, y, turns, state, q, qd, qdd)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: t(lanes)              !! [s]
         real(wp), intent(in) :: y(:, :)               !! (lane, n)
+        real(wp), intent(in) :: turns(:, :)           !! of angles that are not in y (lane, n)
         type(kinematic_state), intent(inout) :: state !! scratch
         real(wp), intent(out) :: q(:, :), qd(:, :)    !! (lane, n_q)
         real(wp), intent(out) :: qdd(:, :)            !! of driven coordinates; zero for free ones
         real(wp), dimension(lanes, 3) :: angle, angle_rate
         integer :: p
 
-        call unpack_state(model, layout, t, y, state)
-        q = state%q
+        call unpack_state(model, layout, t, y, turns, state)
+        q = with_turns(state%q, state%turns)
         qd = state%qd
         qdd = state%qdd
         do p = 1, model%n_attitude

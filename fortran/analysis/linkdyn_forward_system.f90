@@ -7,7 +7,7 @@ module linkdyn_forward_system
     use linkdyn_energy_balance, only: energy_of_motion, applied_power
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, solver_elimination, solver_reduced
-    use linkdyn_forward_state, only: state_layout, plan_layout, largest_sizes, choose_free, unpack_state, &
+    use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, unpack_state, &
         pack_rates
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
@@ -19,6 +19,7 @@ module linkdyn_forward_system
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_scene, only: drive_inverse
     use linkdyn_status, only: status_type, sample_ok, sample_undefined
+    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: forward_system, build_forward_system, choose_unknowns
@@ -47,6 +48,7 @@ module linkdyn_forward_system
     contains
         procedure :: evaluate => evaluate_forward
         procedure :: accept => accept_forward
+        procedure :: note_turns => note_turns_forward
         procedure :: broken_law
         procedure :: leads_too_far
         procedure :: begin
@@ -91,7 +93,8 @@ contains
         system%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
         call plan_layout(model, unknown%acceleration, system%layout)
         system%n = system%layout%n
-        system%largest_size = largest_sizes(model, system%layout)
+        system%is_angle = angles_of_state(model, system%layout)
+        allocate (system%turns(lanes, system%n), source=0.0_wp)
         allocate (system%is_book(system%n), source=.false.)
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
@@ -167,7 +170,7 @@ contains
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
 
-        call unpack_state(self%model, self%layout, t, y, self%watch%state)
+        call unpack_state(self%model, self%layout, t, y, self%turns, self%watch%state)
         call evaluate_assembled(self%model, t, self%assembly, self%watch%state)
         call compare_rates(self%model, self%watch%state, self%watch)
     end subroutine look_at
@@ -181,7 +184,7 @@ contains
 
         where (is_accepted) self%obstacle = sample_ok
         if (self%assembly%is_needed) then
-            call unpack_state(self%model, self%layout, t, y, self%assembly%state)
+            call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
             call accept_assembly(self%model, t, is_accepted, self%assembly)
             call energy_of_motion(self%model, self%assembly%state, self%surplus)
             self%surplus = self%surplus - y(:, self%layout%supplied)
@@ -193,6 +196,21 @@ contains
         end if
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
+
+    !> Ways to the next states begin where these have their turns left out.
+    subroutine note_turns_forward(self, turns)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: turns(:, :)
+        integer :: k
+
+        self%turns = self%turns + turns
+        if (.not. self%assembly%is_needed) return
+        do k = 1, self%model%n_q
+            associate (p => self%layout%position(k))
+                if (p > 0) self%assembly%q(:, k) = with_turns(self%assembly%q(:, k), -turns(:, p))
+            end associate
+        end do
+    end subroutine note_turns_forward
 
     !> The last stage of the step, its columns at hand, tells whether to look at the accepted state itself.
     subroutine watch_coordinates(self, t, y)
@@ -250,7 +268,7 @@ contains
 
         self%is_compared = .false.
         associate (model => self%model, workspace => self%workspace)
-            call unpack_state(model, self%layout, t, y, workspace%state)
+            call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
             call take_loads(model, t, workspace)
             call evaluate_assembled(model, t, self%assembly, workspace%state)
             if (any(self%by_inverse)) call find_inverse_forces(self, t)
@@ -401,7 +419,7 @@ contains
             do lane = 1, lanes
                 lane_y(lane, :) = y(:, min(first + lane - 1, size(surplus)))
             end do
-            call unpack_state(self%model, self%layout, instant, lane_y, self%assembly%state)
+            call unpack_state(self%model, self%layout, instant, lane_y, self%turns, self%assembly%state)
             call evaluate_on_assembly(self%model, instant, self%assembly, self%assembly%state)
             call energy_of_motion(self%model, self%assembly%state, energy)
             energy = energy - lane_y(:, self%layout%supplied)

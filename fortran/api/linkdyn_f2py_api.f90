@@ -13,8 +13,8 @@ module linkdyn_f2py_api
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
-    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, default_method, method_name, method_rk4, &
-        run_ensemble
+    use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, rounding_in_words, default_method, &
+        method_name, method_rk4, run_ensemble
     use linkdyn_handles, only: close_handle
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, choose_solver
@@ -374,7 +374,7 @@ contains
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
     subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, roads, &
-            stopped, coordinates, code, message)
+            rounding, stopped, coordinates, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: run_handle
         integer(c_int), intent(in) :: n, n_values, n_numbers
@@ -386,6 +386,7 @@ contains
         real(c_double), intent(out) :: reached             ! [s]
         integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
         integer(c_int), intent(out) :: roads(3)            ! of these instants, as in `api_inverse`
+        character(len=256), intent(out) :: rounding        ! what it left of the tolerances; blank if these were met
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
         integer(c_int), intent(out) :: code
@@ -400,6 +401,7 @@ contains
         reached = 0
         statistics = 0
         roads = 0
+        rounding = ""
         stopped = ""
         coordinates = ""
         call take_run(run_handle, here, status)
@@ -435,6 +437,7 @@ contains
             reached = time_reached(here%watched)
             if (here%watched%run%has_stopped) stopped = here%watched%run%reason
             coordinates = coordinates_in_words(here%watched%run)
+            rounding = rounding_in_words(here%watched%run)
         end if
         call leave_run(run_handle, here)
         call report(status, code, message)

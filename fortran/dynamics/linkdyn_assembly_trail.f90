@@ -21,6 +21,7 @@ module linkdyn_assembly_trail
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
+    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, keep_lane, begin_trail
@@ -118,7 +119,7 @@ contains
 
         if (model%n_branch > 0) assembly%branch(:, sample) = state%branch(lane, :)
         if (size(model%group) == 0) return
-        assembly%q(:, sample) = state%q(lane, :)
+        assembly%q(:, sample) = with_turns(state%q(lane, :), state%turns(lane, :))
         assembly%place(:, :, sample) = state%group%place(lane, :, :)
     end subroutine keep_lane
 

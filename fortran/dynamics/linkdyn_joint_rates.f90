@@ -75,26 +75,32 @@ contains
 
     !> One joint variable and its rate. A coordinate is taken as it is: it counts turns. A measured angle does not; of
     !> the values that it may have, the one nearest to `near` is taken. Where one coordinate stands in for another, the
-    !> other still counts turns, and the one that stands in does not.
+    !> other still counts turns, and the one that stands in does not. Whoever wants to go on from the value takes its turns
+    !> apart, lest it be rounded.
     !>
     !> Needs angular rates in world axes, except for coordinates and the slide of a leg.
-    subroutine measure_variable(model, state, j, variable, near, value, rate)
+    subroutine measure_variable(model, state, j, variable, near, value, rate, turns)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: j, variable
         real(wp), intent(in) :: near(lanes)                   !! [rad]; a slide does not look at it
         real(wp), intent(out) :: value(lanes), rate(lanes)    !! [m, rad], [m/s, rad/s]
-        real(wp) :: reference(lanes)
+        real(wp), intent(out), optional :: turns(lanes)       !! which are then not in the value
+        real(wp) :: reference(lanes), whole(lanes)
+        logical :: counts
         integer :: k
 
         reference = near
+        whole = 0
+        counts = .false.
         k = coordinate_of(model, j, variable)
         if (k > 0 .and. is_by_quaternion(model, state, j)) then
             call measure_in_space(model, state, j, variable, value, rate)
         else if (k > 0) then
             value = state%q(:, k)
             rate = state%qd(:, k)
-            if (model%scene%coordinate(k)%for_joint == 0) return
+            counts = model%scene%coordinate(k)%for_joint == 0
+            if (counts) whole = state%turns(:, k)
         else if (model%is_planar) then
             call measure_planar_variable(model, state, j, value, rate)
         else if (model%joint(j)%leg > 0) then
@@ -105,7 +111,12 @@ contains
         end if
         k = stand_in_of(model, j, variable)
         if (k > 0) reference = state%counted(:, k)
-        if (.not. is_slide(model%joint(j)%kind, variable)) value = value - two_pi*anint((value - reference)/two_pi)
+        if (.not. (counts .or. is_slide(model%joint(j)%kind, variable))) whole = -anint((value - reference)/two_pi)
+        if (present(turns)) then
+            turns = whole
+        else
+            value = value + two_pi*whole
+        end if
     end subroutine measure_variable
 
     !> Has a joint an attitude that comes as quaternion? Then its coordinates do not tell its angles.

@@ -264,6 +264,7 @@ contains
             if (all(self%failed)) self%reason = reason_of_solution(y(1, :))
             if (all(self%failed)) return
             call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
+            call take_turns_off(self, system, y)
             call note_step(self, h)
             if (system%wants_rest) return
         end do
@@ -362,6 +363,7 @@ contains
             y(:, k) = solution(k)
         end do
         call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
+        call take_turns_off(self, system, y)
         self%good_until = self%t
         call note_step(self, h)
         self%n_short = merge(self%n_short + 1, 0, h*most_steps < self%options%span)
@@ -369,6 +371,26 @@ contains
         self%failed = .true.
         self%reason = stop_pace
     end subroutine go_on
+
+    !> Angles go on without the whole turns that they have made, so that they round as those of the first turn do. The
+    !> history of a multistep method stands in the way of it.
+    subroutine take_turns_off(self, system, y)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(inout) :: y(:, :)                      !! (lane, n)
+        integer :: k
+
+        select case (self%options%method)
+        case (method_rk4)
+            call self%work%take_turns_off(system, y)
+        case (method_msbdf)
+        case default
+            call self%control%take_turns_off(system)
+            do k = 1, size(y, 2)
+                y(:, k) = self%control%y(k)
+            end do
+        end select
+    end subroutine take_turns_off
 
     !> No step, however short, leads on from a solution: because of its size?
     pure integer function reason_of_solution(solution) result(reason)

@@ -11,8 +11,10 @@ module linkdyn_lane_system
         integer :: n = 0                                  !! components of y
         integer :: n_used = lanes                         !! lanes that the caller of `evaluate` looks at; the others are copies
         logical :: wants_rest = .false.                   !! the integrator comes back to its caller after the step accepted
-        real(wp), allocatable :: largest_size(:)          !! what |y| counts at most where errors are relative: an angle grows
-                                                          !! turn by turn, and is asked for no worse; not allocated: as it is (n)
+        logical, allocatable :: is_angle(:)               !! components whose whole turns are counted apart: these grow turn by
+                                                          !! turn, and are asked for no worse; not allocated: none (n)
+        real(wp), allocatable :: turns(:, :)              !! not in the y that the steps go on with; there if `is_angle` is
+                                                          !! (lane, n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
     contains
@@ -21,6 +23,7 @@ module linkdyn_lane_system
         procedure :: broken_law
         procedure :: leads_too_far
         procedure :: accept
+        procedure :: note_turns
     end type lane_system
 
     abstract interface
@@ -79,4 +82,12 @@ contains
         real(wp), intent(in) :: y(:, :)                   !! (lane, n)
         logical, intent(in) :: is_accepted(lanes)         !! other lanes have stopped
     end subroutine accept
+
+    !> Turns have been taken out of the accepted y: for systems that remember where they are.
+    subroutine note_turns(self, turns)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: turns(:, :)               !! (lane, n)
+
+        self%turns = self%turns + turns
+    end subroutine note_turns
 end module linkdyn_lane_system

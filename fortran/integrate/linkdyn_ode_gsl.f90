@@ -4,6 +4,7 @@
 module linkdyn_ode_gsl
     use, intrinsic :: iso_c_binding, only: c_double, c_int, c_size_t, c_long, c_char, c_ptr, c_funptr, c_null_char, &
         c_null_ptr, c_associated, c_loc, c_funloc, c_f_pointer
+    use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -183,7 +184,7 @@ contains
         call self%release()
         call make_frame(system, self%frame)
         largest = huge(1.0_wp)
-        if (allocated(system%largest_size)) largest = system%largest_size
+        if (allocated(system%is_angle)) where (system%is_angle) largest = two_pi
         if (allocated(system%is_book)) where (system%is_book) largest = -1
         self%handle = linkdyn_gsl_ode_new(int(system%n, c_size_t), c_funloc(rates), c_funloc(jacobian), c_loc(self%frame), &
                                           first_step, rtol, atol, largest)

@@ -6,6 +6,7 @@ module linkdyn_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
+    use linkdyn_whole_turns, only: whole_turns, take_off
     implicit none (type, external)
     private
     public :: rk4_workspace, rk4_step
@@ -15,7 +16,7 @@ module linkdyn_rk4
         real(wp), allocatable :: stage(:, :), rate(:, :), total(:, :)    !! (lane, n)
         real(wp), allocatable :: rest(:, :)      !! to be added to y, less than its last place (lane, n)
     contains
-        procedure :: prepare
+        procedure :: prepare, take_turns_off
     end type rk4_workspace
 
 contains
@@ -28,6 +29,20 @@ contains
         allocate (self%stage(lanes, n), self%rate(lanes, n), self%total(lanes, n), self%rest(lanes, n))
         self%rest = 0
     end subroutine prepare
+
+    !> Angles go on without the whole turns that they have made.
+    subroutine take_turns_off(self, system, y)
+        class(rk4_workspace), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(inout) :: y(:, :)             !! (lane, n)
+        real(wp) :: turns(lanes, size(y, 2))
+
+        if (.not. allocated(system%is_angle)) return
+        turns = merge(whole_turns(y), 0.0_wp, spread(system%is_angle, 1, lanes))
+        if (all(turns == 0)) return
+        call take_off(turns, y, self%rest)
+        call system%note_turns(turns)
+    end subroutine take_turns_off
 
     !> One step. A lane whose right-hand side fails at a stage, or whose result is not finite, keeps its y.
     subroutine rk4_step(system, t, h, y, work, failed)

@@ -12,12 +12,14 @@
 !> Rates must be known where a step ends, since the next one begins with them. What rounding takes from the solution at a
 !> step is added at the next.
 module linkdyn_step_control
-    use linkdyn_constants, only: least_accuracy
+    use linkdyn_constants, only: least_accuracy, two_pi
     use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_one_step, only: one_step_method
     use linkdyn_pause, only: pause_type
+    use linkdyn_whole_turns, only: whole_turns, take_off
     implicit none (type, external)
     private
     public :: step_control, step_accepted, step_paused, step_too_short, step_too_rough, step_breaks_law
@@ -49,7 +51,7 @@ module linkdyn_step_control
     type :: trial_type
         real(wp) :: step = 0
         real(wp), allocatable :: way(:), error(:)      !! to its end, and the estimate for it (n)
-        real(wp), allocatable :: strict(:), allowed(:) !! error by the tolerances; with what rounding makes (n)
+        real(wp), allocatable :: asked(:), allowed(:)  !! error by the tolerances; with what rounding makes (n)
         real(wp), allocatable :: y(:), rest(:)         !! solution at the end, and what it lacks (n)
         real(wp), allocatable :: rate(:)               !! there (n)
         logical :: has_failed = .false.
@@ -68,13 +70,15 @@ module linkdyn_step_control
         integer :: n_rough = 0                         !! steps that rounding left with more than the error allowed
         real(wp) :: roughest = 0                       !! largest error of these, relative
         integer, private :: n_evaluation = 0           !! besides those of the method
+        integer, private :: n_accepted = 0             !! steps
+        real(wp), private :: excess = 0                !! sum of errors that rounding has left in them, over those asked for
         real(wp), private :: rtol = 0, atol = 0
         real(wp), allocatable, private :: rest(:)      !! to be added to y, less than its last place (n)
         real(wp), allocatable, private :: rate(:)      !! at t (n)
         logical, private :: knows_rate = .false.
         real(wp), allocatable, private :: roughness(:) !! error that rounding makes a second (n)
         integer, private :: n_unseen = 0               !! steps since it was measured
-        real(wp), private :: longest = 0               !! step so far
+        real(wp), private :: longest = 0, last = 0     !! steps so far
         ! ---- THE STEP UNDER WAY
         logical, private :: is_under_way = .false.
         real(wp), private :: wished = 0                !! length that was tried first
@@ -87,7 +91,7 @@ module linkdyn_step_control
         type(trial_type), private :: best              !! with it
         real(wp), allocatable, private :: best_rough(:)    !! what rounding makes of that (n)
     contains
-        procedure :: start, take_step, look_ahead, forget, count_evaluations
+        procedure :: start, take_step, take_turns_off, look_ahead, forget, count_evaluations
     end type step_control
 
 contains
@@ -152,7 +156,7 @@ contains
             if (trial%part <= 1) call look_at_end(self, system, trial)
             if (trial%part <= 1 .and. .not. trial%has_failed) then
                 if (any(self%roughness > 0)) call watch_roughness(self, system, trial)
-                call keep(self, trial)
+                call keep(self, trial, .false.)
                 outcome = step_accepted
                 exit
             end if
@@ -226,8 +230,7 @@ contains
         trial%y = self%y
         trial%rest = 0
         call add_exactly(trial%way + self%rest, trial%y, trial%rest)
-        trial%strict = error_allowed(self, system, trial)
-        trial%allowed = max(trial%strict, explained*self%roughness*abs(trial%step))
+        call find_allowed(self, system, trial)
         trial%part = maxval(abs(trial%error)/trial%allowed)
         if (.not. trial%part <= huge(1.0_wp)) trial%part = huge(1.0_wp)
     end subroutine try_length
@@ -259,44 +262,87 @@ contains
         trial%has_failed = trial%breaks_law
     end subroutine look_at_end
 
-    !> The tolerances, but no less than what the many sums of an error estimate round off.
-    pure function error_allowed(self, system, trial) result(allowed)
+    !> The error that the tolerances ask for, and the one allowed: no less than what the many sums of an error estimate round
+    !> off, what rounding makes of rates, and a part of the mean that it has made of the steps so far. To hold others to less
+    !> gains nothing, and its many steps would meet the places where rounding is worst.
+    pure subroutine find_allowed(self, system, trial)
         type(step_control), intent(in) :: self
         class(lane_system), intent(in) :: system
-        type(trial_type), intent(in) :: trial
+        type(trial_type), intent(inout) :: trial
         real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
-        real(wp) :: allowed(size(self%y))
+        real(wp), dimension(size(self%y)) :: size_of, turned
 
-        allowed = max(abs(self%y), abs(trial%y))
-        if (allocated(system%largest_size)) allowed = min(allowed, system%largest_size)
-        allowed = max(self%atol + self%rtol*allowed, rounding*allowed, &
-                      rounding*max(abs(trial%way), abs(trial%step*self%rate)))
-        if (allocated(system%is_book)) where (system%is_book) allowed = huge(1.0_wp)
-    end function error_allowed
+        size_of = max(abs(self%y), abs(trial%y))
+        if (allocated(system%is_angle)) then
+            turned = two_pi*system%turns(1, :)
+            where (system%is_angle) size_of = min(max(abs(self%y + turned), abs(trial%y + turned)), two_pi)
+        end if
+        trial%asked = self%atol + self%rtol*size_of
+        trial%allowed = max(trial%asked*max(1.0_wp, share_of_rounding(self)), rounding*size_of, &
+                            rounding*max(abs(trial%way), abs(trial%step*self%rate)), explained*self%roughness*abs(trial%step))
+        if (.not. allocated(system%is_book)) return
+        where (system%is_book)
+            trial%asked = huge(1.0_wp)
+            trial%allowed = huge(1.0_wp)
+        end where
+    end subroutine find_allowed
+
+    !> A tenth of the mean error that rounding has left in a step so far, over the one asked for.
+    pure real(wp) function share_of_rounding(self) result(share)
+        type(step_control), intent(in) :: self
+        real(wp), parameter :: part = 0.1_wp
+
+        share = part*self%excess/max(1, self%n_accepted)
+    end function share_of_rounding
+
+    !> An error relative to what each component counts for, as tolerances are.
+    pure real(wp) function relative_error(self, trial) result(relative)
+        type(step_control), intent(in) :: self
+        type(trial_type), intent(in) :: trial
+
+        relative = maxval(abs(trial%error)/trial%asked)*max(self%rtol, self%atol)
+    end function relative_error
 
     !> Go on from the end of a step.
-    subroutine keep(self, trial)
+    subroutine keep(self, trial, is_rough)
         type(step_control), intent(inout) :: self
         type(trial_type), intent(in) :: trial
+        logical, intent(in) :: is_rough                !! its error is rounding
 
-        real(wp) :: before, relative
+        real(wp) :: before, part
 
         before = self%next
         self%next = trial%step
         if (self%i_stretch == 0) call self%method%propose(trial%step, trial%allowed, .true., self%next)
         ! A step that was cut short by where it had to end says nothing against a longer one.
         if (self%n_refused == 0 .and. trial%step < before) self%next = max(self%next, before)
-        relative = maxval(abs(trial%error)/trial%strict)*self%rtol
-        if (relative > self%rtol) then
+        part = maxval(abs(trial%error)/trial%asked)
+        self%n_accepted = self%n_accepted + 1
+        if (part > 1) then
             self%n_rough = self%n_rough + 1
-            self%roughest = max(self%roughest, relative)
+            self%roughest = max(self%roughest, relative_error(self, trial))
+            if (is_rough) self%excess = self%excess + part
         end if
         self%longest = max(self%longest, trial%step)
+        self%last = trial%step
         self%t = self%t + trial%step
         self%y = trial%y
         self%rest = trial%rest
         self%rate = trial%rate
     end subroutine keep
+
+    !> Angles go on without the whole turns that they have made.
+    subroutine take_turns_off(self, system)
+        class(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp) :: turns(size(self%y))
+
+        if (.not. allocated(system%is_angle)) return
+        turns = merge(whole_turns(self%y), 0.0_wp, system%is_angle)
+        if (all(turns == 0)) return
+        call take_off(turns, self%y, self%rest)
+        call system%note_turns(spread(turns, 1, lanes))
+    end subroutine take_turns_off
 
     !> What to try next; or a step that cannot be had better.
     subroutine refuse(self, system, trial, longest, outcome)
@@ -314,8 +360,9 @@ contains
             ! A peak that no stage has met, or a place to stop before: shorter steps will.
             if (trial%breaks_law .or. trial%is_too_far) return
             if (self%n_refused > 1) self%step = min(self%step, trial%step/2)
-            ! An error a little too large is daily bread.
-            if (trial%part < unexpected .and. trial%step > suspicious*self%longest) return
+            ! An error a little too large is daily bread where steps grow. Where they shrink it may be rounding, and the
+            ! shorter ones lead nowhere.
+            if (trial%part < unexpected .and. trial%step > self%last .and. trial%step > suspicious*self%longest) return
             if (.not. trial%has_failed) then
                 self%is_rough = is_rounding(trial, rounding_of(self, system, trial))
                 if (.not. self%is_rough) return
@@ -375,7 +422,7 @@ contains
 
         outcome = step_too_rough
         if (.not. is_good_enough(self, self%best)) return
-        call keep(self, self%best)
+        call keep(self, self%best, .true.)
         self%roughness = self%best_rough/self%best%step
         self%n_unseen = most_unseen
         outcome = step_accepted
@@ -386,7 +433,7 @@ contains
         type(step_control), intent(in) :: self
         type(trial_type), intent(in) :: trial
 
-        is_good_enough = maxval(abs(trial%error)/trial%strict)*self%rtol <= max(least_accuracy, 10*self%rtol)
+        is_good_enough = relative_error(self, trial) <= max(least_accuracy, 10*self%rtol, 10*self%atol)
     end function is_good_enough
 
     !> Is the ground still rough, on a step that is good enough?
@@ -400,7 +447,7 @@ contains
         if (self%n_unseen <= most_unseen) return
         self%n_unseen = 0
         rough = rounding_of(self, system, trial)
-        self%roughness = merge(0.0_wp, 1.0_wp, all(explained*rough <= trial%strict))*rough/trial%step
+        self%roughness = merge(0.0_wp, 1.0_wp, all(explained*rough <= trial%asked))*rough/trial%step
     end subroutine watch_roughness
 
     !> How much of the error estimate rounding makes: its scatter among steps that begin a very little sooner or later, and in

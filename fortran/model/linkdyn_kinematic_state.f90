@@ -26,6 +26,7 @@ module linkdyn_kinematic_state
         logical :: world_rates = .true.                       !! angular rates in world axes of every link, also where no step needs them
         ! ---- INPUT
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :) !! coordinates, rates, accelerations    (lane, n_q)
+        real(wp), allocatable :: turns(:, :)                  !! that coordinates have made besides   (lane, n_q)
         real(wp), allocatable :: counted(:, :)                !! about what a coordinate stands in for: an angle knows its turns
                                                               !!                                      (lane, n_q)
         logical, allocatable :: by_quaternion(:)              !! an attitude comes as quaternion: its angles q are not read,
@@ -72,13 +73,14 @@ contains
         state%n_column = n_column
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
             allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), state%slide(lanes, model%n_joint), &
-                      state%counted(lanes, n_q))
+                      state%turns(lanes, n_q), state%counted(lanes, n_q))
             allocate (state%by_quaternion(model%n_attitude), state%quaternion(lanes, 4, model%n_attitude), &
                       state%branch(lanes, model%n_branch))
             state%by_quaternion = .false.
             state%q = 0
             state%qd = 0
             state%qdd = 0
+            state%turns = 0
             state%counted = 0
             state%slide = 0
             state%branch = 1

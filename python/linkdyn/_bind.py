@@ -277,6 +277,8 @@ class Run:
         """Steps, rejected steps, right-hand sides."""
         self.roads = np.zeros(3, dtype=np.intc)
         """As `inverse` returns them."""
+        self.rounding = ""
+        """What it left of the tolerances; empty if these were met."""
         self.stopped = ""
         """Why the run stopped early; empty if it did not."""
         self.coordinates = ""
@@ -303,11 +305,12 @@ class Run:
         """
         kinds: tuple[type, ...] = (np.float64, np.intc)
         rows = {kind: _Row(len(t), kind, shapes) for kind in kinds}
-        n_done, self.reached, self.statistics, roads, stopped, coordinates, code, message = _api.api_advance(
+        n_done, self.reached, self.statistics, roads, rounding, stopped, coordinates, code, message = _api.api_advance(
             self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values
         )
         check(code, message)
         self.roads += roads
+        self.rounding = rounding.decode("utf-8", errors="replace").strip()
         self.stopped = stopped.decode("utf-8", errors="replace").strip()
         self.coordinates = coordinates.decode("utf-8", errors="replace").strip()
         return n_done, {name: rows[kind].take(name)[:n_done] for name, (shape, kind) in shapes.items()}

@@ -431,7 +431,8 @@ class Scene:
             arrays = {name: values[:n_done] for name, values in found.items()}
             data = to_dataset(schema, arrays, self.description, self.text, solver, run.roads)
             names = ("steps", "rejected_steps", "right_hand_sides")
-            data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics))), "stopped": run.stopped}
+            data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
+            data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}
             data.attrs["coordinates_integrated"] = run.coordinates
             return data
 
