@@ -39,7 +39,7 @@ module linkdyn_equations
     implicit none (type, external)
     private
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations
-    public :: prepare_workspace, solve_block, solve_equations, sample_system, find_poses, fill_lane_matrix
+    public :: prepare_workspace, solve_block, solve_equations, sample_system, choose_poses, fill_lane_matrix
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -258,7 +258,7 @@ contains
     end subroutine sample_system
 
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
-    subroutine find_poses(model, batch, pose, stand)
+    subroutine choose_poses(model, batch, pose, stand)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: batch(:, :)                     !! (n_q, n)
         real(wp), allocatable, intent(out) :: pose(:, :)        !! (n_q, at most n_wanted_pose)
@@ -305,7 +305,7 @@ contains
                 stand(:, 4, i) = link_position(model, state, i, lane)
             end do
         end subroutine note_stand
-    end subroutine find_poses
+    end subroutine choose_poses
 
     !> A block of poses that stand for the scene: its motion, and for every other pose a step away from it, so that
     !> no entry is small merely because the motion is special.

@@ -1,7 +1,7 @@
 !> What a scene's record takes, in words: operations of inverse dynamics from a motion to forces, by kind.
 module linkdyn_explain_record
     use linkdyn_catalogue, only: result_driving_force, result_reaction
-    use linkdyn_equations, only: find_poses
+    use linkdyn_equations, only: choose_poses
     use linkdyn_kernel, only: kernel_type, count_of
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -20,7 +20,7 @@ contains
         real(wp) :: stand(3, 4, 0:model%n_link)
 
         write (unit, "(/,a)") "Record of inverse dynamics"
-        call find_poses(model, spread(model%start_q, 2, 1), pose, stand)
+        call choose_poses(model, spread(model%start_q, 2, 1), pose, stand)
         call explain_program("all unknowns", [result_driving_force, result_reaction])
         call explain_program("driving forces only", [result_driving_force])
 

@@ -14,7 +14,7 @@ module linkdyn_inverse
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
-        choose_solver, find_poses
+        choose_solver, choose_poses
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch
@@ -461,7 +461,7 @@ contains
         recorded => solver%records%find(list%of%id)
         if (.not. associated(recorded)) then
             recorded => solver%records%add()
-            call find_poses(model, q, pose, stand)
+            call choose_poses(model, q, pose, stand)
             call record_forces(model, list%of%id, pose, stand, recorded)
             if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
         end if

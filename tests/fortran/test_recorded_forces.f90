@@ -4,7 +4,7 @@ module test_recorded_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_builder, only: build_model
     use linkdyn_catalogue, only: result_driving_force, result_reaction
-    use linkdyn_equations, only: find_poses
+    use linkdyn_equations, only: choose_poses
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_inverse_results, only: list_results
     use linkdyn_kinds, only: wp
@@ -234,7 +234,7 @@ contains
         call build_model(scene, model, status)
         call check(error, status%is_ok(), trim(status%message))
         allocate (stand(3, 4, 0:model%n_link))
-        call find_poses(model, spread(model%start_q, 2, 1), pose, stand)
+        call choose_poses(model, spread(model%start_q, 2, 1), pose, stand)
         call record_forces(model, [result_driving_force], pose, stand, recorded)
         call check(error, .not. recorded%is_usable, "a bent leg has no record")
     end subroutine test_bent_leg
@@ -320,7 +320,7 @@ contains
         real(wp), allocatable :: pose(:, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
-        call find_poses(model, spread(model%start_q, 2, 1), pose, stand)
+        call choose_poses(model, spread(model%start_q, 2, 1), pose, stand)
         call record_forces(model, wanted, pose, stand, recorded)
         operations = huge(1)
         if (recorded%is_usable) operations = size(recorded%program%kernel%step)
