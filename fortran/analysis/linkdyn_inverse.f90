@@ -456,13 +456,13 @@ contains
 
         call list_results(results, 0, list)
         nullify (recorded)
-        if (size(list%of) == 0) return
+        if (list%n == 0) return
         !$omp critical (linkdyn_need_record)
-        recorded => solver%records%find(list%of%id)
+        recorded => solver%records%find(list%of(:list%n)%id)
         if (.not. associated(recorded)) then
             recorded => solver%records%add()
             call choose_poses(model, q, pose, stand)
-            call record_forces(model, list%of%id, pose, stand, recorded)
+            call record_forces(model, list%of(:list%n)%id, pose, stand, recorded)
             if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
         end if
         !$omp end critical (linkdyn_need_record)
@@ -540,32 +540,22 @@ contains
         integer, allocatable, intent(out) :: left(:)
         type(sample_arrays) :: arrays
         type(result_list) :: list
-        logical, allocatable :: goes(:), is_left(:)
-        integer :: n, i
+        integer :: n
 
         n = size(q, 2)
-        allocate (is_left(n))
-        goes = [(is_finite(q(:, i)) .and. is_finite(qd(:, i)) .and. is_finite(qdd(:, i)), i=1, n)]
-        if (recorded%needs_branches) then
-            if (size(assembly%status) == n) goes = goes .and. assembly%status == sample_ok
-            call set_block(arrays, in_branch, size(assembly%branch, 1), size(assembly%branch, 2), assembly%branch)
-        end if
         call set_block(arrays, in_q, size(q, 1), n, q)
         call set_block(arrays, in_qd, size(q, 1), n, qd)
         call set_block(arrays, in_qdd, size(q, 1), n, qdd)
         call set_block(arrays, in_load, 6*size(load, 2), n, load)
         call list_results(results, n, list)
-        call run_recorded(recorded, threads, n, arrays, goes, list, is_left)
         call clear_measures(results)
-        left = pack([(i, i=1, n)], is_left)
+        if (recorded%needs_branches) then
+            call set_block(arrays, in_branch, size(assembly%branch, 1), size(assembly%branch, 2), assembly%branch)
+            call run_recorded(recorded, threads, n, arrays, assembly%status, list, left)
+        else
+            call run_recorded(recorded, threads, n, arrays, [sample_ok], list, left)
+        end if
     end subroutine run_by_record
-
-    !> Written so that what is no number is not.
-    pure logical function is_finite(x)
-        real(wp), intent(in) :: x(:)
-
-        is_finite = sum(abs(x)) <= huge(1.0_wp)
-    end function is_finite
 
     !> Sizes of values, lane by lane: their sum is finite if they all are.
     pure subroutine add_sizes(value, total)

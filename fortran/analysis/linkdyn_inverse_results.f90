@@ -74,7 +74,6 @@ contains
         integer, intent(in) :: n                       !! samples
         type(result_list), intent(out) :: list
 
-        allocate (list%of(0))
         list%status => results%status
         if (associated(results%driving_force)) &
             call add_target(list, result_driving_force, size(results%driving_force, 1), n, results%driving_force)

@@ -5,14 +5,14 @@
 module linkdyn_recorded_forces
     use linkdyn_block, only: block_lanes
     use linkdyn_force_program, only: make_force_program, out_alarm, out_reach
-    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_branch
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_branch
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_group
     use linkdyn_planner, only: plan_steps
     use linkdyn_samples, only: sample_arrays, result_list
-    use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, goes_to, free_scene_program, &
-        free_program_space
+    use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, output_target, goes_to, &
+        free_scene_program, free_program_space
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_threads, only: team_size
     implicit none (type, external)
@@ -25,6 +25,7 @@ module linkdyn_recorded_forces
     type :: idle_space
         type(program_space) :: slots
         real(wp), allocatable :: alarm(:, :), reach(:, :)      !! (1, lane)
+        logical, allocatable :: is_left(:)                     !! (sample of a batch)
         type(idle_space), pointer :: next => null()
     end type idle_space
 
@@ -144,57 +145,84 @@ contains
         if (is_planned) is_planned = .not. any(own%step%kind == step_group) .and. own%n_branch == model%n_branch
     end function plan_for_records
 
-    !> Run samples in order. `is_left` marks those whose results are not there: their status and results are as they were.
-    subroutine run_recorded(recorded, threads, n, arrays, goes, results, is_left)
+    !> Run samples in order. Those in `left` have been left: their status and results are as they were. Nothing is allocated
+    !> but this list, if some are, and scratch for larger batches than there were.
+    subroutine run_recorded(recorded, threads, n, arrays, way_status, results, left)
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: threads                         !! at most; a short batch takes fewer
         integer, intent(in) :: n                               !! samples
         type(sample_arrays), intent(in) :: arrays
-        logical, intent(in) :: goes(:)                         !! (n) false: not to be run
-        type(result_list), intent(inout) :: results
-        logical, intent(out) :: is_left(:)                     !! (n)
-        type(idle_space), pointer :: space
-        integer :: lanes, n_block, n_thread, share, block, first, count
+        integer, intent(in) :: way_status(:)                   !! what is not ok is left (n), or one for all
+        type(result_list), intent(in) :: results
+        integer, allocatable, intent(out) :: left(:)
+        type(idle_space), pointer :: own, space
+        integer :: lanes, n_block, n_thread, share, block, first, last, i
 
         lanes = block_lanes()
         n_block = (n + lanes - 1)/lanes
         n_thread = team_size(threads, n_block)
         share = max(1, min(largest_share, n_block/(2*n_thread)))
-        !$omp parallel num_threads(n_thread) default(shared) private(space, first, count)
+        call take_space(recorded%pool, lanes, own)
+        if (size(own%is_left) < n) then
+            deallocate (own%is_left)
+            allocate (own%is_left(n))
+        end if
+        !$omp parallel num_threads(n_thread) default(shared) private(space, first, last)
         call take_space(recorded%pool, lanes, space)
         !$omp do schedule(dynamic, share)
         do block = 1, n_block
             first = lanes*(block - 1) + 1
-            count = min(lanes, n - first + 1)
-            is_left(first:first + count - 1) = .true.
-            if (is_interrupted() .or. .not. any(goes(first:first + count - 1))) cycle
-            call run_one_block(recorded, first, count, arrays, results, space, is_left(first:first + count - 1))
-            is_left(first:first + count - 1) = is_left(first:first + count - 1) .or. .not. goes(first:first + count - 1)
+            last = min(n, first + lanes - 1)
+            own%is_left(first:last) = .true.
+            if (is_interrupted()) cycle
+            call run_one_block(recorded, first, last - first + 1, arrays, way_status, results, space, own%is_left(first:last))
         end do
         !$omp end do
         call return_space(recorded%pool, space)
         !$omp end parallel
+        i = count(own%is_left(:n))
+        allocate (left(i))
+        if (i > 0) left = pack([(i, i=1, n)], own%is_left(:n))
+        call return_space(recorded%pool, own)
     end subroutine run_recorded
 
     !> Samples first, ..., first + count - 1.
-    subroutine run_one_block(recorded, first, count, arrays, results, space, is_left)
+    subroutine run_one_block(recorded, first, count, arrays, way_status, results, space, is_left)
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: first, count
         type(sample_arrays), intent(in) :: arrays
-        type(result_list), intent(inout) :: results
+        integer, intent(in) :: way_status(:)
+        type(result_list), intent(in) :: results
         type(idle_space), intent(inout), target :: space
         logical, intent(out) :: is_left(:)                     !! (count)
-        integer :: i
+        type(output_target) :: to(size(results%of) + 2)
+        integer :: i, sample
 
+        do i = 1, count
+            sample = first + i - 1
+            is_left(i) = way_status(min(sample, size(way_status))) /= sample_ok &
+                         .or. .not. (is_finite(arrays%of(in_q)%x(:, sample)) .and. is_finite(arrays%of(in_qd)%x(:, sample)) &
+                                     .and. is_finite(arrays%of(in_qdd)%x(:, sample)))
+        end do
+        if (all(is_left)) return
         call load_samples(recorded%program, arrays, first, count, space%slots)
-        is_left = .false.
-        call run_samples(recorded%program, space%slots, count, &
-                         [goes_to(out_alarm, space%alarm), goes_to(out_reach, space%reach), &
-                          (goes_to(results%of(i)%id, results%of(i)%x, first), i=1, size(results%of))], is_left)
+        to(1) = goes_to(out_alarm, space%alarm)
+        to(2) = goes_to(out_reach, space%reach)
+        do i = 1, results%n
+            to(i + 2) = goes_to(results%of(i)%id, results%of(i)%x, first)
+        end do
+        call run_samples(recorded%program, space%slots, count, to(:results%n + 2), is_left)
         ! Written so that what is no number counts as an alarm.
         is_left = is_left .or. .not. (space%alarm(1, :count) <= 1 .and. space%reach(1, :count) > 0)
         if (associated(results%status)) where (.not. is_left) results%status(first:first + count - 1) = sample_ok
     end subroutine run_one_block
+
+    !> Written so that what is no number is not.
+    pure logical function is_finite(x)
+        real(wp), intent(in) :: x(:)
+
+        is_finite = sum(abs(x)) <= huge(1.0_wp)
+    end function is_finite
 
     !> Idle slots, or new.
     subroutine take_space(pool, lanes, space)
@@ -208,7 +236,7 @@ contains
         !$omp end critical (linkdyn_record_space)
         if (associated(space)) return
         allocate (space)
-        allocate (space%alarm(1, lanes), space%reach(1, lanes))
+        allocate (space%alarm(1, lanes), space%reach(1, lanes), space%is_left(lanes))
     end subroutine take_space
 
     subroutine return_space(pool, space)

@@ -7,6 +7,8 @@ module linkdyn_samples
     private
     public :: sample_arrays, result_target, result_list, add_target, set_block
 
+    integer, parameter :: most_results = 16
+
     !> Where the values of one result go.
     type :: result_target
         integer :: id = 0                              !! one of `result_*`
@@ -15,7 +17,8 @@ module linkdyn_samples
 
     !> All results that are wanted of a batch.
     type :: result_list
-        type(result_target), allocatable :: of(:)
+        integer :: n = 0
+        type(result_target) :: of(most_results)
         integer, pointer, contiguous :: status(:) => null()   !! (sample) one of `sample_*`
     end type result_list
 
@@ -25,21 +28,11 @@ contains
         type(result_list), intent(inout) :: list
         integer, intent(in) :: id
         integer, intent(in) :: n, samples              !! values of a sample, and samples
-        real(wp), intent(in), target :: x(*)
-        type(result_target) :: new
+        real(wp), intent(in), target :: x(n, samples)
 
-        if (.not. allocated(list%of)) allocate (list%of(0))
-        new%id = id
-        call point_to(x)
-        list%of = [list%of, new]
-
-    contains
-
-        subroutine point_to(y)
-            real(wp), intent(in), target :: y(n, samples)
-
-            new%x => y
-        end subroutine point_to
+        list%n = list%n + 1
+        list%of(list%n)%id = id
+        list%of(list%n)%x => x
     end subroutine add_target
 
     !> A block of numbers of a batch: n numbers for each sample, or one column for all.

@@ -12,6 +12,8 @@ module linkdyn_scene_program
     public :: scene_program, sample_arrays, output_list, add_output, make_scene_program, free_scene_program
     public :: load_samples, run_samples, output_target, goes_to, has_output, program_space, free_program_space
 
+    integer, parameter :: most_lanes = 64              !! bits that tell which samples of a block are not finite
+
     !> Values that a program gives, sorted by what they are.
     type :: output_list
         integer, allocatable :: id(:)                  !! who they belong to, one a segment
@@ -191,14 +193,9 @@ contains
         integer, intent(in) :: count
         type(output_target), intent(in) :: target(:)   !! those of other programs do not matter
         logical, intent(inout), optional :: is_bad(:)  !! (count) set where a number is not finite
-        logical :: not_finite(count)
-        integer :: which(size(program%id)), g, k, t, first, n
+        logical :: not_finite(most_lanes)
+        integer :: g, k, t, first, n
 
-        which = 0
-        do t = 1, size(target)
-            k = has_output(program, target(t)%id)
-            if (k > 0) which(k) = t
-        end do
         not_finite = .false.
         k = 1
         first = 1
@@ -208,14 +205,15 @@ contains
                 k = k + 1
             end do
             n = program%program%group_end(g) - first + 1
-            if (which(k) > 0) then
-                associate (x => target(which(k))%x, column => target(which(k))%first)
+            t = findloc(target%id, program%id(k), dim=1)
+            if (t > 0) then
+                associate (x => target(t)%x, column => target(t)%first)
                     call scatter(program%program, space%block, first, n, x(first - program%first(k) + 1, column), size(x, 1), &
                                  count, not_finite)
                 end associate
             end if
             first = first + n
         end do
-        if (present(is_bad)) is_bad(:count) = is_bad(:count) .or. not_finite
+        if (present(is_bad)) is_bad(:count) = is_bad(:count) .or. not_finite(:count)
     end subroutine run_samples
 end module linkdyn_scene_program
