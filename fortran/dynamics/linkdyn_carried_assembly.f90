@@ -13,8 +13,9 @@ module linkdyn_carried_assembly
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, n_map, place_rates, &
         span_of, follows_assembly
-    use linkdyn_model, only: model_type, link_freedom
+    use linkdyn_model, only: model_type, link_freedom, gives_attitude, attitude_angles
     use linkdyn_newton_group, only: shifted
+    use linkdyn_quaternion, only: quaternion_of_rpy
     use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)
     private
@@ -44,6 +45,7 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t                      !! [s]
         type(carried_assembly), intent(out) :: assembly
+        integer :: i
 
         assembly%is_needed = follows_assembly(model)
         if (.not. assembly%is_needed) return
@@ -55,7 +57,13 @@ contains
         assembly%drift = 0
         assembly%side = assembly%margin
         call prepare_kinematics(model, merge(model%n_q, 0, size(model%group) > 0), assembly%state)
-        assembly%quaternion = assembly%state%quaternion
+        allocate (assembly%quaternion(lanes, 4, model%n_attitude))
+        do i = 1, size(model%step)
+            if (.not. gives_attitude(model, model%step(i))) cycle
+            associate (q => assembly%q, c => attitude_angles(model%step(i)), p => model%step(i)%first)
+                assembly%quaternion(:, :, p) = quaternion_of_rpy(q(:, c(1)), q(:, c(2)), q(:, c(3)))
+            end associate
+        end do
         if (size(model%group) == 0) return
         assembly%place = assembly%state%group%start_place
         allocate (assembly%column(lanes, link_freedom(model), model%n_link, model%n_q))
