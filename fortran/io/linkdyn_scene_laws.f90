@@ -285,6 +285,7 @@ contains
                 to_text(time(i - 1))//" s (expected increasing times)")
             return
         end do
+        if (interpolation /= spline) return
         allocate (law%curvature(size(time)))
         call fit_spline(time, knot, law%curvature)
     end subroutine table_law
