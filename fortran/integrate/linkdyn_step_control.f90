@@ -45,6 +45,9 @@ module linkdyn_step_control
     !> Part of a step over which what differs is rounding. A place that rounds to the same values is much shorter, and one that
     !> makes errors by itself longer, or no step would ever have met it.
     real(wp), parameter :: little = 1.0e-6_wp
+    !> What the many sums of an error estimate round off, relative; and tolerances so near to it that the error standing against
+    !> a step is mostly rounding.
+    real(wp), parameter :: rounding = 20*epsilon(1.0_wp), nearly_rounding = 10*rounding
     integer, parameter :: most_unseen = 4          !! steps on rough ground before it is measured again
 
     !> A step tried.
@@ -269,7 +272,6 @@ contains
         type(step_control), intent(in) :: self
         class(lane_system), intent(in) :: system
         type(trial_type), intent(inout) :: trial
-        real(wp), parameter :: rounding = 20*epsilon(1.0_wp)
         real(wp), dimension(size(self%y)) :: size_of, turned
 
         size_of = max(abs(self%y), abs(trial%y))
@@ -360,9 +362,9 @@ contains
             ! A peak that no stage has met, or a place to stop before: shorter steps will.
             if (trial%breaks_law .or. trial%is_too_far) return
             if (self%n_refused > 1) self%step = min(self%step, trial%step/2)
-            ! An error a little too large is daily bread where steps grow. Where they shrink it may be rounding, and the
-            ! shorter ones lead nowhere.
-            if (trial%part < unexpected .and. trial%step > self%last .and. trial%step > suspicious*self%longest) return
+            ! An error a little too large is daily bread, unless steps shrink at a tolerance that rounding hardly allows.
+            if (trial%part < unexpected .and. trial%step > suspicious*self%longest &
+                .and. (trial%step > self%last .or. max(self%rtol, self%atol) > nearly_rounding)) return
             if (.not. trial%has_failed) then
                 self%is_rough = is_rounding(trial, rounding_of(self, system, trial))
                 if (.not. self%is_rough) return

@@ -12,6 +12,7 @@ from pathlib import Path
 import linkdyn
 import numpy as np
 import pytest
+import tomli_w
 import xarray as xr
 from linkdyn.cli import executable, quadruple_twin
 
@@ -55,6 +56,40 @@ def test_estimates_hold_against_the_twin() -> None:
     for method, ratios in together.items():
         assert_holds(join_samples(ratios), method, PROMISED)
         assert_not_vague(join_samples(ratios), method)
+
+
+def folding_slider_crank(folder: Path) -> Path:
+    """A free slider-crank whose rod is as long as its crank: both lie on each other, square to the slide, after 0.3 s."""
+    scene = slider_crank("Rod as long as the crank", 1.0, 1.0, "J1")
+    scene |= {"coordinate": [{"joint": "J1", "start": {"position": 0.7, "velocity": 3.0}}], "load": [], "actuator": []}
+    file = folder / "scene.toml"
+    file.write_text(tomli_w.dumps(scene))
+    return file
+
+
+@pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)")
+@pytest.mark.parametrize("name, end", [("near_parallelogram", 0.625), ("row", 1.0), ("slider_crank", 0.5)])
+def test_estimates_near_change_points(name: str, end: float, tmp_path: Path) -> None:
+    """Through the first change point, or close by it: no number that is given as right is further off than ten estimates,
+    and no more of them than promised are further off than one."""
+    if name == "slider_crank":
+        file = folding_slider_crank(tmp_path)
+    else:
+        scenes = {"near_parallelogram": ROOT / "tests" / "python" / "scenes" / "near_parallelogram.toml",
+                  "row": EXAMPLES / "n_fourbar" / "scene.toml"}  # fmt: skip
+        file = scenes[name]
+    exact = quadruple_run(TWIN, file, end, 33)
+    ratios = []
+    for method in ("rk8pd", "gbs"):
+        for tolerance in (1e-9, 1e-12):
+            run = linkdyn.load(file).forward(t=exact["time"], method=method, error=True, rtol=tolerance, atol=tolerance)
+            assert run.attrs["stopped"] == ""
+            given = run.status.values == 0
+            assert given.sum() > 25
+            ratios.append(np.where(given[:, np.newaxis], run_ratios(run, exact), np.nan))
+    together = join_samples(ratios)
+    assert np.nanmax(together) < 10
+    assert_holds(together, name, PROMISED)
 
 
 @pytest.mark.parametrize("name", ["fourbar_constant_torque", "rcsp_start", "andrews"])
