@@ -62,8 +62,8 @@ def test_benchmark_digits() -> None:
     assert at.joint_variable.sel(variable="D.slide").item() == pytest.approx(0.226787188553, abs=1e-12)
     assert at.q.item() == pytest.approx(0.560031482093, abs=1e-12)
     energy = (run.kinetic_energy + run.potential_energy).values
-    # ten turns at 1e-13 a step, relative to the 0.25 J at hand
-    assert np.ptp(energy) < 1e-12
+    # each step may err by its tolerance, relative to the 0.25 J at hand
+    assert np.ptp(energy) < run.attrs["steps"] * 1e-13 * 0.25
     assert np.abs(run.closure).max() < 1e-14
 
 
