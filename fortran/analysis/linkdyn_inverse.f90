@@ -171,8 +171,8 @@ contains
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
-        real(wp), intent(in) :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
-        real(wp), intent(in) :: load(:, :, :)                   !! (6, n_load, n)
+        real(wp), intent(in), contiguous :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
+        real(wp), intent(in), contiguous :: load(:, :, :)       !! (6, n_load, n)
         type(inverse_results), intent(inout) :: results
         real(wp), intent(in), optional :: given_force(:, :)     !! (n_actuator, n), read where not unknown
         type(assembly_trail), intent(inout), optional :: trail
@@ -208,15 +208,14 @@ contains
                 call make_room(model, 1, assembly)
             end if
         end if
+        n_left = n
         if (associated(recorded)) then
             if (is_on_way .or. .not. allocated(solver%at_start%status)) then
-                call run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, left)
+                call run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
             else
-                call run_by_record(recorded, threads, q, qd, qdd, load, solver%at_start, results, left)
+                call run_by_record(recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left)
             end if
         end if
-        n_left = n
-        if (allocated(left)) n_left = size(left)
         n_block = (n_left + lanes - 1)/lanes
         n_thread = team_size(threads, n_block)
         share = max(1, min(largest_share, n_block/(2*n_thread)))
@@ -451,23 +450,33 @@ contains
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
         type(recorded_forces), pointer, intent(out) :: recorded
         type(result_list) :: list
-        real(wp), allocatable :: pose(:, :)
-        real(wp) :: stand(3, 4, 0:model%n_link)
 
         call list_results(results, 0, list)
         nullify (recorded)
         if (list%n == 0) return
         !$omp critical (linkdyn_need_record)
-        recorded => solver%records%find(list%of(:list%n)%id)
-        if (.not. associated(recorded)) then
-            recorded => solver%records%add()
-            call choose_poses(model, q, pose, stand)
-            call record_forces(model, list%of(:list%n)%id, pose, stand, recorded)
-            if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
-        end if
+        recorded => solver%records%find(list%id(:list%n))
+        if (.not. associated(recorded)) call make_record(model, solver, list%id(:list%n), q, recorded)
         !$omp end critical (linkdyn_need_record)
         if (.not. recorded%is_usable) nullify (recorded)
     end subroutine need_record
+
+    recursive subroutine make_record(model, solver, wanted, q, recorded)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(recorded_forces), pointer, intent(out) :: recorded
+        real(wp), allocatable :: pose(:, :)
+        real(wp) :: stand(3, 4, 0:model%n_link)
+
+        recorded => solver%records%add()
+        call choose_poses(model, q, pose, stand)
+        call hold_texts()
+        call record_forces(model, wanted, pose, stand, recorded)
+        call release_texts()
+        if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
+    end subroutine make_record
 
     !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference
     !> would be a defect, and the lanes are believed.
@@ -482,7 +491,7 @@ contains
         type(sample_assembly) :: assembly
         real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :)
         integer, allocatable :: left(:)
-        integer :: i, k, n, n_compared, n_alike
+        integer :: i, k, n, n_left, n_compared, n_alike
 
         n = size(pose, 2)
         qd = reshape([(modulo(k*golden, 1.0_wp) - 0.5_wp, k=1, size(pose))], shape(pose))
@@ -499,11 +508,14 @@ contains
         by_lanes%equations = solver%equations
         call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1))
         call make_room(model, 1, assembly)
-        call run_by_record(recorded, 1, pose, qd, qdd, load, assembly, found(2), left)
+        call run_by_record(recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left)
         n_compared = 0
         n_alike = 0
         do i = 1, n
-            if (found(1)%status(i) /= sample_ok .or. any(left == i)) cycle
+            if (found(1)%status(i) /= sample_ok) cycle
+            if (n_left > 0) then
+                if (any(left == i)) cycle
+            end if
             n_compared = n_compared + 1
             if (associated(found(1)%driving_force)) then
                 if (.not. are_alike(found(1)%driving_force(:, i), found(2)%driving_force(:, i))) cycle
@@ -530,14 +542,15 @@ contains
     end function are_alike
 
     !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.
-    subroutine run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, left)
+    subroutine run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: threads
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
         real(wp), intent(in), contiguous, target :: load(:, :, :)                   !! (6, n_load, n)
         type(sample_assembly), intent(in), target :: assembly
         type(inverse_results), intent(inout) :: results
-        integer, allocatable, intent(out) :: left(:)
+        integer, intent(out) :: n_left
+        integer, allocatable, intent(out) :: left(:)           !! absent if there are none
         type(sample_arrays) :: arrays
         type(result_list) :: list
         integer :: n
@@ -551,9 +564,9 @@ contains
         call clear_measures(results)
         if (recorded%needs_branches) then
             call set_block(arrays, in_branch, size(assembly%branch, 1), size(assembly%branch, 2), assembly%branch)
-            call run_recorded(recorded, threads, n, arrays, assembly%status, list, left)
+            call run_recorded(recorded, threads, n, arrays, assembly%status, list, n_left, left)
         else
-            call run_recorded(recorded, threads, n, arrays, [sample_ok], list, left)
+            call run_recorded(recorded, threads, n, arrays, [sample_ok], list, n_left, left)
         end if
     end subroutine run_by_record
 

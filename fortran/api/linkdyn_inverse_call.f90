@@ -85,7 +85,7 @@ contains
         type(turn_count) :: turns
         type(inverse_results) :: results
         type(inverse_options) :: own
-        real(c_double), pointer :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
+        real(c_double), pointer, contiguous :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
         real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
 
         own = options

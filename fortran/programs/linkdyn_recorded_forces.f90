@@ -147,14 +147,15 @@ contains
 
     !> Run samples in order. Those in `left` have been left: their status and results are as they were. Nothing is allocated
     !> but this list, if some are, and scratch for larger batches than there were.
-    subroutine run_recorded(recorded, threads, n, arrays, way_status, results, left)
+    subroutine run_recorded(recorded, threads, n, arrays, way_status, results, n_left, left)
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: threads                         !! at most; a short batch takes fewer
         integer, intent(in) :: n                               !! samples
         type(sample_arrays), intent(in) :: arrays
         integer, intent(in) :: way_status(:)                   !! what is not ok is left (n), or one for all
         type(result_list), intent(in) :: results
-        integer, allocatable, intent(out) :: left(:)
+        integer, intent(out) :: n_left
+        integer, allocatable, intent(out) :: left(:)           !! absent if there are none
         type(idle_space), pointer :: own, space
         integer :: lanes, n_block, n_thread, share, block, first, last, i
 
@@ -180,9 +181,8 @@ contains
         !$omp end do
         call return_space(recorded%pool, space)
         !$omp end parallel
-        i = count(own%is_left(:n))
-        allocate (left(i))
-        if (i > 0) left = pack([(i, i=1, n)], own%is_left(:n))
+        n_left = count(own%is_left(:n))
+        if (n_left > 0) left = pack([(i, i=1, n)], own%is_left(:n))
         call return_space(recorded%pool, own)
     end subroutine run_recorded
 
@@ -209,7 +209,7 @@ contains
         to(1) = goes_to(out_alarm, space%alarm)
         to(2) = goes_to(out_reach, space%reach)
         do i = 1, results%n
-            to(i + 2) = goes_to(results%of(i)%id, results%of(i)%x, first)
+            to(i + 2) = goes_to(results%id(i), results%of(i)%x, first)
         end do
         call run_samples(recorded%program, space%slots, count, to(:results%n + 2), is_left)
         ! Written so that what is no number counts as an alarm.

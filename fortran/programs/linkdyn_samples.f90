@@ -11,13 +11,13 @@ module linkdyn_samples
 
     !> Where the values of one result go.
     type :: result_target
-        integer :: id = 0                              !! one of `result_*`
         real(wp), pointer, contiguous :: x(:, :) => null()    !! (values of a sample, sample)
     end type result_target
 
     !> All results that are wanted of a batch.
     type :: result_list
         integer :: n = 0
+        integer :: id(most_results) = 0                       !! each one of `result_*`
         type(result_target) :: of(most_results)
         integer, pointer, contiguous :: status(:) => null()   !! (sample) one of `sample_*`
     end type result_list
@@ -31,7 +31,7 @@ contains
         real(wp), intent(in), target :: x(n, samples)
 
         list%n = list%n + 1
-        list%of(list%n)%id = id
+        list%id(list%n) = id
         list%of(list%n)%x => x
     end subroutine add_target
 

