@@ -136,8 +136,9 @@ contains
         call check(error, all(lanes%status == record%status), name//": the same outcomes")
         do i = 1, size(batch%q, 2)
             if (lanes%status(i) /= sample_ok) cycle
-            call alike(lanes%driving_force(:, i), record%driving_force(:, i), "driving forces")
-            call alike([lanes%reaction(:, :, i)], [record%reaction(:, :, i)], "reactions")
+            ! a driving force that happens to vanish has the rounding of the reactions
+            call alike([lanes%driving_force(:, i), lanes%reaction(:, :, i)], &
+                       [record%driving_force(:, i), record%reaction(:, :, i)], "forces")
             call alike(cos(lanes%joint_variable(:, i)), cos(record%joint_variable(:, i)), "joint variables")
             call alike(lanes%joint_rate(:, i), record%joint_rate(:, i), "joint rates")
             call check_close(error, [record%position(:, :, i)], [lanes%position(:, :, i)], &
