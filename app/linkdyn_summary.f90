@@ -21,6 +21,7 @@ module linkdyn_summary
     !> A largest value with its place.
     type :: peak_type
         real(wp) :: value = 0
+        real(wp) :: noted = 0    !! the value at `time`: that, but for rounding
         real(wp) :: time = 0
         integer :: place = 0     !! joint
         logical :: is_set = .false.
@@ -226,13 +227,20 @@ contains
         whole%n = whole%n + part%n
     end subroutine join_events
 
+    !> Of values that are alike but for rounding, as a symmetric motion has, the first is noted: which of them is the largest
+    !> differs from machine to machine.
     pure subroutine raise_peak(value, time, place, peak)
         real(wp), intent(in) :: value, time
         integer, intent(in) :: place
         type(peak_type), intent(inout) :: peak
+        real(wp), parameter :: alike = 1.0e-12_wp      !! thousands of roundings, and no digit that is printed
 
-        if (peak%is_set .and. .not. value > peak%value) return
-        peak = peak_type(value, time, place, .true.)
+        if (peak%is_set) then
+            if (.not. value > peak%value) return
+            peak%value = value
+            if (value <= peak%noted + alike*abs(peak%noted)) return
+        end if
+        peak = peak_type(value, value, time, place, .true.)
     end subroutine raise_peak
 
     !> The table.

@@ -83,18 +83,37 @@ static int read_to_end(int descriptor, char **output, int64_t *size)
     return -1;
 }
 
+/* Signals that end this program wait until it knows whom to end with it. */
 static int start(char *const *arguments, const int input[2], const int output[2], pid_t *child)
 {
     posix_spawn_file_actions_t actions;
+    posix_spawnattr_t attributes;
+    sigset_t ending, before;
     int outcome;
 
     if (posix_spawn_file_actions_init(&actions) != 0) {
         return -1;
     }
+    if (posix_spawnattr_init(&attributes) != 0) {
+        posix_spawn_file_actions_destroy(&actions);
+        return -1;
+    }
+    sigemptyset(&ending);
+    sigaddset(&ending, SIGINT);
+    sigaddset(&ending, SIGTERM);
+    sigaddset(&ending, SIGHUP);
+    pthread_sigmask(SIG_BLOCK, &ending, &before);
+    posix_spawnattr_setsigmask(&attributes, &before);
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK);
     posix_spawn_file_actions_adddup2(&actions, input[0], STDIN_FILENO);
     posix_spawn_file_actions_adddup2(&actions, output[1], STDOUT_FILENO);
     posix_spawn_file_actions_addopen(&actions, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
-    outcome = posix_spawn(child, arguments[0], &actions, NULL, arguments, environ);
+    outcome = posix_spawn(child, arguments[0], &actions, &attributes, arguments, environ);
+    if (outcome == 0) {
+        linkdyn_guard_child((int)*child);
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    posix_spawnattr_destroy(&attributes);
     posix_spawn_file_actions_destroy(&actions);
     return outcome;
 }
@@ -124,7 +143,6 @@ int linkdyn_run_program(const char *words, int n_word, const char *input, int64_
     close(to_child[0]);
     close(from_child[1]);
     if (outcome == 0) {
-        linkdyn_guard_child((int)child);
         write_all(to_child[1], input, input_len);
     }
     close(to_child[1]);
