@@ -11,6 +11,7 @@ module linkdyn_joint_variables
     implicit none (type, external)
     private
     public :: joint_variables, joint_rates, variable_near, variable_rate, coordinate_of_variable
+    public :: within_half_a_turn
 
 contains
 
@@ -29,6 +30,20 @@ contains
                 q(k) = mechanism%slide(j)
         end do
     end function joint_variables
+
+    !> The same, all angles in (-pi, pi].
+    function within_half_a_turn(mechanism, j) result(q)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(value), allocatable :: q(:)
+        integer :: k
+
+        q = joint_variables(mechanism, j)
+        do k = 1, size(q)
+            if (mechanism%kind(mechanism%model%joint(j)%kind)%is%is_slide(k)) cycle
+            if (coordinate_of_variable(mechanism, j, k) > 0) q(k) = q(k) - (2*pi)*nearest_whole((1/(2*pi))*q(k))
+        end do
+    end function within_half_a_turn
 
     !> Their rates.
     function joint_rates(mechanism, j) result(qd)

@@ -2,7 +2,7 @@
 module linkdyn_motion_quantities
     use linkdyn_bodies, only: own_axes, omega_of, point_position, point_velocity, rotation_of
     use linkdyn_inertia_wrench, only: mass_properties
-    use linkdyn_joint_variables, only: joint_variables, joint_rates
+    use linkdyn_joint_variables, only: within_half_a_turn, joint_rates
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, properties_of, pair_of, gravity_of
     use linkdyn_springs, only: spring_energy
@@ -15,6 +15,7 @@ module linkdyn_motion_quantities
 
 contains
 
+    !> Angles in (-pi, pi]: who knows what came before counts their turns.
     function all_joint_variables(mechanism) result(q)
         type(mechanism_type), intent(in) :: mechanism
         type(value), allocatable :: q(:)
@@ -22,7 +23,7 @@ contains
 
         allocate (q(0))
         do j = 1, mechanism%model%n_joint
-            q = [q, joint_variables(mechanism, j)]
+            q = [q, within_half_a_turn(mechanism, j)]
         end do
     end function all_joint_variables
 
