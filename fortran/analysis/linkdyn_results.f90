@@ -6,6 +6,12 @@
 !> variable, the sample running slowest; *views* give them their shape.
 module linkdyn_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_catalogue, only: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, &
+        result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond, &
+        result_error, result_growth, result_power_imbalance, result_time, result_driving_force_error, &
+        result_reaction_error, result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step, &
+        result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly, result_q_error, &
+        result_qd_error, result_qdd_error, result_joint_rate_error
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_kinds, only: wp
@@ -40,37 +46,7 @@ module linkdyn_results
     integer, parameter :: dim_dyad = 7
     integer, parameter :: n_dimension = 7
 
-    ! ---- variables
-    integer, parameter :: result_time = 1
-    integer, parameter :: result_q = 2
-    integer, parameter :: result_qd = 3
-    integer, parameter :: result_qdd = 4
-    integer, parameter :: result_driving_force = 5
-    integer, parameter :: result_driving_speed = 6
-    integer, parameter :: result_driving_power = 7
-    integer, parameter :: result_reaction = 8
-    integer, parameter :: result_joint_variable = 9
-    integer, parameter :: result_joint_rate = 10
-    integer, parameter :: result_status = 11
-    integer, parameter :: result_rcond = 12
-    integer, parameter :: result_error = 13
-    integer, parameter :: result_growth = 14
-    integer, parameter :: result_power_imbalance = 15
-    integer, parameter :: result_kinetic_energy = 16   ! of forward dynamics, as the rest
-    integer, parameter :: result_potential_energy = 17
-    integer, parameter :: result_work = 18
-    integer, parameter :: result_closure = 19
-    integer, parameter :: result_step = 20
-    integer, parameter :: result_driving_force_error = 21   ! on demand
-    integer, parameter :: result_reaction_error = 22
-    integer, parameter :: result_transmission_angle = 23    ! of planar dyads
-    integer, parameter :: result_stand_in = 24              ! of a forward run
-    integer, parameter :: result_q_error = 25          ! of forward dynamics, on demand
-    integer, parameter :: result_qd_error = 26
-    integer, parameter :: result_qdd_error = 27
-    integer, parameter :: result_joint_rate_error = 28
-    integer, parameter :: result_singularity_distance = 29  ! of inverse dynamics, on demand
-    integer, parameter :: result_assembly = 30         ! along a motion, where a mechanism has several
+    ! ---- variables: the numbers of the catalogue
     integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
     ! ---- of what errors are estimated, and what the estimates are
     integer, parameter :: estimated(6) = [result_q, result_qd, result_qdd, result_driving_force, result_reaction, &

@@ -17,7 +17,7 @@ module linkdyn_catalogue
     public :: result_error, result_growth, result_power_imbalance, result_time
     public :: result_driving_force_error, result_reaction_error
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
-    public :: result_transmission_angle, result_stand_in, result_singularity_distance
+    public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_position, result_rotation
 
@@ -36,22 +36,24 @@ module linkdyn_catalogue
     integer, parameter :: result_error = 13
     integer, parameter :: result_growth = 14
     integer, parameter :: result_power_imbalance = 15
-    integer, parameter :: result_kinetic_energy = 16
+    integer, parameter :: result_kinetic_energy = 16        ! of forward dynamics, as the rest
     integer, parameter :: result_potential_energy = 17
     integer, parameter :: result_work = 18
     integer, parameter :: result_closure = 19
     integer, parameter :: result_step = 20
-    integer, parameter :: result_driving_force_error = 21
+    integer, parameter :: result_driving_force_error = 21   ! on demand
     integer, parameter :: result_reaction_error = 22
-    integer, parameter :: result_transmission_angle = 23
-    integer, parameter :: result_stand_in = 24
-    integer, parameter :: result_q_error = 25
+    integer, parameter :: result_transmission_angle = 23    ! of planar dyads
+    integer, parameter :: result_stand_in = 24              ! of a forward run
+    integer, parameter :: result_q_error = 25               ! of forward dynamics, on demand
     integer, parameter :: result_qd_error = 26
     integer, parameter :: result_qdd_error = 27
     integer, parameter :: result_joint_rate_error = 28
-    integer, parameter :: result_singularity_distance = 29
-    integer, parameter :: result_position = 30
-    integer, parameter :: result_rotation = 31
+    integer, parameter :: result_singularity_distance = 29  ! of inverse dynamics, on demand
+    integer, parameter :: result_assembly = 30              ! along a motion, where a mechanism has several
+    ! ---- of the record alone
+    integer, parameter :: result_position = 31
+    integer, parameter :: result_rotation = 32
 
 contains
 
