@@ -17,11 +17,6 @@ module linkdyn_mechanism
     public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, least_square
-    public :: solve_velocities, leave_velocities, take_velocities
-
-    integer, parameter :: solve_velocities = 0             !! by elimination, group by group
-    integer, parameter :: leave_velocities = 1             !! unknowns of one system
-    integer, parameter :: take_velocities = 2              !! given
 
     !> Square of the sine of a transmission angle down to which rates and forces surely keep three digits, whatever the motion:
     !> their uncertainty is below 8 eps/sine**4. Twice that leaves room for rounding.
@@ -45,9 +40,6 @@ module linkdyn_mechanism
         type(rate_map) :: rates                            !! of the coordinates
         type(value), allocatable :: slide(:)               !! (joint) of the second marker along z of the first [m]
         type(vector), allocatable :: universal_axis(:)     !! (joint) first axis of a leg's universal joint in leg axes
-        integer :: velocity_road = solve_velocities        !! how velocities of groups are found
-        type(system_type), pointer :: velocities => null() !! their equations, if they are left unknown
-        type(value), allocatable :: given_velocity(:, :)   !! (6, link) if they are given
         type(value), allocatable :: watched(:)             !! magnitudes that must stay below one
         logical :: is_solved = .true.                      !! false once a system had no pivots
         type(vector), allocatable :: ways(:, :)            !! (2, dyad) how its inner joint moves with each of its links

@@ -5,15 +5,15 @@
 module linkdyn_inputs
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_group, step_csp, is_dyad
+    use linkdyn_model, only: model_type, step_group
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_record, only: new_input
     use linkdyn_value, only: value, constant, zero
     implicit none (type, external)
     private
-    public :: trace_request, sample_set, input_blocks, make_inputs, append_inputs, n_block
-    public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_unknown
-    public :: in_velocity, in_found
+    public :: trace_request, sample_set, input_blocks, make_inputs, n_block
+    public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
+    public :: in_found
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -26,16 +26,13 @@ module linkdyn_inputs
     integer, parameter :: in_branch = 8         !! +1 or -1 (n_branch)
     integer, parameter :: in_place = 9          !! x y z and quaternion of links placed by iteration (7 n_link)
     integer, parameter :: in_number = 10        !! numbers of the scene that vary
-    integer, parameter :: in_unknown = 11       !! unknowns that a dense solver found
-    integer, parameter :: in_velocity = 12      !! of links in groups, linear and angular, from a dense solver (6 n_link)
-    integer, parameter :: in_found = 13         !! what another program of the same record has found
-    integer, parameter :: n_block = 13
+    integer, parameter :: in_found = 11         !! what another program of the same record has found
+    integer, parameter :: n_block = 11
 
     !> What is wanted of a trace.
     type :: trace_request
         logical :: at_rest = .false.                       !! positions alone
         logical :: by_quaternion = .false.                 !! poses are given by position and quaternion
-        logical :: velocities_given = .false.              !! those of links in groups
         logical, allocatable :: has_load(:, :)             !! (6, load); absent: none
         logical, allocatable :: drive_is_unknown(:)        !! (actuator); absent: all are
         logical, allocatable :: acceleration_is_unknown(:) !! (coordinate); absent: none is
@@ -98,8 +95,6 @@ contains
         end do
         call add(in_place, is_input)
         call add(in_number, [(varies(k), k=1, at%n)], number)
-        call add(in_velocity, [((request%velocities_given .and. is_in_group(l) .and. (i == 1 .or. i == 2 .or. i == 6 &
-                                 .or. .not. model%is_planar), i=1, 6), l=1, model%n_link)])
 
     contains
 
@@ -109,21 +104,6 @@ contains
             is_unknown = .false.
             if (allocated(request%acceleration_is_unknown)) is_unknown = request%acceleration_is_unknown(k)
         end function is_unknown
-
-        !> Do constraints say how the link moves?
-        logical function is_in_group(l)
-            integer, intent(in) :: l
-            integer :: s
-
-            is_in_group = .false.
-            do s = 1, size(model%step)
-                if (model%step(s)%kind == step_group) then
-                    is_in_group = is_in_group .or. any(model%group(model%step(s)%first)%link == l)
-                else if (is_dyad(model%step(s)%kind) .or. model%step(s)%kind == step_csp) then
-                    is_in_group = is_in_group .or. any(model%step(s)%link == l)
-                end if
-            end do
-        end function is_in_group
 
         logical function is_known(k)
             integer, intent(in) :: k
@@ -190,14 +170,4 @@ contains
             if (allocated(sample%of(block)%x)) x = sample%of(block)%x(k, :)
         end function numbers_at
     end subroutine add_block
-
-    !> A block more, all of it inputs.
-    subroutine append_inputs(block, n, sample, blocks)
-        integer, intent(in) :: block, n
-        type(sample_set), intent(in) :: sample
-        type(input_blocks), intent(inout) :: blocks
-        integer :: k
-
-        call add_block(block, [(.true., k=1, n)], sample, blocks)
-    end subroutine append_inputs
 end module linkdyn_inputs

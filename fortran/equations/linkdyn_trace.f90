@@ -3,21 +3,21 @@ module linkdyn_trace
     use linkdyn_acting, only: acting_type
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
-    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, append_inputs, in_q, in_quaternion, in_qd, &
-        in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_unknown, in_velocity
+    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, &
+        in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     use linkdyn_layout, only: layout_type
     use linkdyn_loads, only: apply_load
-    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch, leave_velocities, take_velocities
+    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch
     use linkdyn_model, only: model_type
     use linkdyn_placing, only: run_step
     use linkdyn_springs, only: apply_spring
-    use linkdyn_system, only: system_type, unknown, solve, give_solution
+    use linkdyn_system, only: system_type, unknown, solve
     use linkdyn_value, only: value, zero, one, is_zero, operator(+), square, min
     implicit none (type, external)
     private
-    public :: traced_type, begin_trace, trace_steps, trace_motion, trace_velocities, trace_equations, trace_what_acts
+    public :: traced_type, begin_trace, trace_steps, trace_motion, trace_equations, trace_what_acts
     public :: solve_equations
-    public :: take_unknowns, alarm_of, reach_of
+    public :: alarm_of, reach_of
 
     type :: traced_type
         type(input_blocks) :: in
@@ -51,10 +51,6 @@ contains
             call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
             if (request%by_quaternion) traced%mechanism%quaternion = reshape(in(in_quaternion)%v, [4, model%n_attitude])
             traced%place = reshape(in(in_place)%v, [7, model%n_link])
-            if (request%velocities_given) then
-                traced%mechanism%velocity_road = take_velocities
-                traced%mechanism%given_velocity = reshape(in(in_velocity)%v, [6, model%n_link])
-            end if
         end associate
     end subroutine begin_trace
 
@@ -79,20 +75,6 @@ contains
             end do
         end associate
     end subroutine trace_steps
-
-    !> Leave the velocities of links in groups unknown, in a system of their own: inputs, and their equations.
-    subroutine trace_velocities(model, request, sample, traced, velocities)
-        type(model_type), intent(in) :: model
-        type(trace_request), intent(in) :: request
-        type(sample_set), intent(in) :: sample
-        type(traced_type), intent(inout) :: traced
-        type(system_type), intent(inout), target :: velocities
-
-        call begin_trace(model, request, sample, traced)
-        traced%mechanism%velocity_road = leave_velocities
-        traced%mechanism%velocities => velocities
-        call trace_steps(size(model%step), .false., traced)
-    end subroutine trace_velocities
 
     !> Inputs and the motion of all links.
     subroutine trace_motion(model, request, sample, traced, merged)
@@ -170,15 +152,6 @@ contains
         call solve(traced%system, is_last)
         call watch(traced%mechanism, traced%system)
     end subroutine solve_equations
-
-    !> The unknowns are inputs: somebody else has found them.
-    subroutine take_unknowns(sample, traced)
-        type(sample_set), intent(in) :: sample
-        type(traced_type), intent(inout) :: traced
-
-        call append_inputs(in_unknown, traced%system%n_unknown, sample, traced%in)
-        call give_solution(traced%system, traced%in%of(in_unknown)%v)
-    end subroutine take_unknowns
 
     !> Sum of the squares of what is watched: beyond one, rounding may have grown. Not a number if anything was none.
     function alarm_of(traced) result(alarm)

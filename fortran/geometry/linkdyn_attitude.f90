@@ -8,7 +8,7 @@ module linkdyn_attitude
     implicit none (type, external)
     private
     public :: rotation_about_z, rotation_by_angles, angular_velocity, angular_acceleration, angles_of_rotation
-    public :: rates_of_angles, rotation_by_quaternion, turned_quaternion
+    public :: rates_of_angles, rotation_by_quaternion
 
 contains
 
@@ -106,18 +106,4 @@ contains
         r%z = vector(p(2)*z2 + p(3)*w2, p(3)*z2 - p(2)*w2, one() - (p(2)*x2 + p(3)*y2))
     end function rotation_by_quaternion
 
-    !> A quaternion after a small turn, a vector in world axes; of unit length again.
-    function turned_quaternion(p, turn) result(q)
-        type(value), intent(in) :: p(4)
-        type(vector), intent(in) :: turn     !! [rad]
-        type(value) :: q(4)
-        type(vector) :: h
-
-        h = 0.5_wp*turn
-        q(1) = p(1) - (h%x*p(2) + h%y*p(3) + h%z*p(4))
-        q(2) = p(2) + (h%x*p(1) + h%y*p(4) - h%z*p(3))
-        q(3) = p(3) + (h%y*p(1) + h%z*p(2) - h%x*p(4))
-        q(4) = p(4) + (h%z*p(1) + h%x*p(3) - h%y*p(2))
-        q = reciprocal(sqrt(square(q(1)) + square(q(2)) + square(q(3)) + square(q(4))))*q
-    end function turned_quaternion
 end module linkdyn_attitude

@@ -17,7 +17,7 @@ module linkdyn_constraint_rates
     implicit none (type, external)
     private
     public :: body_state, constraint_type, constraints_of_joint, constraint_of_variable
-    public :: values_of, velocities_of, accelerations_of
+    public :: velocities_of, accelerations_of
 
     !> Place and motion of a body, world axes; symbols of a free one, or what is put in their place.
     type :: body_state
@@ -132,17 +132,6 @@ contains
     end subroutine differentiate
 
     ! ---------------------------------------------------------------- for given bodies
-
-    !> The values for two bodies as they stand.
-    function values_of(constraint, body) result(c)
-        type(constraint_type), intent(in) :: constraint
-        type(body_state), intent(in) :: body(2)
-        type(value), allocatable :: c(:)
-        type(substitution) :: map
-
-        call replace_places(constraint, body, map)
-        c = substituted(map, constraint%c)
-    end function values_of
 
     !> Their rates for velocities, or for small displacements in place of these.
     function velocities_of(constraint, body) result(rate)

@@ -5,15 +5,15 @@
 module linkdyn_group_rates
     use linkdyn_bodies, only: in_two_axes, world_axes, set_vector, forget_vector, omega_of, alpha_of, rotation_of, &
         acceleration_of_origin
-    use linkdyn_constraint_rates, only: body_state, constraint_type, constraints_of_joint, constraint_of_variable, values_of, &
-        velocities_of, accelerations_of
-    use linkdyn_mechanism, only: mechanism_type, watch, solve_velocities, leave_velocities
+    use linkdyn_constraint_rates, only: body_state, constraint_type, constraints_of_joint, constraint_of_variable, velocities_of, &
+        accelerations_of
+    use linkdyn_mechanism, only: mechanism_type, watch
     use linkdyn_system, only: system_type, unknown, require, solve, solved
-    use linkdyn_value, only: value, zero, operator(+)
-    use linkdyn_vector, only: vector, components, vector_of, zero_vector
+    use linkdyn_value, only: zero
+    use linkdyn_vector, only: vector, components, vector_of
     implicit none (type, external)
     private
-    public :: group_constraints, list_constraints, move_group, find_displacement
+    public :: group_constraints, list_constraints, move_group
 
     !> All constraints of a group.
     type :: group_constraints
@@ -60,19 +60,10 @@ contains
         type(system_type) :: velocities, accelerations
         integer :: i
 
-        select case (mechanism%velocity_road)
-        case (solve_velocities)
-            call require_velocities(velocities)
-            call solve(velocities)
-            call watch(mechanism, velocities)
-            call settle_velocities(mechanism, constraints, velocities)
-        case (leave_velocities)
-            call require_velocities(mechanism%velocities)
-            call set_accelerations_aside()
-            return
-        case default
-            call put_given_velocities(mechanism, constraints)
-        end select
+        call require_velocities(velocities)
+        call solve(velocities)
+        call watch(mechanism, velocities)
+        call settle_velocities(mechanism, constraints, velocities)
         if (present(equations)) then
             call require_accelerations(equations)
         else
@@ -92,16 +83,6 @@ contains
             end do
         end subroutine require_velocities
 
-        !> Of no use before the velocities are known.
-        subroutine set_accelerations_aside()
-            do i = 1, size(constraints%link)
-                associate (body => mechanism%bodies%body(constraints%link(i)))
-                    call set_vector(body%acceleration, world_axes, zero_vector())
-                    call set_vector(mechanism%bodies%turning(body%turning)%alpha, world_axes, zero_vector())
-                end associate
-            end do
-        end subroutine set_accelerations_aside
-
         subroutine require_accelerations(system)
             type(system_type), intent(inout) :: system
 
@@ -111,25 +92,6 @@ contains
             end do
         end subroutine require_accelerations
     end subroutine move_group
-
-    !> Newton's step: the displacements that close the linearised constraints. The coordinates must be at rest. After it the
-    !> links' velocities are these displacements, per unit of time.
-    subroutine find_displacement(mechanism, constraints)
-        type(mechanism_type), intent(inout) :: mechanism
-        type(group_constraints), intent(in) :: constraints
-        type(system_type) :: displacements
-        type(body_state) :: state(2)
-        integer :: i
-
-        call make_velocities_unknown(mechanism, constraints, displacements)
-        do i = 1, size(constraints%of)
-            state = states(mechanism, constraints%of(i)%link)
-            call require(displacements, values_of(constraints%of(i), state) + velocities_of(constraints%of(i), state))
-        end do
-        call solve(displacements)
-        call watch(mechanism, displacements)
-        call settle_velocities(mechanism, constraints, displacements)
-    end subroutine find_displacement
 
     ! ---------------------------------------------------------------- states of links
 
@@ -169,21 +131,6 @@ contains
             end associate
         end do
     end subroutine make_velocities_unknown
-
-    subroutine put_given_velocities(mechanism, constraints)
-        type(mechanism_type), intent(inout) :: mechanism
-        type(group_constraints), intent(in) :: constraints
-        integer :: i
-
-        do i = 1, size(constraints%link)
-            associate (body => mechanism%bodies%body(constraints%link(i)), &
-                       given => mechanism%given_velocity(:, constraints%link(i)))
-                body%velocity = vector_of(given(:3))
-                if (constraints%turns(i)) &
-                    call set_vector(mechanism%bodies%turning(body%turning)%omega, world_axes, vector_of(given(4:)))
-            end associate
-        end do
-    end subroutine put_given_velocities
 
     subroutine settle_velocities(mechanism, constraints, system)
         type(mechanism_type), intent(inout) :: mechanism

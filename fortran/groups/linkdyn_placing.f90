@@ -1,10 +1,10 @@
 !> The steps of the plan, one after the other: where every link stands and how it moves.
 module linkdyn_placing
-    use linkdyn_attitude, only: rotation_by_quaternion, turned_quaternion
+    use linkdyn_attitude, only: rotation_by_quaternion
     use linkdyn_bodies, only: world_axes, omega_of
     use linkdyn_csp_group, only: place_csp
     use linkdyn_dyads, only: place_dyad
-    use linkdyn_group_rates, only: group_constraints, list_constraints, move_group, find_displacement
+    use linkdyn_group_rates, only: group_constraints, list_constraints, move_group
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_kinds, only: wp
     use linkdyn_leg, only: close_leg
@@ -16,9 +16,7 @@ module linkdyn_placing
     use linkdyn_vector, only: vector, vector_of, components, operator(+), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: run_step, step_joints, correct_group
-
-    real(wp), parameter :: largest_turn = 0.5_wp       !! [rad] of a link in one of Newton's steps
+    public :: run_step
 
 contains
 
@@ -62,45 +60,6 @@ contains
         end select
         call measure_slides(mechanism, step_joints(mechanism, step))
     end subroutine run_step
-
-    !> Newton's step of a group: where its links would stand, with how far they shift and turn.
-    subroutine correct_group(mechanism, group, place, new_place, shift, turn)
-        type(mechanism_type), intent(inout) :: mechanism   !! at rest, the steps before have been run
-        type(group_type), intent(in) :: group
-        type(value), intent(in) :: place(:, :)             !! (7, link) where they stand
-        type(value), intent(out) :: new_place(:, :)        !! (7, link of the group)
-        type(value), intent(out) :: shift, turn            !! largest components [m, rad]
-        type(group_constraints) :: constraints
-        type(vector) :: omega
-        type(value) :: part
-        integer :: i
-
-        call take_places(mechanism, group%link, place)
-        call list_constraints(mechanism, group%link, group%joint, group%coordinate, constraints)
-        call find_displacement(mechanism, constraints)
-        shift = zero()
-        turn = zero()
-        do i = 1, size(group%link)
-            shift = largest_of(shift, mechanism%bodies%body(group%link(i))%velocity)
-            if (constraints%turns(i)) turn = largest_of(turn, omega_of(mechanism%bodies, group%link(i), world_axes))
-        end do
-        ! Far off, the step is cut so that no link turns further than its equations hold.
-        part = min(one(), largest_turn*reciprocal(max(turn, constant(largest_turn))))
-        do i = 1, size(group%link)
-            omega = omega_of(mechanism%bodies, group%link(i), world_axes)
-            new_place(1:3, i) = components(mechanism%bodies%body(group%link(i))%position &
-                                           + part*mechanism%bodies%body(group%link(i))%velocity)
-            new_place(4:7, i) = turned_quaternion(place(4:7, group%link(i)), part*omega)
-        end do
-    end subroutine correct_group
-
-    function largest_of(largest, v) result(r)
-        type(value), intent(in) :: largest
-        type(vector), intent(in) :: v
-        type(value) :: r
-
-        r = max(abs(v%x), max(abs(v%y), max(abs(v%z), largest)))
-    end function largest_of
 
     !> Joints that a step closes.
     function step_joints(mechanism, step) result(joint)

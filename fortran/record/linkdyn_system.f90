@@ -11,7 +11,7 @@ module linkdyn_system
     use linkdyn_value, only: value, zero, is_zero, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
-    public :: system_type, unknown, require, solve, solved, give_solution, find_places
+    public :: system_type, unknown, require, solve, solved, find_places
 
     !> Equations of one open record.
     type :: system_type
@@ -104,17 +104,6 @@ contains
         call move_alloc(elimination%solution, system%solution)
         call move_alloc(elimination%watched, system%watched)
     end subroutine solve
-
-    !> The unknowns were found elsewhere.
-    subroutine give_solution(system, solution)
-        type(system_type), intent(inout) :: system
-        type(value), intent(in) :: solution(:)         !! (as in `number`)
-
-        call find_places(system)
-        system%solution = solution
-        allocate (system%watched(0))
-        system%is_solved = system%forms%is_linear
-    end subroutine give_solution
 
     !> Which unknowns of the record are the system's.
     subroutine find_places(system)
