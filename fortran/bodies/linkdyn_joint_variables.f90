@@ -1,13 +1,12 @@
 !> Joint variables of placed and moving links.
 module linkdyn_joint_variables
-    use linkdyn_bodies, only: world_axes, omega_of, point_velocity, rotation_of
+    use linkdyn_bodies, only: world_axes, omega_of, point_velocity
     use linkdyn_constants, only: pi
     use linkdyn_joint_kind, only: marker_pair
-    use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, pair_of, marker_point
     use linkdyn_scene, only: coordinate_joint
     use linkdyn_value, only: value, nearest_whole, operator(+), operator(-), operator(*)
-    use linkdyn_vector, only: vector, operator(-), operator(.cross.), operator(.dot.)
+    use linkdyn_vector, only: vector, operator(-), operator(.cross.)
     implicit none (type, external)
     private
     public :: joint_variables, joint_rates, variable_near, variable_rate, coordinate_of_variable

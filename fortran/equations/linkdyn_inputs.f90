@@ -5,7 +5,7 @@
 module linkdyn_inputs
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_group
+    use linkdyn_model, only: model_type
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_record, only: new_input
     use linkdyn_value, only: value, constant, zero

@@ -1,11 +1,10 @@
 !> What each link's motion asks for beyond loads and springs: the wrenches that drives and joints must supply.
 module linkdyn_link_wrenches
     use linkdyn_acting, only: acting_type, turned
-    use linkdyn_bodies, only: own_axes, world_axes, omega_of, rotation_of
+    use linkdyn_bodies, only: own_axes
     use linkdyn_inertia_wrench, only: inertia_wrench
     use linkdyn_mechanism, only: mechanism_type, properties_of, marker_point, marker_frame
     use linkdyn_trace, only: traced_type
-    use linkdyn_value, only: value
     use linkdyn_vector, only: vector, rotation, zero_vector, operator(+), operator(-), operator(*), operator(.cross.)
     implicit none (type, external)
     private

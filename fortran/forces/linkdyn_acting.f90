@@ -2,9 +2,9 @@
 !>
 !> Loads, springs, drives and joint reactions all become this; the balance of a link adds it up without asking what it is.
 module linkdyn_acting
-    use linkdyn_bodies, only: bodies_type, rotation_of
+    use linkdyn_bodies, only: bodies_type
     use linkdyn_mechanism, only: mechanism_type, marker_frame
-    use linkdyn_value, only: value, zero, operator(*)
+    use linkdyn_value, only: value, operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, operator(*), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private

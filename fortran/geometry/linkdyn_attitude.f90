@@ -4,7 +4,7 @@
 module linkdyn_attitude
     use linkdyn_kinds, only: wp
     use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sin, cos, atan2, sqrt, reciprocal, square
-    use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(*), operator(.cross.), operator(.dot.)
+    use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(*), operator(.cross.)
     implicit none (type, external)
     private
     public :: rotation_about_z, rotation_by_angles, angular_velocity, angular_acceleration, angles_of_rotation

@@ -8,9 +8,9 @@ module linkdyn_dyads
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, must_be_positive, least_square
     use linkdyn_model, only: step_type, side_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr
-    use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), operator(/), sqrt, max, reciprocal, square
-    use linkdyn_vector, only: vector, rotation, unit_vector, zero_vector, operator(+), operator(-), operator(*), operator(.dot.), &
-        operator(.cross.), operator(.rotate.)
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, reciprocal, square
+    use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(-), operator(*), operator(.dot.), &
+        operator(.rotate.)
     implicit none (type, external)
     private
     public :: place_dyad

@@ -2,7 +2,7 @@
 module linkdyn_open_chain
     use linkdyn_attitude, only: rotation_by_angles, rotation_by_quaternion, angular_velocity, angular_acceleration
     use linkdyn_bodies, only: world_axes, own_axes, set_vector, omega_of, alpha_of, rotation_of, acceleration_of_origin, &
-        acceleration_field, field_times, field_type
+        acceleration_field, field_times
     use linkdyn_joint_kind, only: joint_shift
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, gravity_of

@@ -1,19 +1,17 @@
 !> The steps of the plan, one after the other: where every link stands and how it moves.
 module linkdyn_placing
     use linkdyn_attitude, only: rotation_by_quaternion
-    use linkdyn_bodies, only: world_axes, omega_of
     use linkdyn_csp_group, only: place_csp
     use linkdyn_dyads, only: place_dyad
     use linkdyn_group_rates, only: group_constraints, list_constraints, move_group
     use linkdyn_joint_kind, only: marker_pair
-    use linkdyn_kinds, only: wp
     use linkdyn_leg, only: close_leg
     use linkdyn_mechanism, only: mechanism_type, pair_of
-    use linkdyn_model, only: step_type, group_type, step_pose, step_joint, step_ups, step_csp, step_group, is_dyad
+    use linkdyn_model, only: step_type, step_pose, step_joint, step_ups, step_csp, step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, walk_joint
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value, zero, one, constant, min, max, abs, reciprocal, operator(*)
-    use linkdyn_vector, only: vector, vector_of, components, operator(+), operator(*), operator(.dot.)
+    use linkdyn_value, only: value
+    use linkdyn_vector, only: vector_of, operator(.dot.)
     implicit none (type, external)
     private
     public :: run_step

@@ -9,7 +9,6 @@ module linkdyn_force_program
     use linkdyn_record, only: record_type, open_record, close_record, open_record_of_thread
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, alarm_of, reach_of
-    use linkdyn_value, only: value
     implicit none (type, external)
     private
     public :: make_force_program, out_alarm, out_reach

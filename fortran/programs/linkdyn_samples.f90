@@ -1,6 +1,5 @@
 !> Batches of samples: what is given for each, and where its results go.
 module linkdyn_samples
-    use linkdyn_inputs, only: n_block
     use linkdyn_kinds, only: wp
     use linkdyn_scene_program, only: sample_arrays
     implicit none (type, external)

@@ -1,7 +1,7 @@
 !> A kernel of a scene, ready to run on samples: blocks of arrays go in, blocks of arrays come out.
 module linkdyn_scene_program
-    use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, forms_multiply_adds, &
-        block_lanes, run_block, run_single, gather, scatter
+    use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, &
+        forms_multiply_adds, block_lanes, run_block, gather, scatter
     use linkdyn_inputs, only: input_blocks, n_block, in_found
     use linkdyn_kernel, only: kernel_type, compile_kernel
     use linkdyn_kinds, only: wp

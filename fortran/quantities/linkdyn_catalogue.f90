@@ -1,14 +1,12 @@
 !> The results that there are, and how each is computed from a traced scene.
 module linkdyn_catalogue
     use linkdyn_force_system, only: reaction_of
-    use linkdyn_joint_variables, only: variable_rate
-    use linkdyn_kinds, only: wp
     use linkdyn_motion_quantities, only: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, &
         potential_energy, largest_gap, scene_position, scene_rotation
     use linkdyn_power_balance, only: power_imbalance
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type
-    use linkdyn_value, only: value, zero, operator(*), operator(+)
+    use linkdyn_value, only: value
     implicit none (type, external)
     private
     public :: quantity_values

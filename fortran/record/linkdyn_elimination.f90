@@ -7,7 +7,7 @@
 module linkdyn_elimination
     use linkdyn_kinds, only: wp
     use linkdyn_record, only: record_type, open_record_of_thread
-    use linkdyn_value, only: value, zero, is_zero, is_one, is_constant, reciprocal, constant, operator(+), operator(-), operator(*)
+    use linkdyn_value, only: value, is_zero, is_one, is_constant, reciprocal, constant, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
     public :: sparse_row, elimination_type, eliminate

@@ -5,8 +5,8 @@
 !> Rules stand from special to general.
 module linkdyn_folding
     use, intrinsic :: iso_fortran_env, only: real128
-    use linkdyn_operation, only: operate, op_constant, op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, &
-        op_cosine, op_arctangent, op_minimum, op_maximum, op_absolute, op_select, op_whole
+    use linkdyn_operation, only: operate, op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, op_cosine, &
+        op_arctangent, op_minimum, op_maximum, op_absolute, op_select, op_whole
     use linkdyn_record, only: value, record_type, open_record_of_thread, find_node, constant_in_quad, is_zero, is_one, &
         is_constant, constant_of, declare_inverse, negated, zero, one
     implicit none (type, external)

@@ -5,6 +5,7 @@
 !> Rates may contain unknowns: the rate of a constraint, with unknown velocities, is a row of equations.
 module linkdyn_rates
     use linkdyn_kinds, only: wp
+    use linkdyn_node_values, only: node_values
     use linkdyn_operation, only: n_operand, op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, op_cosine, &
         op_arctangent, op_minimum, op_maximum, op_absolute, op_select
     use linkdyn_record, only: record_type, open_record_of_thread
@@ -15,8 +16,7 @@ module linkdyn_rates
 
     !> Rates of nodes, found so far. One map serves one way of moving.
     type :: rate_map
-        integer, private :: first = huge(1)             !! the oldest node with a rate: those before it stand still
-        type(value), allocatable, private :: rate(:)    !! (node - first + 1); node 0: not known yet
+        type(node_values), private :: known             !! nodes before its first stand still
     end type rate_map
 
     interface set_rate
@@ -40,11 +40,7 @@ contains
         type(rate_map), intent(inout) :: map
         type(value), intent(in) :: v, rate
 
-        call make_room(map, v%node)
-        associate (own => map%rate(v%node - map%first + 1))
-            own = rate
-            if (v%sign < 0) own = -rate
-        end associate
+        call map%known%put(v, rate)
     end subroutine set_rate_of_one
 
     !> Rate of a value. A stack instead of recursion, since records are long.
@@ -58,9 +54,9 @@ contains
         logical :: is_ready
 
         rate = zero()
-        if (v%node < map%first) return
+        if (v%node < map%known%first) return
         record => open_record_of_thread()
-        call make_room(map, v%node)
+        call map%known%make_room(v%node)
         stack = [v%node]
         n = 1
         do while (n > 0)
@@ -79,19 +75,18 @@ contains
                 stack(n) = operand
             end do
             if (.not. is_ready) cycle
-            map%rate(node - map%first + 1) = rate_of_node(node)
+            call map%known%put(value(node, 1), rate_of_node(node))
             n = n - 1
         end do
-        rate = map%rate(v%node - map%first + 1)
-        if (v%sign < 0) rate = -rate
+        rate = map%known%get(v)
 
     contains
 
         pure logical function is_known(node)
             integer, intent(in) :: node
 
-            is_known = node < map%first
-            if (.not. is_known) is_known = map%rate(node - map%first + 1)%node > 0
+            is_known = node < map%known%first
+            if (.not. is_known) is_known = map%known%has(node)
         end function is_known
 
         function rate_of_node(node) result(rate)
@@ -145,26 +140,7 @@ contains
             if (i > n_operand(record%kind(node))) return
             operand = value(record%operand(i, node), 1)
             rate = zero()
-            if (operand%node >= map%first) rate = map%rate(operand%node - map%first + 1)
+            if (operand%node >= map%known%first) rate = map%known%get(operand)
         end subroutine take
     end function rate_of
-
-    subroutine make_room(map, node)
-        type(rate_map), intent(inout) :: map
-        integer, intent(in) :: node
-        type(value), allocatable :: rate(:)
-        integer :: first, last
-
-        if (.not. allocated(map%rate)) then
-            map%first = node
-            allocate (map%rate(0))
-        end if
-        last = map%first + size(map%rate) - 1
-        if (node >= map%first .and. node <= last) return
-        first = min(map%first, node)
-        allocate (rate(2*(max(last, node) - first + 1)))
-        rate(map%first - first + 1:map%first - first + size(map%rate)) = map%rate
-        call move_alloc(rate, map%rate)
-        map%first = first
-    end subroutine make_room
 end module linkdyn_rates

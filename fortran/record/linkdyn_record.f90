@@ -9,7 +9,7 @@ module linkdyn_record
     use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_loc, c_f_pointer, c_associated
     use, intrinsic :: iso_fortran_env, only: int64, real128
     use linkdyn_kinds, only: wp
-    use linkdyn_operation, only: operate, n_operand, op_constant, op_input, op_unknown
+    use linkdyn_operation, only: operate, op_constant, op_input, op_unknown
     implicit none (type, external)
     private
     public :: value, record_type, open_record, close_record, open_record_of_thread

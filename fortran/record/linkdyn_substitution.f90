@@ -1,17 +1,17 @@
 !> Values with some of their leaves replaced: the same formula of other arguments.
 module linkdyn_substitution
     use linkdyn_folding, only: result_of
+    use linkdyn_node_values, only: node_values
     use linkdyn_operation, only: n_operand
     use linkdyn_record, only: record_type, open_record_of_thread
-    use linkdyn_value, only: value, operator(-)
+    use linkdyn_value, only: value
     implicit none (type, external)
     private
     public :: substitution, replace, substituted
 
     !> What stands for what, and what followed from it so far.
     type :: substitution
-        integer, private :: first = 0                       !! the oldest node replaced: those before it do not depend on any
-        type(value), allocatable, private :: image(:)       !! (node - first + 1); node 0: not known yet
+        type(node_values), private :: image    !! nodes before its first do not depend on any that are replaced
     end type substitution
 
     interface replace
@@ -38,11 +38,7 @@ contains
         type(substitution), intent(inout) :: map
         type(value), intent(in) :: old, new
 
-        call make_room(map, old%node)
-        associate (image => map%image(old%node - map%first + 1))
-            image = new
-            if (old%sign < 0) image = -new
-        end associate
+        call map%image%put(old, new)
     end subroutine replace_one
 
     function substitute_in_many(map, v) result(w)
@@ -68,15 +64,15 @@ contains
         logical :: is_ready
 
         w = v
-        if (v%node < map%first) return
+        if (v%node < map%image%first) return
         record => open_record_of_thread()
-        call make_room(map, v%node)
+        call map%image%make_room(v%node)
         allocate (stack(64))
         stack(1) = v%node
         n = 1
         do while (n > 0)
             node = stack(n)
-            if (image_of(node) > 0) then
+            if (map%image%has(node)) then
                 n = n - 1
                 cycle
             end if
@@ -84,52 +80,23 @@ contains
             x = value(node, 1)
             do i = 1, n_operand(record%kind(node))
                 operand = record%operand(i, node)
-                if (operand < map%first) then
-                    x(i) = value(operand, 1)
+                x(i) = value(operand, 1)
+                if (operand < map%image%first) cycle
+                if (map%image%has(operand)) then
+                    x(i) = map%image%get(x(i))
                     cycle
                 end if
-                x(i) = map%image(operand - map%first + 1)
-                if (x(i)%node > 0) cycle
                 is_ready = .false.
                 n = n + 1
                 if (n > size(stack)) stack = [stack, stack]
                 stack(n) = operand
             end do
             if (.not. is_ready) cycle
-            associate (image => map%image(node - map%first + 1))
-                image = value(node, 1)
-                if (n_operand(record%kind(node)) > 0) image = result_of(record%kind(node), x(1), x(2), x(3))
-            end associate
+            w = value(node, 1)
+            if (n_operand(record%kind(node)) > 0) w = result_of(record%kind(node), x(1), x(2), x(3))
+            call map%image%put(value(node, 1), w)
             n = n - 1
         end do
-        w = map%image(v%node - map%first + 1)
-        if (v%sign < 0) w = -w
-
-    contains
-
-        pure integer function image_of(node)
-            integer, intent(in) :: node
-
-            image_of = map%image(node - map%first + 1)%node
-        end function image_of
+        w = map%image%get(v)
     end function substitute_in_one
-
-    subroutine make_room(map, node)
-        type(substitution), intent(inout) :: map
-        integer, intent(in) :: node
-        type(value), allocatable :: image(:)
-        integer :: first, last
-
-        if (.not. allocated(map%image)) then
-            map%first = node
-            allocate (map%image(0))
-        end if
-        last = map%first + size(map%image) - 1
-        if (node >= map%first .and. node <= last) return
-        first = min(map%first, node)
-        allocate (image(2*(max(last, node) - first + 1)))
-        image(map%first - first + 1:map%first - first + size(map%image)) = map%image
-        call move_alloc(image, map%image)
-        map%first = first
-    end subroutine make_room
 end module linkdyn_substitution

@@ -8,7 +8,7 @@ module linkdyn_system
     use linkdyn_elimination, only: sparse_row, elimination_type, eliminate
     use linkdyn_linear_form, only: linear_form, linear_forms, find_linear_form
     use linkdyn_record, only: new_unknown, record_type, open_record_of_thread
-    use linkdyn_value, only: value, zero, is_zero, operator(+), operator(-), operator(*)
+    use linkdyn_value, only: value, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
     public :: system_type, unknown, require, solve, solved, find_places
