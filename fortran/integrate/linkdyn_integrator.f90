@@ -320,6 +320,7 @@ contains
             if (self%t == t_end) then
                 solution = self%control%y
                 self%is_there = .true.
+                self%is_lost = .false.         ! though it may have been when looked at from further away
             else if (self%t > t_end .or. (.not. is_kink .and. t_end - self%t <= self%control%next)) then
                 call self%control%look_ahead(system, t_end, solution, is_good)
                 self%is_there = is_good .or. self%t > t_end
