@@ -6,7 +6,7 @@
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
-        reached_straight
+        reached_straight, judges_like_lanes
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
     use linkdyn_constants, only: least_accuracy
@@ -32,6 +32,7 @@ module linkdyn_inverse
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
+    use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
@@ -184,6 +185,7 @@ contains
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
         type(recorded_forces), pointer :: recorded
+        type(recorded_margins) :: margins
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
         integer :: n, n_left, n_block, n_thread, share, block, n_dense
         logical :: wants_rates, wants_world, has_stand_ins, is_on_way
@@ -194,16 +196,23 @@ contains
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
                       .or. has_stand_ins .or. solver%wants_distance
         n_dense = 0
+        is_on_way = present(known) .or. (present(trail) .and. n > 0)
         nullify (recorded)
         if (associated(solver%records) .and. is_worth_recording(model, n) .and. .not. &
-            (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) &
+            (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) then
             call need_record(model, solver, results, q, recorded)
-        is_on_way = present(known) .or. (present(trail) .and. n > 0)
+            if (is_on_way) call need_margins(model, solver, q, margins%record)
+        end if
         if (has_assemblies(model) .or. has_stand_ins) then
             if (present(known)) then
                 assembly = known
             else if (is_on_way) then
-                call follow_assembly(model, q, trail, assembly)
+                if (associated(margins%record)) then
+                    margins%threads = threads
+                    call follow_assembly(model, q, trail, assembly, margins)
+                else
+                    call follow_assembly(model, q, trail, assembly)
+                end if
             else if (.not. allocated(solver%at_start%status)) then
                 call make_room(model, 1, assembly)
             end if
@@ -453,13 +462,35 @@ contains
 
         call list_results(results, 0, list)
         nullify (recorded)
-        if (list%n == 0) return
+        if (list%n > 0) call find_or_make(model, solver, list%id(:list%n), q, recorded)
+    end subroutine need_record
+
+    !> The record of margins, by which a motion is followed; null if there is none.
+    recursive subroutine need_margins(model, solver, q, recorded)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(recorded_forces), pointer, intent(out) :: recorded
+        integer, parameter :: many = 200                       !! samples: their lanes' time is about that of a trace
+
+        nullify (recorded)
+        if (model%n_branch > 0 .and. size(model%group) == 0 .and. size(q, 2) >= many) &
+            call find_or_make(model, solver, of_margins, q, recorded)
+    end subroutine need_margins
+
+    recursive subroutine find_or_make(model, solver, wanted, q, recorded)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(recorded_forces), pointer, intent(out) :: recorded
+
         !$omp critical (linkdyn_need_record)
-        recorded => solver%records%find(list%id(:list%n))
-        if (.not. associated(recorded)) call make_record(model, solver, list%id(:list%n), q, recorded)
+        recorded => solver%records%find(wanted)
+        if (.not. associated(recorded)) call make_record(model, solver, wanted, q, recorded)
         !$omp end critical (linkdyn_need_record)
         if (.not. recorded%is_usable) nullify (recorded)
-    end subroutine need_record
+    end subroutine find_or_make
 
     recursive subroutine make_record(model, solver, wanted, q, recorded)
         type(model_type), intent(in) :: model
@@ -467,6 +498,7 @@ contains
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
         type(recorded_forces), pointer, intent(out) :: recorded
+        type(recorded_margins) :: margins
         real(wp), allocatable :: pose(:, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
@@ -475,7 +507,13 @@ contains
         call hold_texts()
         call record_forces(model, wanted, pose, stand, recorded)
         call release_texts()
-        if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
+        if (.not. recorded%is_usable) return
+        if (any(wanted == of_margins(1))) then
+            margins%record => recorded
+            recorded%is_usable = judges_like_lanes(model, margins, pose)
+        else
+            recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
+        end if
     end subroutine make_record
 
     !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference

@@ -9,7 +9,10 @@
 !> it begins anew at the first sample that is reached from the scene's start, as a sample on its own is.
 !>
 !> A sample on its own, outside a motion, has the branches of the start, and its groups are led from the start.
+!>
+!> Where somebody has margins for many places at a time, steps are judged by them as far as they are believed.
 module linkdyn_assembly_trail
+    use linkdyn_constants, only: least_accuracy
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
@@ -17,6 +20,7 @@ module linkdyn_assembly_trail
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, &
         place_rates, follows_assembly
+    use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: turn_between
@@ -25,6 +29,7 @@ module linkdyn_assembly_trail
     implicit none (type, external)
     private
     public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, keep_lane, begin_trail
+    public :: judges_like_lanes
     public :: reached_straight, reached_crossing, reached_anew, reached_name
 
     ! ---- how a sample was reached
@@ -139,23 +144,36 @@ contains
     end subroutine begin_trail
 
     !> Assembly at samples that follow each other and those of the last call.
-    subroutine follow_assembly(model, q, trail, assembly)
+    subroutine follow_assembly(model, q, trail, assembly, margins)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(out) :: assembly
-        integer :: n_done
+        class(margin_source), intent(in), optional :: margins    !! at many places at once; absent: lanes find them
+        integer, parameter :: shortest = 64          !! samples of a stride
+        integer, parameter :: room = 30000           !! numbers of scratch, which stays in the cache
+        integer :: n_done, n, stride, longest
 
         if (.not. trail%has_begun) call begin_trail(model, trail)
         call make_room(model, size(q, 2), assembly)
         if (.not. trail%is_needed) return
         n_done = 0
+        longest = max(shortest, room/(model%n_q + model%n_branch))
+        stride = longest
         do while (n_done < size(q, 2))
             if (trail%is_lost) then
                 call search_on(model, q, trail, assembly, n_done)
-            else
-                call go_on(model, q, trail, assembly, n_done)
+                cycle
             end if
+            if (present(margins)) then
+                n = min(stride, size(q, 2) - n_done)
+                stride = min(longest, 2*stride)
+                call stride_on(margins, q(:, n_done + 1:n_done + n), trail, assembly, n_done)
+                if (n_done == size(q, 2)) exit
+                ! Where lanes have to help, what lies beyond may be in vain.
+                stride = shortest
+            end if
+            call go_on(model, q, trail, assembly, n_done)
         end do
     end subroutine follow_assembly
 
@@ -215,6 +233,85 @@ contains
             call lead_on(model, q(:, n_done), n_done, trail, assembly)
         end if
     end subroutine go_on
+
+    !> Take the next samples, as long as every step is believed.
+    subroutine stride_on(margins, q, trail, assembly, n_done)
+        class(margin_source), intent(in) :: margins
+        real(wp), intent(in) :: q(:, :)              !! of the next samples (n_q, n)
+        type(assembly_trail), intent(inout) :: trail
+        type(sample_assembly), intent(inout) :: assembly
+        integer, intent(inout) :: n_done             !! samples dealt with
+        real(wp), allocatable :: at(:, :), way(:, :), margin(:, :), drift(:, :)
+        real(wp) :: back
+        logical, allocatable :: is_closed(:)
+        integer :: n, i
+
+        n = size(q, 2)
+        allocate (at(size(q, 1), 0:n), way(size(q, 1), 0:n), is_closed(0:n))
+        allocate (margin(size(trail%least_margin), 0:n), drift(size(trail%least_margin), 0:n))
+        at(:, 0) = trail%q
+        at(:, 1:) = q
+        way(:, :n - 1) = at(:, 1:) - at(:, :n - 1)
+        way(:, n) = way(:, n - 1)
+        call margins%find(at, way, trail%branch, margin, drift, is_closed)
+        do i = 1, n
+            if (.not. (is_closed(i - 1) .and. is_closed(i))) exit
+            back = share_along(way(:, i - 1), way(:, i))
+            if (.not. all(abs(margin(:, i)) > trail%least_margin &
+                          .and. is_step_sound(trail%least_margin, margin(:, i - 1), drift(:, i - 1), margin(:, i), &
+                                              back*drift(:, i)))) exit
+            assembly%branch(:, n_done + i) = trail%branch
+        end do
+        n_done = n_done + i - 1
+        trail%q = at(:, i - 1)
+    end subroutine stride_on
+
+    !> The part of a way that leads along another one.
+    pure real(wp) function share_along(way, other) result(share)
+        real(wp), intent(in) :: way(:), other(:)     !! (n_q)
+        real(wp) :: square
+
+        square = dot_product(other, other)
+        share = 0
+        if (square > 0) share = dot_product(way, other)/square
+    end function share_along
+
+    !> Are margins those that the lanes find? Asked once of each source, at representative places on the start's assembly:
+    !> a difference would be a defect, and the lanes are believed.
+    logical function judges_like_lanes(model, margins, pose) result(agrees)
+        type(model_type), intent(in) :: model
+        class(margin_source), intent(in) :: margins
+        real(wp), intent(in) :: pose(:, :)           !! (n_q, pose)
+        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads ways
+        type(assembly_trail) :: trail
+        real(wp), dimension(model%n_q, lanes) :: at, way
+        real(wp), dimension(lanes, model%n_branch) :: margin, drift
+        real(wp), dimension(model%n_branch, lanes) :: margin_given, drift_given
+        real(wp) :: rate(lanes, link_freedom(model), model%n_link), side(model%n_branch)
+        logical :: is_closed(lanes), is_closed_given(lanes)
+        integer :: i, k, n_compared, n_alike
+
+        call begin_trail(model, trail)
+        do i = 1, lanes
+            at(:, i) = pose(:, min(i, size(pose, 2)))
+            way(:, i) = [(modulo((i*model%n_q + k)*golden, 1.0_wp) - 0.5_wp, k=1, model%n_q)]
+        end do
+        call evaluate_places(model, transpose(at), transpose(way), trail, margin, drift, rate, is_closed)
+        call margins%find(at, way, trail%branch, margin_given, drift_given, is_closed_given)
+        n_compared = 0
+        n_alike = 0
+        do i = 1, min(lanes, size(pose, 2))
+            if (.not. (is_closed(i) .and. is_closed_given(i))) cycle
+            n_compared = n_compared + 1
+            ! Which assembly has the positive margin is for each to say.
+            side = sign(1.0_wp, margin(i, :)*margin_given(:, i))
+            if (all(abs(margin(i, :) - side*margin_given(:, i)) <= least_accuracy) &
+                .and. all(abs(drift(i, :) - side*drift_given(:, i)) <= least_accuracy*(1 + abs(drift(i, :))))) &
+                n_alike = n_alike + 1
+        end do
+        ! Near a dead point both may have few digits.
+        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+    end function judges_like_lanes
 
     !> Which of the steps from each lane's place to the next one's are believed at once. The state has what was found there.
     subroutine judge_steps(model, at, n, trail, is_closed, is_believed)

@@ -1,7 +1,7 @@
 !> The program of inverse dynamics: from a motion and loads to driving forces, reactions and what else is wanted, with all
 !> eliminations inside.
 module linkdyn_force_program
-    use linkdyn_catalogue, only: quantity_values, result_reaction
+    use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_layout, only: sparse_layout
     use linkdyn_model, only: model_type
@@ -33,8 +33,10 @@ contains
 
         call open_record(record, sample%n)
         call trace_motion(model, request, sample, traced, merged=.false.)
-        call trace_equations(request, sparse_layout(model), traced)
-        call solve_equations(traced, is_last=wanted_last(traced, wanted))
+        if (any(needs_equations(wanted))) then
+            call trace_equations(request, sparse_layout(model), traced)
+            call solve_equations(traced, is_last=wanted_last(traced, wanted))
+        end if
         if (traced%mechanism%is_solved) then
             do i = 1, size(wanted)
                 call add_output(out, wanted(i), quantity_values(traced, wanted(i)))

@@ -201,8 +201,7 @@ contains
         do i = 1, count
             sample = first + i - 1
             is_left(i) = way_status(min(sample, size(way_status))) /= sample_ok &
-                         .or. .not. (is_finite(arrays%of(in_q)%x(:, sample)) .and. is_finite(arrays%of(in_qd)%x(:, sample)) &
-                                     .and. is_finite(arrays%of(in_qdd)%x(:, sample)))
+                         .or. .not. (is_given(in_q) .and. is_given(in_qd) .and. is_given(in_qdd))
         end do
         if (all(is_left)) return
         call load_samples(recorded%program, arrays, first, count, space%slots)
@@ -215,6 +214,16 @@ contains
         ! Written so that what is no number counts as an alarm.
         is_left = is_left .or. .not. (space%alarm(1, :count) <= 1 .and. space%reach(1, :count) > 0)
         if (associated(results%status)) where (.not. is_left) results%status(first:first + count - 1) = sample_ok
+
+    contains
+
+        !> Does the sample have numbers for a block, or need none?
+        pure logical function is_given(block)
+            integer, intent(in) :: block                       !! one of `in_*`
+
+            is_given = .true.
+            if (associated(arrays%of(block)%x)) is_given = is_finite(arrays%of(block)%x(:, sample))
+        end function is_given
     end subroutine run_one_block
 
     !> Written so that what is no number is not.

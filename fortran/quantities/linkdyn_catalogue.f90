@@ -2,14 +2,14 @@
 module linkdyn_catalogue
     use linkdyn_force_system, only: reaction_of
     use linkdyn_motion_quantities, only: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, &
-        potential_energy, largest_gap, scene_position, scene_rotation
+        potential_energy, largest_gap, scene_position, scene_rotation, margin_rates
     use linkdyn_power_balance, only: power_imbalance
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type
     use linkdyn_value, only: value
     implicit none (type, external)
     private
-    public :: quantity_values
+    public :: quantity_values, needs_equations
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
@@ -17,7 +17,7 @@ module linkdyn_catalogue
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
     public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
-    public :: result_position, result_rotation
+    public :: result_position, result_rotation, result_margin, result_margin_rate
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -52,8 +52,17 @@ module linkdyn_catalogue
     ! ---- of the record alone
     integer, parameter :: result_position = 31
     integer, parameter :: result_rotation = 32
+    integer, parameter :: result_margin = 33                ! of groups in closed form: from where assemblies meet
+    integer, parameter :: result_margin_rate = 34
 
 contains
+
+    !> Does a result need forces, or accelerations that are not given?
+    elemental logical function needs_equations(id)
+        integer, intent(in) :: id                       !! one of `result_*`
+
+        needs_equations = any(id == [result_qdd, result_driving_force, result_reaction, result_power_imbalance])
+    end function needs_equations
 
     !> The values of one result, as samples store them; none for what no kernel computes.
     function quantity_values(traced, id) result(v)
@@ -101,6 +110,10 @@ contains
                 do i = 1, model%n_link
                     v = [v, scene_rotation(mechanism, i)]
                 end do
+            case (result_margin)
+                v = mechanism%margin
+            case (result_margin_rate)
+                v = margin_rates(mechanism)
             end select
         end associate
     end function quantity_values

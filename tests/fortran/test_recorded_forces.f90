@@ -2,6 +2,7 @@
 !> in any axes, near dead points; and what a record leaves out.
 module test_recorded_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, judges_like_lanes, reached_crossing
     use linkdyn_builder, only: build_model
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_equations, only: choose_poses
@@ -12,6 +13,7 @@ module test_recorded_forces
     use linkdyn_motion, only: sample_count, sample_times, evaluate_motion
     use linkdyn_planar_scenes, only: four_bar_chain
     use linkdyn_recorded_forces, only: recorded_forces, record_forces
+    use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_samples, only: result_list
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene
@@ -43,8 +45,9 @@ contains
     subroutine collect_recorded_forces(tests)
         type(unit_test), allocatable, intent(out) :: tests(:)
 
-        tests = [new_test("examples", test_examples), new_test("legs in any axes", test_legs), &
-                 new_test("a leg that is not straight", test_bent_leg), new_test("dead points", test_dead_points), &
+        tests = [new_test("examples", test_examples), new_test("following a motion", test_following), &
+                 new_test("legs in any axes", test_legs), new_test("a leg that is not straight", test_bent_leg), &
+                 new_test("dead points", test_dead_points), &
                  new_test("samples that are no numbers", test_no_numbers), new_test("what is left out", test_left_out), &
                  new_test("linear in links", test_linear)]
     end subroutine collect_recorded_forces
@@ -66,6 +69,81 @@ contains
             call compare_roads(error, trim(example(i)), model, batch)
         end do
     end subroutine test_examples
+
+    !> Along random walks, which lead through change points, to dead points and beyond, samples are found on the same assembly
+    !> and lost at the same places, whoever has the margins.
+    subroutine test_following(error)
+        type(test_error), intent(inout) :: error
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(recorded_forces), target :: recorded
+        type(recorded_margins) :: margins
+        type(assembly_trail) :: trail(2)
+        type(sample_assembly) :: assembly(2)
+        real(wp), allocatable :: q(:, :), pose(:, :)
+        real(wp) :: stand(3, 4, 0:20)
+        integer, parameter :: n = 700                  ! not a whole number of strides
+        character(len=len(example)) :: name
+        integer :: i, scale, n_lost, n_crossed
+
+        n_lost = 0
+        n_crossed = 0
+        do i = 1, size(example) + 2
+            if (i <= size(example)) then
+                name = example(i)
+                call read_scene("examples/"//trim(name)//".toml", scene, status)
+            else
+                name = "parallelograms"                ! one alone can be closed on the wrong assembly as well
+                call four_bar_chain(i - size(example), scene)
+            end if
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(status%message))
+            if (.not. status%is_ok()) return
+            if (model%n_branch == 0) cycle
+            call choose_poses(model, spread(model%start_q, 2, 1), pose, stand(:, :, :model%n_link))
+            call record_forces(model, of_margins, pose, stand(:, :, :model%n_link), recorded)
+            margins%record => recorded
+            call check(error, recorded%is_usable, trim(name)//": there is a record of margins")
+            if (.not. recorded%is_usable) cycle
+            call check(error, judges_like_lanes(model, margins, pose), trim(name)//": margins as in lanes")
+            do scale = 0, 3
+                q = random_walk(model, n, 0.003_wp*6.0_wp**scale)
+                trail = assembly_trail()
+                call follow_assembly(model, q, trail(1), assembly(1))
+                call follow_assembly(model, q(:, :500), trail(2), assembly(2), margins)
+                call check(error, all(assembly(2)%branch == assembly(1)%branch(:, :500)), trim(name)//": branches")
+                call check(error, all(assembly(2)%status == assembly(1)%status(:500)), trim(name)//": outcomes")
+                call check(error, all(assembly(2)%reached == assembly(1)%reached(:500)), trim(name)//": how reached")
+                ! A trail goes on with the next samples.
+                call follow_assembly(model, q(:, 501:), trail(2), assembly(2), margins)
+                call check(error, all(assembly(2)%branch == assembly(1)%branch(:, 501:)), trim(name)//": branches, later")
+                call check(error, all(assembly(2)%status == assembly(1)%status(501:)), trim(name)//": outcomes, later")
+                n_lost = n_lost + count(assembly(1)%status /= sample_ok)
+                n_crossed = n_crossed + count(assembly(1)%reached == reached_crossing)
+            end do
+        end do
+        call check(error, n_lost > 100, "the walks lead to dead points")
+        call check(error, n_crossed > 0, "and through change points")
+    end subroutine test_following
+
+    !> From the start on, each coordinate by small steps of changing speed.
+    function random_walk(model, n, reach) result(q)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        real(wp), intent(in) :: reach                  !! of a step [m, rad]
+        real(wp) :: q(model%n_q, n)
+        type(random_stream) :: stream
+        real(wp) :: step(model%n_q)
+        integer :: i
+
+        step = 0
+        q(:, 1) = model%start_q
+        do i = 2, n
+            step = 0.95_wp*step + 0.3_wp*reach*stream%vector(model%n_q)
+            q(:, i) = q(:, i - 1) + step
+        end do
+    end function random_walk
 
     subroutine follow_motion(model, batch)
         type(model_type), intent(in) :: model
