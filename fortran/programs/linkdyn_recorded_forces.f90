@@ -196,13 +196,16 @@ contains
         type(idle_space), intent(inout), target :: space
         logical, intent(out) :: is_left(:)                     !! (count)
         type(output_target) :: to(size(results%of) + 2)
-        integer :: i, sample
+        integer :: i
 
-        do i = 1, count
-            sample = first + i - 1
-            is_left(i) = way_status(min(sample, size(way_status))) /= sample_ok &
-                         .or. .not. (is_given(in_q) .and. is_given(in_qd) .and. is_given(in_qdd))
-        end do
+        if (size(way_status) == 1) then
+            is_left = way_status(1) /= sample_ok
+        else
+            is_left = way_status(first:first + count - 1) /= sample_ok
+        end if
+        call leave_what_is_no_number(in_q)
+        call leave_what_is_no_number(in_qd)
+        call leave_what_is_no_number(in_qdd)
         if (all(is_left)) return
         call load_samples(recorded%program, arrays, first, count, space%slots)
         to(1) = goes_to(out_alarm, space%alarm)
@@ -217,13 +220,18 @@ contains
 
     contains
 
-        !> Does the sample have numbers for a block, or need none?
-        pure logical function is_given(block)
+        !> Samples that have no numbers where the record needs some.
+        subroutine leave_what_is_no_number(block)
             integer, intent(in) :: block                       !! one of `in_*`
 
-            is_given = .true.
-            if (associated(arrays%of(block)%x)) is_given = is_finite(arrays%of(block)%x(:, sample))
-        end function is_given
+            if (.not. associated(arrays%of(block)%x)) return
+            associate (x => arrays%of(block)%x(:, first:first + count - 1))
+                if (sum(abs(x)) <= huge(1.0_wp)) return        ! all at once, as nearly always
+                do i = 1, count
+                    is_left(i) = is_left(i) .or. .not. is_finite(x(:, i))
+                end do
+            end associate
+        end subroutine leave_what_is_no_number
     end subroutine run_one_block
 
     !> Written so that what is no number is not.
