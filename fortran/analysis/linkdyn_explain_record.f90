@@ -16,11 +16,11 @@ contains
     subroutine explain_record(model, unit)
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit            !! open for formatted writing
-        real(wp), allocatable :: pose(:, :)
+        real(wp), allocatable :: pose(:, :), place(:, :, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
         write (unit, "(/,a)") "Record of inverse dynamics"
-        call choose_poses(model, spread(model%start_q, 2, 1), pose, stand)
+        call choose_poses(model, spread(model%start_q, 2, 1), pose, place, stand)
         call explain_program("all unknowns", [result_driving_force, result_reaction])
         call explain_program("driving forces only", [result_driving_force])
 
@@ -31,7 +31,7 @@ contains
             integer, intent(in) :: wanted(:)
             type(recorded_forces) :: recorded
 
-            call record_forces(model, wanted, pose, stand, recorded)
+            call record_forces(model, wanted, pose, place, stand, recorded)
             if (recorded%is_usable) then
                 write (unit, "(2x,a)") what//": "//in_words(recorded%program%kernel)
             else if (size(wanted) > 1) then

@@ -5,8 +5,8 @@
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
-        reached_straight
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, settle_samples, make_room, &
+        place_sample, reached_straight
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
     use linkdyn_constants, only: least_accuracy
@@ -17,7 +17,7 @@ module linkdyn_inverse
         choose_solver, choose_poses
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words
-    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch
+    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
@@ -35,9 +35,10 @@ module linkdyn_inverse
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
-    use linkdyn_status, only: status_type, sample_ok, sample_undefined
+    use linkdyn_status, only: status_type, sample_ok, sample_singular, sample_undefined
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count, count_turns
+    use linkdyn_uncertainty, only: is_surely_certain
     use linkdyn_vec3, only: vec3, operator(-)
     implicit none (type, external)
     private
@@ -204,6 +205,9 @@ contains
                 assembly = known
             else if (is_on_way) then
                 call follow_assembly(model, q, trail, assembly)
+            else if (needs_places(recorded)) then
+                call settle_samples(model, threads, q, assembly)
+                is_on_way = .true.
             else if (.not. allocated(solver%at_start%status)) then
                 call make_room(model, 1, assembly)
             end if
@@ -211,9 +215,9 @@ contains
         n_left = n
         if (associated(recorded)) then
             if (is_on_way .or. .not. allocated(solver%at_start%status)) then
-                call run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
+                call run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
             else
-                call run_by_record(recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left)
+                call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left)
             end if
         end if
         n_block = (n_left + lanes - 1)/lanes
@@ -255,6 +259,14 @@ contains
         end if
 
     contains
+
+        !> Do links of groups have to be placed before the record runs?
+        logical function needs_places(recorded)
+            type(recorded_forces), pointer, intent(in) :: recorded
+
+            needs_places = .false.
+            if (associated(recorded)) needs_places = recorded%needs_places
+        end function needs_places
 
         !> Of those that are left.
         pure integer function sample_of(place)
@@ -467,13 +479,13 @@ contains
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
         type(recorded_forces), pointer, intent(out) :: recorded
-        real(wp), allocatable :: pose(:, :)
+        real(wp), allocatable :: pose(:, :), place(:, :, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
         recorded => solver%records%add()
-        call choose_poses(model, q, pose, stand)
+        call choose_poses(model, q, pose, place, stand)
         call hold_texts()
-        call record_forces(model, wanted, pose, stand, recorded)
+        call record_forces(model, wanted, pose, place, stand, recorded)
         call release_texts()
         if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
     end subroutine make_record
@@ -507,8 +519,12 @@ contains
         end do
         by_lanes%equations = solver%equations
         call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1))
-        call make_room(model, 1, assembly)
-        call run_by_record(recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left)
+        if (recorded%needs_places) then
+            call settle_samples(model, 1, pose, assembly)
+        else
+            call make_room(model, 1, assembly)
+        end if
+        call run_by_record(model, recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left)
         n_compared = 0
         n_alike = 0
         do i = 1, n
@@ -542,7 +558,8 @@ contains
     end function are_alike
 
     !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.
-    subroutine run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
+    subroutine run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
+        type(model_type), intent(in) :: model
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: threads
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
@@ -562,13 +579,32 @@ contains
         call set_block(arrays, in_load, 6*size(load, 2), n, load)
         call list_results(results, n, list)
         call clear_measures(results)
-        if (recorded%needs_branches) then
+        if (recorded%needs_branches) &
             call set_block(arrays, in_branch, size(assembly%branch, 1), size(assembly%branch, 2), assembly%branch)
+        if (recorded%needs_places) then
+            call set_block(arrays, in_place, size(assembly%place, 1)*model%n_link, n, assembly%place)
+            call run_recorded(recorded, threads, n, arrays, status_for_record(model, assembly), list, n_left, left)
+        else if (recorded%needs_branches) then
             call run_recorded(recorded, threads, n, arrays, assembly%status, list, n_left, left)
         else
             call run_recorded(recorded, threads, n, arrays, [sample_ok], list, n_left, left)
         end if
     end subroutine run_by_record
+
+    !> Samples at which a group is too near to a singular position for its motion to be surely certain are for the lanes, which
+    !> look closer.
+    pure function status_for_record(model, assembly) result(status)
+        type(model_type), intent(in) :: model
+        type(sample_assembly), intent(in) :: assembly
+        integer :: status(size(assembly%status))               !! one of `sample_*`
+        integer :: g
+
+        status = assembly%status
+        do g = 1, size(model%group)
+            where (status == sample_ok .and. .not. is_surely_certain(assembly%margin(g, :), size(model%group(g)%unit))) &
+                status = sample_singular
+        end do
+    end function status_for_record
 
     !> Sizes of values, lane by lane: their sum is finite if they all are.
     pure subroutine add_sizes(value, total)

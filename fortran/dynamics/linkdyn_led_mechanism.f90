@@ -51,20 +51,23 @@ contains
     !> Positions and all rates of the block whose coordinates are in the state. Groups closed by iteration are led there
     !> from the assembly that the state sets out from, by the shortest of the straight ways that differ by full turns of
     !> angles.
-    subroutine evaluate_kinematics(model, state)
+    subroutine evaluate_kinematics(model, state, way_status)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
+        integer, intent(out), optional :: way_status(lanes)    !! how leading them came out: one of `sample_*`
 
+        if (present(way_status)) way_status = state%way_status
         if (size(model%group) == 0) then
             call run_program(model, state)
         else
-            call evaluate_with_groups(model, state)
+            call evaluate_with_groups(model, state, way_status)
         end if
     end subroutine evaluate_kinematics
 
-    subroutine evaluate_with_groups(model, state)
+    subroutine evaluate_with_groups(model, state, way_status)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
+        integer, intent(out), optional :: way_status(lanes)
         type(way_report) :: report
         real(wp) :: from(lanes, model%n_q)
         logical :: goes(lanes)
@@ -86,6 +89,7 @@ contains
         end if
         state%group%moves = state%way_status == sample_ok
         call run_program(model, state)
+        if (present(way_status)) way_status = state%way_status
         state%way_status = told
     end subroutine evaluate_with_groups
 

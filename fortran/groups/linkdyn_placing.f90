@@ -1,6 +1,6 @@
 !> The steps of the plan, one after the other: where every link stands and how it moves.
 module linkdyn_placing
-    use linkdyn_attitude, only: rotation_by_quaternion
+    use linkdyn_attitude, only: rotation_about_z, rotation_by_quaternion
     use linkdyn_csp_group, only: place_csp
     use linkdyn_dyads, only: place_dyad
     use linkdyn_group_rates, only: group_constraints, list_constraints, move_group
@@ -10,8 +10,8 @@ module linkdyn_placing
     use linkdyn_model, only: step_type, step_pose, step_joint, step_ups, step_csp, step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, walk_joint
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value
-    use linkdyn_vector, only: vector_of, operator(.dot.)
+    use linkdyn_value, only: value, zero
+    use linkdyn_vector, only: vector, vector_of, operator(.dot.)
     implicit none (type, external)
     private
     public :: run_step
@@ -23,7 +23,7 @@ contains
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step
         type(value), intent(in) :: branch              !! +1 or -1, read where a step has two ways to close
-        type(value), intent(in) :: place(:, :)         !! x y z and a quaternion (7, link)
+        type(value), intent(in) :: place(:, :)         !! x, y, angle, or x y z and a quaternion (place_size, link)
         type(system_type), intent(inout), optional :: equations    !! where accelerations stay unknown, if they do
         type(group_constraints) :: constraints
         integer :: i
@@ -80,9 +80,18 @@ contains
 
         do i = 1, size(link)
             associate (body => mechanism%bodies%body(link(i)))
-                body%position = vector_of(place(1:3, link(i)))
+                if (mechanism%model%is_planar) then
+                    body%position = vector(place(1, link(i)), place(2, link(i)), zero())
+                else
+                    body%position = vector_of(place(:3, link(i)))
+                end if
                 if (any(mechanism%bodies%turning(body%turning)%omega%is_known)) cycle
-                mechanism%bodies%turning(body%turning)%r = rotation_by_quaternion(place(4:7, link(i)))
+                if (any(mechanism%bodies%body(link(:i - 1))%turning == body%turning)) cycle
+                if (mechanism%model%is_planar) then
+                    mechanism%bodies%turning(body%turning)%r = rotation_about_z(place(3, link(i)))
+                else
+                    mechanism%bodies%turning(body%turning)%r = rotation_by_quaternion(place(4:, link(i)))
+                end if
             end associate
         end do
     end subroutine take_places
