@@ -274,6 +274,7 @@ contains
         do block = 1, 8*n_wanted_pose/lanes + 8
             call representative_poses(model, block, state)
             call add_poses()
+            if (size(pose, 2) == n_wanted_pose) return
         end do
         if (size(pose, 2) > 0) return
         do block = 1, 8*n_wanted_pose/lanes + 8
@@ -281,6 +282,7 @@ contains
             if (first > size(batch, 2)) exit
             state%q = transpose(batch(:, [(min(first + lane, size(batch, 2)), lane=0, lanes - 1)]))
             call add_poses()
+            if (size(pose, 2) == n_wanted_pose) return
         end do
 
     contains

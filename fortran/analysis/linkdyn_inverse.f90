@@ -18,6 +18,8 @@ module linkdyn_inverse
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place
+    use linkdyn_closing_programs, only: closing_programs, make_closing_programs
+    use linkdyn_group_motion, only: group_closer
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
@@ -46,6 +48,8 @@ module linkdyn_inverse
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
     public :: solver_name, choose_solver
 
+    !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without.
+    integer, parameter :: worth_closing = 256
     integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
 
     type :: inverse_options
@@ -81,6 +85,7 @@ module linkdyn_inverse
         type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
         logical :: wants_distance = .false.
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
+        type(closing_programs), pointer :: closing => null()    !! likewise, if it has groups closed by iteration
         type(sample_assembly) :: at_start                       !! of samples outside a motion; not there: made anew
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
@@ -112,7 +117,10 @@ contains
         if (has_assemblies(model)) call make_room(model, 1, solver%at_start)
         allocate (solver%pool)
         if (options%by_record .and. options%solver == solver_elimination .and. .not. options%wants_errors &
-            .and. .not. options%wants_rcond .and. .not. options%wants_distance) allocate (solver%records)
+            .and. .not. options%wants_rcond .and. .not. options%wants_distance) then
+            allocate (solver%records)
+            if (size(model%group) > 0) allocate (solver%closing)
+        end if
     end subroutine prepare_inverse
 
     !> Give the scratch back. No batch may be running.
@@ -123,6 +131,10 @@ contains
         if (associated(self%records)) then
             call self%records%free()
             deallocate (self%records)
+        end if
+        if (associated(self%closing)) then
+            call self%closing%free()
+            deallocate (self%closing)
         end if
         if (.not. associated(self%pool)) return
         do while (associated(self%pool%first))
@@ -185,6 +197,7 @@ contains
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
         type(recorded_forces), pointer :: recorded
+        class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
         integer :: n, n_left, n_block, n_thread, share, block, n_dense
         logical :: wants_rates, wants_world, has_stand_ins, is_on_way
@@ -195,7 +208,9 @@ contains
         wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
                       .or. has_stand_ins .or. solver%wants_distance
         n_dense = 0
-        nullify (recorded)
+        nullify (recorded, closer)
+        if (associated(solver%closing) .and. n >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
+            call need_closer(model, solver, q, closer)
         if (associated(solver%records) .and. is_worth_recording(model, n) .and. .not. &
             (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) &
             call need_record(model, solver, results, q, recorded)
@@ -204,9 +219,9 @@ contains
             if (present(known)) then
                 assembly = known
             else if (is_on_way) then
-                call follow_assembly(model, q, trail, assembly)
+                call follow_assembly(model, q, trail, assembly, closer)
             else if (needs_places(recorded)) then
-                call settle_samples(model, threads, q, assembly)
+                call settle_samples(model, threads, q, assembly, closer)
                 is_on_way = .true.
             else if (.not. allocated(solver%at_start%status)) then
                 call make_room(model, 1, assembly)
@@ -472,6 +487,35 @@ contains
         !$omp end critical (linkdyn_need_record)
         if (.not. recorded%is_usable) nullify (recorded)
     end subroutine need_record
+
+    !> Programs of Newton's steps, made when they are wanted first; null if a group has none.
+    subroutine need_closer(model, solver, q, closer)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        class(group_closer), pointer, intent(out) :: closer
+
+        nullify (closer)
+        !$omp critical (linkdyn_need_closer)
+        if (.not. solver%closing%is_tried) call make_closer(model, q, solver%closing)
+        !$omp end critical (linkdyn_need_closer)
+        if (solver%closing%is_usable) closer => solver%closing
+    end subroutine need_closer
+
+    subroutine make_closer(model, q, closing)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(closing_programs), intent(inout) :: closing
+        type(sample_assembly) :: assembly
+        real(wp), allocatable :: pose(:, :), place(:, :, :)
+        real(wp) :: stand(3, 4, 0:model%n_link)
+
+        call choose_poses(model, q, pose, place, stand)
+        call settle_samples(model, 1, pose, assembly)
+        call hold_texts()
+        call make_closing_programs(model, pose, assembly%place, assembly%margin, closing)
+        call release_texts()
+    end subroutine make_closer
 
     recursive subroutine make_record(model, solver, wanted, q, recorded)
         type(model_type), intent(in) :: model

@@ -17,9 +17,11 @@ module linkdyn_assembly_trail
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, &
-        place_rates, follows_assembly
+    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, &
+        follows_assembly
+    use linkdyn_group_motion, only: group_closer
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
+    use linkdyn_newton_group, only: place_rates
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
@@ -131,30 +133,33 @@ contains
     end subroutine keep_lane
 
     !> Lead the groups to samples on their own, each from the start.
-    subroutine settle_samples(model, threads, q, assembly)
+    subroutine settle_samples(model, threads, q, assembly, closer)
         type(model_type), intent(in) :: model
         integer, intent(in) :: threads               !! at most
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(sample_assembly), intent(out) :: assembly
+        class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
         integer :: n_block
 
         call make_room(model, size(q, 2), assembly)
         n_block = (size(q, 2) + lanes - 1)/lanes
         !$omp parallel num_threads(team_size(threads, n_block)) default(shared)
-        call settle_blocks(model, n_block, q, assembly)
+        call settle_blocks(model, n_block, q, assembly, closer)
         !$omp end parallel
     end subroutine settle_samples
 
     !> Those blocks of samples that this thread takes.
-    subroutine settle_blocks(model, n_block, q, assembly)
+    subroutine settle_blocks(model, n_block, q, assembly, closer)
         type(model_type), intent(in) :: model
         integer, intent(in) :: n_block
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(sample_assembly), intent(inout) :: assembly    !! of all threads
+        class(group_closer), pointer, intent(in), optional :: closer
         type(kinematic_state) :: state
         integer :: block, first, lane, status(lanes)
 
         call prepare_kinematics(model, 0, state)
+        if (present(closer)) state%group%closer => closer
         !$omp do schedule(dynamic)
         do block = 1, n_block
             if (is_interrupted()) cycle
@@ -162,7 +167,7 @@ contains
             do lane = 1, lanes
                 state%q(lane, :) = q(:, min(first + lane - 1, size(q, 2)))
             end do
-            call evaluate_kinematics(model, state, status)
+            call lead_from_start(model, state, status)
             do lane = 1, min(lanes, size(q, 2) - first + 1)
                 call keep_lane(model, state, lane, first + lane - 1, assembly)
                 assembly%status(first + lane - 1) = status(lane)
@@ -187,16 +192,18 @@ contains
     end subroutine begin_trail
 
     !> Assembly at samples that follow each other and those of the last call.
-    subroutine follow_assembly(model, q, trail, assembly)
+    subroutine follow_assembly(model, q, trail, assembly, closer)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(out) :: assembly
+        class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
         integer :: n_done
 
         if (.not. trail%has_begun) call begin_trail(model, trail)
         call make_room(model, size(q, 2), assembly)
         if (.not. trail%is_needed) return
+        if (present(closer)) trail%state%group%closer => closer
         n_done = 0
         do while (n_done < size(q, 2))
             if (trail%is_lost) then
@@ -205,6 +212,7 @@ contains
                 call go_on(model, q, trail, assembly, n_done)
             end if
         end do
+        nullify (trail%state%group%closer)
     end subroutine follow_assembly
 
     !> The trail has come to a lane's place.
@@ -484,6 +492,7 @@ contains
             trail%state%q(lane, :) = q(:, n_done + min(lane, n))
         end do
         call prepare_kinematics(model, 0, on_its_own)
+        on_its_own%group%closer => trail%state%group%closer
         on_its_own%q = trail%state%q
         call lead_mechanism(model, spread(.true., 1, lanes), spread(trail%q, 1, lanes), .true., trail%state, report)
         call evaluate_kinematics(model, on_its_own)

@@ -56,15 +56,19 @@ contains
 
     !> The first steps of the plan. Accelerations of links in groups become unknowns, too, if they are to be `merged` into the
     !> equations, which keeps these sparse.
-    subroutine trace_steps(n_step, merged, traced)
+    subroutine trace_steps(n_step, merged, traced, is_needed)
         integer, intent(in) :: n_step
         logical, intent(in) :: merged
         type(traced_type), intent(inout) :: traced
+        logical, intent(in), optional :: is_needed(:)      !! (step) absent: all are
         type(value) :: way
         integer :: i
 
         associate (branch => traced%in%of(in_branch)%v, step => traced%mechanism%model%step)
             do i = 1, n_step
+                if (present(is_needed)) then
+                    if (.not. is_needed(i)) cycle
+                end if
                 way = one()
                 if (step(i)%has_branches) way = branch(step(i)%first)
                 if (merged) then

@@ -14,7 +14,7 @@ module linkdyn_placing
     use linkdyn_vector, only: vector, vector_of, operator(.dot.)
     implicit none (type, external)
     private
-    public :: run_step
+    public :: run_step, place_group
 
 contains
 
@@ -49,10 +49,7 @@ contains
                 call place_csp(mechanism, step, branch)
                 call list_constraints(mechanism, step%link, step%joint, reshape([(0, i=1, 9)], [3, 3]), constraints)
             else
-                associate (group => mechanism%model%group(step%first))
-                    call take_places(mechanism, group%link, place)
-                    call list_constraints(mechanism, group%link, group%joint, group%coordinate, constraints)
-                end associate
+                call place_group(mechanism, step%first, place, constraints)
             end if
             call move_group(mechanism, constraints, equations)
         end select
@@ -71,6 +68,19 @@ contains
             joint = pack(step%joint, step%joint > 0)
         end if
     end function step_joints
+
+    !> A group closed by iteration, where it stands.
+    subroutine place_group(mechanism, g, place, constraints)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: g                       !! number of the group
+        type(value), intent(in) :: place(:, :)         !! as above
+        type(group_constraints), intent(out) :: constraints
+
+        associate (group => mechanism%model%group(g))
+            call take_places(mechanism, group%link, place)
+            call list_constraints(mechanism, group%link, group%joint, group%coordinate, constraints)
+        end associate
+    end subroutine place_group
 
     subroutine take_places(mechanism, link, place)
         type(mechanism_type), intent(inout) :: mechanism

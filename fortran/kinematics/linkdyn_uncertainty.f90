@@ -39,7 +39,7 @@ contains
     !>
     !> With lengths as parts of the mechanism's size a row of its constraints has no entry much beyond one, and four of them that
     !> count: what n rows are given for the motion is below 4 sqrt(n) times this. So, with s the margin, the uncertainty is
-    !> below (4 + 8 sqrt(n)) eps/s^4. Twice that leaves room for rounding.
+    !> below (4 + 8 sqrt(n)) eps/s^4. Twice that leaves room for rounding and for slides longer than the mechanism is large.
     elemental logical function is_surely_certain(margin, n)
         real(wp), intent(in) :: margin
         integer, intent(in) :: n                  !! rows

@@ -38,6 +38,8 @@ module test_recorded_forces
 
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
     real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
+    !> Three margins as small as that of the hexaglide.
+    real(wp), parameter :: near_singular = 1.0e-8_wp
     !> What both roads promise next to singular positions.
     real(wp), parameter :: three_digits = 1.0e-3_wp
 
@@ -53,6 +55,7 @@ contains
         tests = [new_test("examples", test_examples), new_test("legs in any axes", test_legs), &
                  new_test("a leg that is not straight", test_bent_leg), new_test("dead points", test_dead_points), &
                  new_test("groups closed by iteration", test_iterated), new_test("dead points of groups", test_dead_groups), &
+                 new_test("recorded steps", test_recorded_steps), &
                  new_test("samples that are no numbers", test_no_numbers), new_test("what is left out", test_left_out), &
                  new_test("linear in links", test_linear)]
     end subroutine collect_recorded_forces
@@ -101,13 +104,14 @@ contains
     end subroutine move_at_random
 
     !> All results that both roads have.
-    subroutine run_road(error, model, batch, by_record, results, trail)
+    subroutine run_road(error, model, batch, by_record, results, trail, steps_are_recorded)
         type(test_error), intent(inout) :: error
         type(model_type), intent(in) :: model
         type(batch_type), intent(in) :: batch
         logical, intent(in) :: by_record
         type(inverse_results), intent(out) :: results
         type(assembly_trail), intent(inout), optional :: trail    !! samples follow each other
+        logical, intent(in), optional :: steps_are_recorded    !! Newton's, which is looked at
         type(inverse_solver) :: solver
         type(recorded_forces), pointer :: recorded
         type(result_list) :: list
@@ -129,16 +133,20 @@ contains
             call check(error, associated(recorded), "a record was made")
             if (associated(recorded)) call check(error, recorded%is_usable, "and agreed with the lanes")
         end if
+        if (present(steps_are_recorded) .and. by_record) then
+            if (steps_are_recorded) call check(error, solver%closing%is_usable, "Newton's steps are recorded")
+        end if
         call solver%free()
     end subroutine run_road
 
-    subroutine compare_roads(error, name, model, batch, in_order, accuracy)
+    subroutine compare_roads(error, name, model, batch, in_order, accuracy, steps_are_recorded)
         type(test_error), intent(inout) :: error
         character(len=*), intent(in) :: name
         type(model_type), intent(in) :: model
         type(batch_type), intent(in) :: batch
         logical, intent(in), optional :: in_order      !! samples follow each other; absent: each is on its own
         real(wp), intent(in), optional :: accuracy     !! near singular positions; absent: rounding
+        logical, intent(in), optional :: steps_are_recorded    !! Newton's, which is looked at
         type(inverse_results) :: lanes, record
         type(assembly_trail) :: trail(2)
         real(wp) :: tolerance
@@ -149,10 +157,10 @@ contains
 
         if (present(in_order)) then
             call run_road(error, model, batch, .false., lanes, trail(1))
-            call run_road(error, model, batch, .true., record, trail(2))
+            call run_road(error, model, batch, .true., record, trail(2), steps_are_recorded)
         else
             call run_road(error, model, batch, .false., lanes)
-            call run_road(error, model, batch, .true., record)
+            call run_road(error, model, batch, .true., record, steps_are_recorded=steps_are_recorded)
         end if
         call check(error, all(lanes%status == record%status), name//": the same outcomes")
         do i = 1, size(batch%q, 2)
@@ -213,6 +221,37 @@ contains
             call compare_roads(error, trim(iterated(i))//" about its start", model, batch)
         end do
     end subroutine test_iterated
+
+    !> Enough samples for Newton's steps to be recorded, too: the same assemblies and forces as by those of the lanes, in order and
+    !> each on its own, over turns of the cranks and through change points.
+    subroutine test_recorded_steps(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 400
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(batch_type) :: batch
+        real(wp) :: reach, accuracy
+        integer :: i, k, s
+
+        do i = 1, size(iterated)
+            call read_scene("tests/scenes/"//trim(iterated(i))//".toml", scene, status)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(status%message))
+            if (.not. status%is_ok()) return
+            call move_at_random(model, n, 0.0_wp, batch)
+            ! far enough for some to be out of reach
+            reach = merge(7.0_wp, 0.05_wp, iterated(i) == "rsur" .or. iterated(i) == "rusr_parallelogram")
+            do s = 1, n
+                batch%q(:, s) = batch%q(:, s) + [(reach*sin(0.01_wp*k*s), k=1, model%n_q)]
+            end do
+            accuracy = merge(three_digits, near_singular, iterated(i) == "rusr_parallelogram")
+            call compare_roads(error, trim(iterated(i))//", steps recorded, in order", model, batch, in_order=.true., &
+                               accuracy=accuracy, steps_are_recorded=.not. model%is_planar)
+            call compare_roads(error, trim(iterated(i))//", steps recorded", model, batch, accuracy=accuracy, &
+                               steps_are_recorded=.not. model%is_planar)
+        end do
+    end subroutine test_recorded_steps
 
     !> A parallelogram in space, closed by iteration, led through its change point and past it closely: the record gives what is
     !> surely certain, the lanes say what is not.
