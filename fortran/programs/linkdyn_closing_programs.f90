@@ -249,10 +249,7 @@ contains
         call fit(space%response, 1, n_lane)
         call fit(space%determinant, 1, n_lane)
         call fit(space%alarm, 1, n_lane)
-        space%q = transpose(q)
-        space%qd = transpose(qd)
-        space%branch = transpose(branch)
-        space%place = transpose(reshape(place, [n_lane, n_place]))
+        call put_in_rows(self%of(g)%program, q, qd, branch, place, space)
         arrays%of(in_q)%x => space%q
         arrays%of(in_qd)%x => space%qd
         arrays%of(in_branch)%x => space%branch
@@ -267,17 +264,43 @@ contains
                 call run_samples(program, space%slots(g), count, to)
             end do
         end associate
-        correction = transpose(space%correction)
-        rate = transpose(space%rate)
+        do i = 1, self%of(g)%n
+            correction(:, i) = space%correction(i, :)
+            rate(:, i) = space%rate(i, :)
+        end do
         ! A direction of n has the n-th part of a unit vector's square, on average.
         margin = sign(sqrt(n_probe/(self%of(g)%n*space%response(1, :))), self%of(g)%sense*space%determinant(1, :))
         ! Written so that what is no number is not sure.
         is_sure = space%alarm(1, :) <= 1 .and. space%response(1, :) <= huge(1.0_wp)
-        do i = 1, size(correction, 2)
+        do i = 1, self%of(g)%n
             is_sure = is_sure .and. abs(correction(:, i)) <= huge(1.0_wp) .and. abs(rate(:, i)) <= huge(1.0_wp)
         end do
         call return_space(self, space)
     end subroutine make_step_by_record
+
+    !> From lanes side by side to samples one after the other, what the program reads.
+    pure subroutine put_in_rows(program, q, qd, branch, place, space)
+        type(scene_program), intent(in) :: program
+        real(wp), intent(in) :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
+        type(closing_space), intent(inout) :: space
+        integer :: s, k, n
+
+        n = size(place, 2)
+        do s = 1, size(program%input)
+            do k = program%input(s)%first, program%input(s)%first + program%input(s)%n - 1
+                select case (program%input(s)%block)
+                case (in_q)
+                    space%q(k, :) = q(:, k)
+                case (in_qd)
+                    space%qd(k, :) = qd(:, k)
+                case (in_branch)
+                    space%branch(k, :) = branch(:, k)
+                case (in_place)
+                    space%place(k, :) = place(:, modulo(k - 1, n) + 1, (k - 1)/n + 1)
+                end select
+            end do
+        end do
+    end subroutine put_in_rows
 
     !> Room of a size; nothing is done if it has it.
     subroutine fit(x, n, samples)
