@@ -13,6 +13,7 @@ module linkdyn_equations
         assemble_accelerations
     use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs
     use linkdyn_assembly, only: assemble_matrix, assemble_right
+    use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_dyad_map, only: is_surely_certain
@@ -26,7 +27,7 @@ module linkdyn_equations
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_mass_matrix, only: mass_matrix
-    use linkdyn_model, only: model_type, is_dyad, place_size
+    use linkdyn_model, only: model_type, is_dyad
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_pass, only: uncertainty_of_dyad
     use linkdyn_reactions, only: solution_type, unknown
@@ -258,16 +259,17 @@ contains
     end subroutine sample_system
 
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
-    subroutine choose_poses(model, batch, pose, place, stand)
+    subroutine choose_poses(model, batch, pose, assembly, stand)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: batch(:, :)                     !! (n_q, n)
         real(wp), allocatable, intent(out) :: pose(:, :)        !! (n_q, at most n_wanted_pose)
-        real(wp), allocatable, intent(out) :: place(:, :, :)    !! there, of the links closed by iteration (place_size, n_link, pose)
+        type(sample_assembly), intent(out) :: assembly          !! there
         real(wp), intent(out) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
         type(kinematic_state) :: state
         integer :: block, first, lane
 
-        allocate (pose(model%n_q, 0), place(place_size(model), model%n_link, 0))
+        allocate (pose(model%n_q, 0))
+        call make_room(model, n_wanted_pose, assembly)
         stand = spread(reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
                                [3, 4]), 3, 1 + model%n_link)
         call prepare_kinematics(model, 0, state)
@@ -288,7 +290,6 @@ contains
     contains
 
         subroutine add_poses()
-            real(wp) :: where_placed(place_size(model), model%n_link)
             integer :: lane
 
             call evaluate_kinematics(model, state)
@@ -297,9 +298,7 @@ contains
                 if (size(pose, 2) == n_wanted_pose) return
                 if (size(pose, 2) == 0) call note_stand(lane)
                 pose = reshape([pose, state%q(lane, :)], [model%n_q, size(pose, 2) + 1])
-                where_placed = 0
-                if (size(model%group) > 0) where_placed = state%group%place(lane, :, :)
-                place = reshape([place, where_placed], [shape(where_placed), size(pose, 2)])
+                call keep_lane(model, state, lane, size(pose, 2), assembly)
             end do
         end subroutine add_poses
 

@@ -460,13 +460,14 @@ contains
     ! ---------------------------------------------------------------- by a record of the scene
 
     !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is
-    !> made for large batches only.
+    !> made for large batches only. Groups closed by iteration have to be led to its representative poses, each from the start.
     pure logical function is_worth_recording(model, n)
         type(model_type), intent(in) :: model
         integer, intent(in) :: n                               !! samples
-        integer, parameter :: few_links = 50, samples_a_link = 50
+        integer, parameter :: few_links = 50, samples_a_link = 50, worth_leading = 128
 
-        is_worth_recording = model%n_link <= few_links .or. n >= samples_a_link*model%n_link
+        is_worth_recording = (model%n_link <= few_links .or. n >= samples_a_link*model%n_link) &
+                             .and. (size(model%group) == 0 .or. n >= worth_leading)
     end function is_worth_recording
 
     !> The record for the results wanted, made when they are wanted first; null if the scene has none.
@@ -507,13 +508,12 @@ contains
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
         type(closing_programs), intent(inout) :: closing
         type(sample_assembly) :: assembly
-        real(wp), allocatable :: pose(:, :), place(:, :, :)
+        real(wp), allocatable :: pose(:, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
-        call choose_poses(model, q, pose, place, stand)
-        call settle_samples(model, 1, pose, assembly)
+        call choose_poses(model, q, pose, assembly, stand)
         call hold_texts()
-        call make_closing_programs(model, pose, assembly%place, assembly%margin, closing)
+        call make_closing_programs(model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), closing)
         call release_texts()
     end subroutine make_closer
 
@@ -523,28 +523,29 @@ contains
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
         type(recorded_forces), pointer, intent(out) :: recorded
-        real(wp), allocatable :: pose(:, :), place(:, :, :)
+        type(sample_assembly) :: assembly
+        real(wp), allocatable :: pose(:, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
         recorded => solver%records%add()
-        call choose_poses(model, q, pose, place, stand)
+        call choose_poses(model, q, pose, assembly, stand)
         call hold_texts()
-        call record_forces(model, wanted, pose, place, stand, recorded)
+        call record_forces(model, wanted, pose, stand, recorded, assembly%place)
         call release_texts()
-        if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
+        if (recorded%is_usable) recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose, assembly)
     end subroutine make_record
 
     !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference
     !> would be a defect, and the lanes are believed.
-    recursive logical function agrees_with_lanes(model, solver, recorded, pose) result(agrees)
+    recursive logical function agrees_with_lanes(model, solver, recorded, pose, assembly) result(agrees)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         type(recorded_forces), intent(in) :: recorded
         real(wp), intent(in) :: pose(:, :)                     !! (n_q, pose)
+        type(sample_assembly), intent(in) :: assembly          !! there
         real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads rates and loads
         type(inverse_solver) :: by_lanes
         type(inverse_results) :: found(2)
-        type(sample_assembly) :: assembly
         real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :)
         integer, allocatable :: left(:)
         integer :: i, k, n, n_left, n_compared, n_alike
@@ -562,12 +563,7 @@ contains
             if (any(recorded%wanted == result_reaction)) allocate (found(i)%reaction(model%n_component, model%n_joint, n))
         end do
         by_lanes%equations = solver%equations
-        call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1))
-        if (recorded%needs_places) then
-            call settle_samples(model, 1, pose, assembly)
-        else
-            call make_room(model, 1, assembly)
-        end if
+        call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly)
         call run_by_record(model, recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left)
         n_compared = 0
         n_alike = 0

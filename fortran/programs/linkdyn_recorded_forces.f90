@@ -105,13 +105,14 @@ contains
     end subroutine free_records
 
     !> Trace the scene for the results wanted. Poses are representative: pivots are chosen by them.
-    subroutine record_forces(model, wanted, q, place, stand, recorded)
+    subroutine record_forces(model, wanted, q, stand, recorded, place)
         type(model_type), intent(in) :: model
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         real(wp), intent(in) :: q(:, :)                        !! (n_q, pose), at which all loops close on the start's assembly
-        real(wp), intent(in) :: place(:, :, :)                 !! of the links closed by iteration (place_size, n_link, pose)
         real(wp), intent(in) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
         type(recorded_forces), intent(out) :: recorded
+        real(wp), intent(in), optional :: place(:, :, :)       !! there, of links closed by iteration (place_size, n_link, pose);
+                                                               !! absent: there are none
         type(trace_request) :: request
         type(sample_set) :: sample
 
@@ -126,7 +127,8 @@ contains
             sample%n = size(q, 2)
             sample%of(in_q)%x = q
             sample%of(in_branch)%x = spread(own%branch, 2, sample%n)
-            sample%of(in_place)%x = reshape(place, [size(place, 1)*size(place, 2), sample%n])
+            if (present(place)) &
+                sample%of(in_place)%x = reshape(place(:, :, :sample%n), [size(place, 1)*size(place, 2), sample%n])
             call make_force_program(own, request, wanted, sample, recorded%program)
         end associate
         recorded%is_usable = recorded%program%is_made

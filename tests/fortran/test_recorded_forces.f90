@@ -2,7 +2,7 @@
 !> in any axes, on groups closed by iteration, near dead points; and what a record leaves out.
 module test_recorded_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_assembly_trail, only: assembly_trail
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly
     use linkdyn_builder, only: build_model
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_equations, only: choose_poses
@@ -215,9 +215,11 @@ contains
             call follow_motion(model, batch)
             ! the parallelogram goes through its change points
             accuracy = merge(three_digits, rounding, iterated(i) == "rusr_parallelogram")
-            call compare_roads(error, trim(iterated(i))//" in order", model, batch, in_order=.true., accuracy=accuracy)
-            call compare_roads(error, trim(iterated(i)), model, batch, accuracy=accuracy)
-            call move_at_random(model, 40, 0.005_wp, batch)
+            if (size(batch%q, 2) > 1) then              ! else the scene has no motion
+                call compare_roads(error, trim(iterated(i))//" in order", model, batch, in_order=.true., accuracy=accuracy)
+                call compare_roads(error, trim(iterated(i)), model, batch, accuracy=accuracy)
+            end if
+            call move_at_random(model, 140, 0.005_wp, batch)
             call compare_roads(error, trim(iterated(i))//" about its start", model, batch)
         end do
     end subroutine test_iterated
@@ -290,7 +292,7 @@ contains
             call check(error, status%is_ok(), trim(status%message))
             if (.not. status%is_ok()) return
             call check(error, .not. any(model%step%kind == step_ups), "iterated in lanes")
-            call move_at_random(model, 40, 0.1_wp, batch)
+            call move_at_random(model, 140, 0.1_wp, batch)
             call compare_roads(error, "legs "//to_text(which), model, batch)
         end do
     end subroutine test_legs
@@ -347,7 +349,7 @@ contains
         call check(error, status%is_ok(), trim(status%message))
         if (.not. status%is_ok()) return
         call check(error, size(model%group) > 0, "iterated")
-        call move_at_random(model, 40, 0.1_wp, batch)
+        call move_at_random(model, 140, 0.1_wp, batch)
         call compare_roads(error, "a bent leg", model, batch)
     end subroutine test_bent_leg
 
@@ -429,11 +431,12 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: wanted(:)
         type(recorded_forces) :: recorded
-        real(wp), allocatable :: pose(:, :), place(:, :, :)
+        real(wp), allocatable :: pose(:, :)
+        type(sample_assembly) :: assembly
         real(wp) :: stand(3, 4, 0:model%n_link)
 
-        call choose_poses(model, spread(model%start_q, 2, 1), pose, place, stand)
-        call record_forces(model, wanted, pose, place, stand, recorded)
+        call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
+        call record_forces(model, wanted, pose, stand, recorded, assembly%place)
         operations = huge(1)
         if (recorded%is_usable) operations = size(recorded%program%kernel%step)
     end function operations
