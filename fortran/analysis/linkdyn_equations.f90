@@ -13,6 +13,7 @@ module linkdyn_equations
         assemble_accelerations
     use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs
     use linkdyn_assembly, only: assemble_matrix, assemble_right
+    use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_dyad_map, only: is_surely_certain
@@ -258,21 +259,24 @@ contains
     end subroutine sample_system
 
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
-    subroutine choose_poses(model, batch, pose, stand)
+    subroutine choose_poses(model, batch, pose, assembly, stand)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: batch(:, :)                     !! (n_q, n)
         real(wp), allocatable, intent(out) :: pose(:, :)        !! (n_q, at most n_wanted_pose)
+        type(sample_assembly), intent(out) :: assembly          !! there
         real(wp), intent(out) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
         type(kinematic_state) :: state
         integer :: block, first, lane
 
         allocate (pose(model%n_q, 0))
+        call make_room(model, n_wanted_pose, assembly)
         stand = spread(reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
                                [3, 4]), 3, 1 + model%n_link)
         call prepare_kinematics(model, 0, state)
         do block = 1, 8*n_wanted_pose/lanes + 8
             call representative_poses(model, block, state)
             call add_poses()
+            if (size(pose, 2) == n_wanted_pose) return
         end do
         if (size(pose, 2) > 0) return
         do block = 1, 8*n_wanted_pose/lanes + 8
@@ -280,6 +284,7 @@ contains
             if (first > size(batch, 2)) exit
             state%q = transpose(batch(:, [(min(first + lane, size(batch, 2)), lane=0, lanes - 1)]))
             call add_poses()
+            if (size(pose, 2) == n_wanted_pose) return
         end do
 
     contains
@@ -293,6 +298,7 @@ contains
                 if (size(pose, 2) == n_wanted_pose) return
                 if (size(pose, 2) == 0) call note_stand(lane)
                 pose = reshape([pose, state%q(lane, :)], [model%n_q, size(pose, 2) + 1])
+                call keep_lane(model, state, lane, size(pose, 2), assembly)
             end do
         end subroutine add_poses
 

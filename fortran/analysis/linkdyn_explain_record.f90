@@ -1,5 +1,6 @@
 !> What a scene's record takes, in words: operations of inverse dynamics from a motion to forces, by kind.
 module linkdyn_explain_record
+    use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_equations, only: choose_poses
     use linkdyn_kernel, only: kernel_type, count_of
@@ -17,10 +18,11 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit            !! open for formatted writing
         real(wp), allocatable :: pose(:, :)
+        type(sample_assembly) :: assembly
         real(wp) :: stand(3, 4, 0:model%n_link)
 
         write (unit, "(/,a)") "Record of inverse dynamics"
-        call choose_poses(model, spread(model%start_q, 2, 1), pose, stand)
+        call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
         call explain_program("all unknowns", [result_driving_force, result_reaction])
         call explain_program("driving forces only", [result_driving_force])
 
@@ -31,7 +33,7 @@ contains
             integer, intent(in) :: wanted(:)
             type(recorded_forces) :: recorded
 
-            call record_forces(model, wanted, pose, stand, recorded)
+            call record_forces(model, wanted, pose, stand, recorded, assembly%place)
             if (recorded%is_usable) then
                 write (unit, "(2x,a)") what//": "//in_words(recorded%program%kernel)
             else if (size(wanted) > 1) then

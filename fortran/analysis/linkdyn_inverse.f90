@@ -5,8 +5,8 @@
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
-        reached_straight, judges_like_lanes
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, settle_samples, make_room, &
+        place_sample, reached_straight, judges_like_lanes
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
     use linkdyn_constants, only: least_accuracy
@@ -17,7 +17,9 @@ module linkdyn_inverse
         choose_solver, choose_poses
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words
-    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch
+    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place
+    use linkdyn_closing_programs, only: closing_programs, make_closing_programs
+    use linkdyn_group_motion, only: group_closer
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
@@ -36,9 +38,10 @@ module linkdyn_inverse
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
-    use linkdyn_status, only: status_type, sample_ok, sample_undefined
+    use linkdyn_status, only: status_type, sample_ok, sample_singular, sample_undefined
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count, count_turns
+    use linkdyn_uncertainty, only: is_surely_certain
     use linkdyn_vec3, only: vec3, operator(-)
     implicit none (type, external)
     private
@@ -46,6 +49,8 @@ module linkdyn_inverse
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
     public :: solver_name, choose_solver
 
+    !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without.
+    integer, parameter :: worth_closing = 256
     integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
 
     type :: inverse_options
@@ -81,6 +86,7 @@ module linkdyn_inverse
         type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
         logical :: wants_distance = .false.
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
+        type(closing_programs), pointer :: closing => null()    !! likewise, if it has groups closed by iteration
         type(sample_assembly) :: at_start                       !! of samples outside a motion; not there: made anew
         type(space_pool), pointer, private :: pool => null()    !! not there: scratch is made for every batch
     contains
@@ -112,7 +118,10 @@ contains
         if (has_assemblies(model)) call make_room(model, 1, solver%at_start)
         allocate (solver%pool)
         if (options%by_record .and. options%solver == solver_elimination .and. .not. options%wants_errors &
-            .and. .not. options%wants_rcond .and. .not. options%wants_distance) allocate (solver%records)
+            .and. .not. options%wants_rcond .and. .not. options%wants_distance) then
+            allocate (solver%records)
+            if (size(model%group) > 0) allocate (solver%closing)
+        end if
     end subroutine prepare_inverse
 
     !> Give the scratch back. No batch may be running.
@@ -123,6 +132,10 @@ contains
         if (associated(self%records)) then
             call self%records%free()
             deallocate (self%records)
+        end if
+        if (associated(self%closing)) then
+            call self%closing%free()
+            deallocate (self%closing)
         end if
         if (.not. associated(self%pool)) return
         do while (associated(self%pool%first))
@@ -186,6 +199,7 @@ contains
         type(sample_assembly) :: assembly
         type(recorded_forces), pointer :: recorded
         type(recorded_margins) :: margins
+        class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
         integer :: n, n_left, n_block, n_thread, share, block, n_dense
         logical :: wants_rates, wants_world, has_stand_ins, is_on_way
@@ -197,7 +211,9 @@ contains
                       .or. has_stand_ins .or. solver%wants_distance
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
-        nullify (recorded)
+        nullify (recorded, closer)
+        if (associated(solver%closing) .and. n >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
+            call need_closer(model, solver, q, closer)
         if (associated(solver%records) .and. is_worth_recording(model, n) .and. .not. &
             (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) then
             call need_record(model, solver, results, q, recorded)
@@ -209,10 +225,13 @@ contains
             else if (is_on_way) then
                 if (associated(margins%record)) then
                     margins%threads = threads
-                    call follow_assembly(model, q, trail, assembly, margins)
+                    call follow_assembly(model, q, trail, assembly, margins=margins)
                 else
-                    call follow_assembly(model, q, trail, assembly)
+                    call follow_assembly(model, q, trail, assembly, closer=closer)
                 end if
+            else if (needs_places(recorded)) then
+                call settle_samples(model, threads, q, assembly, closer)
+                is_on_way = .true.
             else if (.not. allocated(solver%at_start%status)) then
                 call make_room(model, 1, assembly)
             end if
@@ -220,9 +239,9 @@ contains
         n_left = n
         if (associated(recorded)) then
             if (is_on_way .or. .not. allocated(solver%at_start%status)) then
-                call run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
+                call run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
             else
-                call run_by_record(recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left)
+                call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left)
             end if
         end if
         n_block = (n_left + lanes - 1)/lanes
@@ -264,6 +283,14 @@ contains
         end if
 
     contains
+
+        !> Do links of groups have to be placed before the record runs?
+        logical function needs_places(recorded)
+            type(recorded_forces), pointer, intent(in) :: recorded
+
+            needs_places = .false.
+            if (associated(recorded)) needs_places = recorded%needs_places
+        end function needs_places
 
         !> Of those that are left.
         pure integer function sample_of(place)
@@ -442,13 +469,14 @@ contains
     ! ---------------------------------------------------------------- by a record of the scene
 
     !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is
-    !> made for large batches only.
+    !> made for large batches only. Groups closed by iteration have to be led to its representative poses, each from the start.
     pure logical function is_worth_recording(model, n)
         type(model_type), intent(in) :: model
         integer, intent(in) :: n                               !! samples
-        integer, parameter :: few_links = 50, samples_a_link = 50
+        integer, parameter :: few_links = 50, samples_a_link = 50, worth_leading = 128
 
-        is_worth_recording = model%n_link <= few_links .or. n >= samples_a_link*model%n_link
+        is_worth_recording = (model%n_link <= few_links .or. n >= samples_a_link*model%n_link) &
+                             .and. (size(model%group) == 0 .or. n >= worth_leading)
     end function is_worth_recording
 
     !> The record for the results wanted, made when they are wanted first; null if the scene has none.
@@ -492,6 +520,34 @@ contains
         if (.not. recorded%is_usable) nullify (recorded)
     end subroutine find_or_make
 
+    !> Programs of Newton's steps, made when they are wanted first; null if a group has none.
+    subroutine need_closer(model, solver, q, closer)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        class(group_closer), pointer, intent(out) :: closer
+
+        nullify (closer)
+        !$omp critical (linkdyn_need_closer)
+        if (.not. solver%closing%is_tried) call make_closer(model, q, solver%closing)
+        !$omp end critical (linkdyn_need_closer)
+        if (solver%closing%is_usable) closer => solver%closing
+    end subroutine need_closer
+
+    subroutine make_closer(model, q, closing)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
+        type(closing_programs), intent(inout) :: closing
+        type(sample_assembly) :: assembly
+        real(wp), allocatable :: pose(:, :)
+        real(wp) :: stand(3, 4, 0:model%n_link)
+
+        call choose_poses(model, q, pose, assembly, stand)
+        call hold_texts()
+        call make_closing_programs(model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), closing)
+        call release_texts()
+    end subroutine make_closer
+
     recursive subroutine make_record(model, solver, wanted, q, recorded)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
@@ -499,34 +555,35 @@ contains
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
         type(recorded_forces), pointer, intent(out) :: recorded
         type(recorded_margins) :: margins
+        type(sample_assembly) :: assembly
         real(wp), allocatable :: pose(:, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
         recorded => solver%records%add()
-        call choose_poses(model, q, pose, stand)
+        call choose_poses(model, q, pose, assembly, stand)
         call hold_texts()
-        call record_forces(model, wanted, pose, stand, recorded)
+        call record_forces(model, wanted, pose, stand, recorded, assembly%place)
         call release_texts()
         if (.not. recorded%is_usable) return
         if (any(wanted == of_margins(1))) then
             margins%record => recorded
             recorded%is_usable = judges_like_lanes(model, margins, pose)
         else
-            recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose)
+            recorded%is_usable = agrees_with_lanes(model, solver, recorded, pose, assembly)
         end if
     end subroutine make_record
 
     !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference
     !> would be a defect, and the lanes are believed.
-    recursive logical function agrees_with_lanes(model, solver, recorded, pose) result(agrees)
+    recursive logical function agrees_with_lanes(model, solver, recorded, pose, assembly) result(agrees)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         type(recorded_forces), intent(in) :: recorded
         real(wp), intent(in) :: pose(:, :)                     !! (n_q, pose)
+        type(sample_assembly), intent(in) :: assembly          !! there
         real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads rates and loads
         type(inverse_solver) :: by_lanes
         type(inverse_results) :: found(2)
-        type(sample_assembly) :: assembly
         real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :)
         integer, allocatable :: left(:)
         integer :: i, k, n, n_left, n_compared, n_alike
@@ -544,9 +601,8 @@ contains
             if (any(recorded%wanted == result_reaction)) allocate (found(i)%reaction(model%n_component, model%n_joint, n))
         end do
         by_lanes%equations = solver%equations
-        call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1))
-        call make_room(model, 1, assembly)
-        call run_by_record(recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left)
+        call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly)
+        call run_by_record(model, recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left)
         n_compared = 0
         n_alike = 0
         do i = 1, n
@@ -580,7 +636,8 @@ contains
     end function are_alike
 
     !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.
-    subroutine run_by_record(recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
+    subroutine run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
+        type(model_type), intent(in) :: model
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: threads
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
@@ -600,13 +657,32 @@ contains
         call set_block(arrays, in_load, 6*size(load, 2), n, load)
         call list_results(results, n, list)
         call clear_measures(results)
-        if (recorded%needs_branches) then
+        if (recorded%needs_branches) &
             call set_block(arrays, in_branch, size(assembly%branch, 1), size(assembly%branch, 2), assembly%branch)
+        if (recorded%needs_places) then
+            call set_block(arrays, in_place, size(assembly%place, 1)*model%n_link, n, assembly%place)
+            call run_recorded(recorded, threads, n, arrays, status_for_record(model, assembly), list, n_left, left)
+        else if (recorded%needs_branches) then
             call run_recorded(recorded, threads, n, arrays, assembly%status, list, n_left, left)
         else
             call run_recorded(recorded, threads, n, arrays, [sample_ok], list, n_left, left)
         end if
     end subroutine run_by_record
+
+    !> Samples at which a group is too near to a singular position for its motion to be surely certain are for the lanes, which
+    !> look closer.
+    pure function status_for_record(model, assembly) result(status)
+        type(model_type), intent(in) :: model
+        type(sample_assembly), intent(in) :: assembly
+        integer :: status(size(assembly%status))               !! one of `sample_*`
+        integer :: g
+
+        status = assembly%status
+        do g = 1, size(model%group)
+            where (status == sample_ok .and. .not. is_surely_certain(assembly%margin(g, :), size(model%group(g)%unit))) &
+                status = sample_singular
+        end do
+    end function status_for_record
 
     !> Sizes of values, lane by lane: their sum is finite if they all are.
     pure subroutine add_sizes(value, total)

@@ -8,28 +8,33 @@
 !> After such a stretch the motion goes on from the last sample before it, if a straight way leads on from there. Else
 !> it begins anew at the first sample that is reached from the scene's start, as a sample on its own is.
 !>
-!> A sample on its own, outside a motion, has the branches of the start, and its groups are led from the start.
+!> A sample on its own, outside a motion, has the branches of the start, and its groups are led from the start. Where the
+!> groups have come to is known of the samples of a motion, and of others after `settle_samples`.
 !>
 !> Where somebody has margins for many places at a time, steps are judged by them as far as they are believed.
 module linkdyn_assembly_trail
     use linkdyn_constants, only: least_accuracy
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, &
-        place_rates, follows_assembly
+    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, &
+        follows_assembly
+    use linkdyn_group_motion, only: group_closer
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
+    use linkdyn_newton_group, only: place_rates
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
+    use linkdyn_threads, only: team_size
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, keep_lane, begin_trail
-    public :: judges_like_lanes
+    public :: assembly_trail, sample_assembly, lost_way, follow_assembly, settle_samples, make_room, place_sample, &
+        keep_lane, begin_trail, judges_like_lanes
     public :: reached_straight, reached_crossing, reached_anew, reached_name
 
     ! ---- how a sample was reached
@@ -54,6 +59,7 @@ module linkdyn_assembly_trail
         real(wp), allocatable :: branch(:, :)       !! (n_branch, n)
         real(wp), allocatable :: q(:, :)            !! coordinates at which groups set out (n_q, n)
         real(wp), allocatable :: place(:, :, :)     !! of their links there (place_size, n_link, n)
+        real(wp), allocatable :: margin(:, :)       !! of the groups at the sample; 0: not there yet (n_group, n)
         integer, allocatable :: status(:)           !! one of `sample_*`: not ok where the assembly was not followed to (n)
         integer, allocatable :: reached(:)          !! one of `reached_*` (n)
         type(lost_way) :: lost                      !! the first
@@ -86,6 +92,7 @@ contains
         if (size(model%group) == 0) return
         assembly%q = spread(model%start_q, 2, n)
         assembly%place = spread(start_places(model), 3, n)
+        allocate (assembly%margin(size(model%group), n), source=0.0_wp)
     end subroutine make_room
 
     !> Places of the groups' links at the start; zero for other links.
@@ -126,7 +133,52 @@ contains
         if (size(model%group) == 0) return
         assembly%q(:, sample) = with_turns(state%q(lane, :), state%turns(lane, :))
         assembly%place(:, :, sample) = state%group%place(lane, :, :)
+        assembly%margin(:, sample) = state%group%margin(lane, :)
     end subroutine keep_lane
+
+    !> Lead the groups to samples on their own, each from the start.
+    subroutine settle_samples(model, threads, q, assembly, closer)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: threads               !! at most
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        type(sample_assembly), intent(out) :: assembly
+        class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
+        integer :: n_block
+
+        call make_room(model, size(q, 2), assembly)
+        n_block = (size(q, 2) + lanes - 1)/lanes
+        !$omp parallel num_threads(team_size(threads, n_block)) default(shared)
+        call settle_blocks(model, n_block, q, assembly, closer)
+        !$omp end parallel
+    end subroutine settle_samples
+
+    !> Those blocks of samples that this thread takes.
+    subroutine settle_blocks(model, n_block, q, assembly, closer)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n_block
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        type(sample_assembly), intent(inout) :: assembly    !! of all threads
+        class(group_closer), pointer, intent(in), optional :: closer
+        type(kinematic_state) :: state
+        integer :: block, first, lane, status(lanes)
+
+        call prepare_kinematics(model, 0, state)
+        if (present(closer)) state%group%closer => closer
+        !$omp do schedule(dynamic)
+        do block = 1, n_block
+            if (is_interrupted()) cycle
+            first = lanes*(block - 1) + 1
+            do lane = 1, lanes
+                state%q(lane, :) = q(:, min(first + lane - 1, size(q, 2)))
+            end do
+            call lead_from_start(model, state, status)
+            do lane = 1, min(lanes, size(q, 2) - first + 1)
+                call keep_lane(model, state, lane, first + lane - 1, assembly)
+                assembly%status(first + lane - 1) = status(lane)
+            end do
+        end do
+        !$omp end do
+    end subroutine settle_blocks
 
     !> Begin at the scene's start.
     subroutine begin_trail(model, trail)
@@ -144,12 +196,13 @@ contains
     end subroutine begin_trail
 
     !> Assembly at samples that follow each other and those of the last call.
-    subroutine follow_assembly(model, q, trail, assembly, margins)
+    subroutine follow_assembly(model, q, trail, assembly, margins, closer)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(out) :: assembly
         class(margin_source), intent(in), optional :: margins    !! at many places at once; absent: lanes find them
+        class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
         integer, parameter :: shortest = 64          !! samples of a stride
         integer, parameter :: room = 30000           !! numbers of scratch, which stays in the cache
         integer :: n_done, n, stride, longest
@@ -157,6 +210,7 @@ contains
         if (.not. trail%has_begun) call begin_trail(model, trail)
         call make_room(model, size(q, 2), assembly)
         if (.not. trail%is_needed) return
+        if (present(closer)) trail%state%group%closer => closer
         n_done = 0
         longest = max(shortest, room/(model%n_q + model%n_branch))
         stride = longest
@@ -175,6 +229,7 @@ contains
             end if
             call go_on(model, q, trail, assembly, n_done)
         end do
+        nullify (trail%state%group%closer)
     end subroutine follow_assembly
 
     !> The trail has come to a lane's place.
@@ -412,6 +467,7 @@ contains
         type(way_report) :: report
         real(wp) :: from(lanes, size(at, 2))
         real(wp), allocatable :: found(:, :, :)      !! places of the groups' links (lane, place_size, n_link)
+        real(wp), allocatable :: margin(:, :)        !! there (lane, n_group)
         real(wp) :: nothing(link_freedom(model), model%n_link)
         logical :: goes(lanes)
         integer :: lane
@@ -424,6 +480,7 @@ contains
         associate (state => trail%state)
             if (size(model%group) > 0) then
                 found = state%group%place
+                margin = state%group%margin
                 state%group%place(2:, :, :) = found(:lanes - 1, :, :)
             end if
             call lead_mechanism(model, goes, from, .true., state, report, is_hasty=.true.)
@@ -436,6 +493,7 @@ contains
                                                           abs(state%group%margin(lane, :)))
                 end do
                 state%group%place = found
+                state%group%margin = margin
             end if
         end associate
         is_believed = is_believed .or. goes
@@ -530,6 +588,7 @@ contains
             trail%state%q(lane, :) = q(:, n_done + min(lane, n))
         end do
         call prepare_kinematics(model, 0, on_its_own)
+        on_its_own%group%closer => trail%state%group%closer
         on_its_own%q = trail%state%q
         call lead_mechanism(model, spread(.true., 1, lanes), spread(trail%q, 1, lanes), .true., trail%state, report)
         call evaluate_kinematics(model, on_its_own)

@@ -11,10 +11,10 @@ module linkdyn_carried_assembly
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, n_map, place_rates, &
-        span_of, follows_assembly
+    use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, n_map, span_of, &
+        follows_assembly
     use linkdyn_model, only: model_type, link_freedom, gives_attitude, attitude_angles
-    use linkdyn_newton_group, only: shifted
+    use linkdyn_newton_group, only: shifted, place_rates
     use linkdyn_quaternion, only: quaternion_of_rpy
     use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)

@@ -14,16 +14,15 @@ module linkdyn_led_mechanism
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, orientation_of, &
-        link_freedom, place_size, is_length, gives_attitude, attitude_angles
-    use linkdyn_newton_group, only: shifted
+    use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, link_freedom, &
+        place_size, is_length, gives_attitude, attitude_angles
+    use linkdyn_newton_group, only: shifted, place_rates
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
-    use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, n_map, place_rates, span_of
+    public :: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, n_map, span_of
     public :: follows_assembly
 
     real(wp), parameter :: most_strides = 1000       !! of a way
@@ -54,23 +53,45 @@ contains
     subroutine evaluate_kinematics(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
+        integer :: told(lanes)
 
         if (size(model%group) == 0) then
             call run_program(model, state)
-        else
-            call evaluate_with_groups(model, state)
+            return
         end if
+        told = state%way_status
+        call lead_groups(model, state)
+        call run_program(model, state)
+        state%way_status = told
     end subroutine evaluate_kinematics
 
-    subroutine evaluate_with_groups(model, state)
+    !> The same, but of motion only where the groups' links are, their margins there, and how leading them came out.
+    subroutine lead_from_start(model, state, status)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        integer, intent(out) :: status(lanes)        !! one of `sample_*`
+        integer :: n_column
+
+        n_column = state%n_column
+        call lead_groups(model, state)
+        status = state%way_status
+        state%way_status = sample_ok
+        state%n_column = velocities_only
+        state%group%is_led = .true.
+        call run_program(model, state)
+        state%group%is_led = .false.
+        state%n_column = n_column
+    end subroutine lead_from_start
+
+    !> Groups to the coordinates of the state; where that fails the state's `way_status` says so, and they stay.
+    subroutine lead_groups(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
         type(way_report) :: report
         real(wp) :: from(lanes, model%n_q)
         logical :: goes(lanes)
-        integer :: k, told(lanes)
+        integer :: k
 
-        told = state%way_status
         state%group%place = state%group%start_place
         from = state%group%start_q
         do k = 1, model%n_q
@@ -85,9 +106,7 @@ contains
             where (goes) state%way_status = status_of_way(report%outcome)
         end if
         state%group%moves = state%way_status == sample_ok
-        call run_program(model, state)
-        state%way_status = told
-    end subroutine evaluate_with_groups
+    end subroutine lead_groups
 
     !> The outcome of a way as the status of the sample at its end.
     elemental integer function status_of_way(outcome) result(status)
@@ -272,37 +291,6 @@ contains
             end do
         end associate
     end subroutine take_on_way
-
-    !> Rates of a link's place: of its origin, then its angular velocity; at level k for a unit rate of coordinate k.
-    pure function place_rates(model, state, link, level) result(rate)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: link, level           !! the velocity, or a column
-        real(wp) :: rate(lanes, link_freedom(model))
-        integer :: o
-
-        o = orientation_of(model, link)
-        if (model%is_planar) then
-            associate (plane => state%plane)
-                rate(:, 1) = plane%linear(level, link)%x
-                rate(:, 2) = plane%linear(level, link)%y
-                rate(:, 3) = plane%angular(:, level, o)
-            end associate
-        else if (level == level_velocity) then
-            rate = reshape([components(state%velocity(link)), components(state%omega(o))], shape(rate))
-        else
-            rate = reshape([components(state%acceleration(level, link)), components(state%alpha(level, o))], shape(rate))
-        end if
-    end function place_rates
-
-    pure function components(v)
-        type(vec3), intent(in) :: v
-        real(wp) :: components(lanes, 3)
-
-        components(:, 1) = v%x
-        components(:, 2) = v%y
-        components(:, 3) = v%z
-    end function components
 
     !> How far the coordinates of the state are from others, as the columns of rates count them: an attitude given by a
     !> quaternion, and any of a free link, by the turn between both, in the axes of its rates.

@@ -5,6 +5,9 @@
 !> singular: the length of A^-1 v, v any vector, grows as the inverse of the smallest singular value. Its inverse with
 !> the sign of the determinant is the group's *margin* (see `linkdyn_following`). Lengths count as parts of the
 !> mechanism's size, so that it has no unit.
+!>
+!> On a way, where velocities are wanted besides, all this may come from a record of the group (`closer`): the same numbers but
+!> for rounding. Lanes of which that is not sure are computed here.
 module linkdyn_newton_group
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_following, only: largest_contraction, untrusted
@@ -13,7 +16,7 @@ module linkdyn_newton_group
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_mix, only: counter_uniform
-    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad
+    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad, orientation_of
     use linkdyn_planar_group, only: put_planar_links, assemble_gaps, assemble_gaps_ahead, move_planar_group, &
         is_planar_length, planar_speed
     use linkdyn_planar_motion, only: level_velocity, level_given
@@ -22,9 +25,10 @@ module linkdyn_newton_group
     use linkdyn_spatial_group, only: put_spatial_links, assemble_errors, assemble_errors_ahead, refuse_turned_joints, &
         move_spatial_group, is_spatial_length, spatial_speed
     use linkdyn_uncertainty, only: uncertainty_of_motion
+    use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: prepare_margins, close_group, shifted
+    public :: prepare_margins, close_group, shifted, place_rates
 
     integer, parameter :: most_steps = 30
     ! Newton's method squares the error: after a correction below this, the next error is below rounding.
@@ -127,31 +131,25 @@ contains
         integer, intent(in) :: g                         !! the group's number
         type(kinematic_state), intent(inout) :: state
         real(wp), dimension(lanes) :: largest, before, noise, margin
+        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, rate
         logical, dimension(lanes) :: is_done, is_singular, has_no_pivot, is_refused
-        integer :: n, step
+        logical :: is_recorded(lanes)                    ! correction and velocities
+        integer :: step
 
         associate (group => model%group(g))
-            n = size(group%unit)
             ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
             largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
             is_done = .not. state%group%moves
             is_refused = .false.
             do step = 1, most_steps
                 before = largest
-                if (model%is_planar) then
-                    call put_planar_links(model, group, state)
-                    call assemble_gaps(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
-                else
-                    call put_spatial_links(model, group, state)
-                    call assemble_errors(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
-                end if
-                call solve_with_probe(group, state, margin, has_no_pivot)
+                call find_correction(model, g, state, correction, rate, margin, has_no_pivot, is_recorded)
                 where (.not. is_done .or. step == 1)
                     state%group%margin(:, g) = margin
                     is_singular = has_no_pivot
                     noise = rounding_of(model, group, state%group%place)/max(abs(margin), least_group_margin)
                 end where
-                call correct(model, group, state%group%right(:, :n, 1), .not. is_done, state%group%place, largest)
+                call correct(model, group, correction, .not. is_done, state%group%place, largest)
                 if (step > 1) call watch_contraction(before, largest, noise, state%group%contraction)
                 if (state%group%is_led) is_refused = .not. state%group%contraction <= largest_contraction
                 is_done = is_small(largest, noise) .or. is_refused
@@ -159,21 +157,118 @@ contains
             end do
             state%not_converged = state%not_converged .or. is_refused .or. .not. is_small(largest, noise)
             state%singular = state%singular .or. is_singular
-            if (model%is_planar) then
-                call put_planar_links(model, group, state)
-                call move_planar_group(model, group, state)
-            else
-                call put_spatial_links(model, group, state)
-                call refuse_turned_joints(model, group, state)
-                call move_spatial_group(model, group, state)
-            end if
+            call put_links(model, group, state)
+            if (.not. model%is_planar) call refuse_turned_joints(model, group, state)
+            if (.not. all(is_recorded)) call move_group(model, group, state)
+            call take_rates(model, group, is_recorded, rate, state)
             if (state%group%is_led) then
-                call measure_drift(model, group, state, state%group%margin(:, g), state%group%drift(:, g))
+                call measure_drift(model, g, state, state%group%margin(:, g), state%group%drift(:, g))
             else
                 state%uncertainty = max(state%uncertainty, uncertainty_of_group(model, group, state, state%group%margin(:, g)))
             end if
         end associate
     end subroutine close_group
+
+    !> What Newton's method takes from the places, and the margin there; by a record also the rates of the places.
+    subroutine find_correction(model, g, state, correction, rate, margin, has_no_pivot, is_recorded)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g
+        type(kinematic_state), intent(inout) :: state    !! scratch of the group is lost
+        real(wp), intent(out) :: correction(:, :), rate(:, :)    !! (lane, row)
+        real(wp), intent(out) :: margin(lanes)
+        logical, intent(out) :: has_no_pivot(lanes)
+        logical, intent(out) :: is_recorded(lanes)       !! of the others there is no rate
+        real(wp) :: margin_here(lanes)
+        logical :: no_pivot_here(lanes)
+        integer :: n, k
+
+        is_recorded = .false.
+        has_no_pivot = .false.
+        if (state%group%is_led .and. associated(state%group%closer)) &
+            call state%group%closer%make_step(g, state%q, state%qd, state%branch, state%group%place, correction, rate, margin, &
+                                              is_recorded)
+        if (all(is_recorded)) return
+        associate (group => model%group(g))
+            n = size(group%unit)
+            call put_links(model, group, state)
+            if (model%is_planar) then
+                call assemble_gaps(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
+            else
+                call assemble_errors(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
+            end if
+            call solve_with_probe(group, state, margin_here, no_pivot_here)
+        end associate
+        where (.not. is_recorded)
+            margin = margin_here
+            has_no_pivot = no_pivot_here
+        end where
+        do k = 1, n
+            where (.not. is_recorded) correction(:, k) = state%group%right(:, k, 1)
+        end do
+    end subroutine find_correction
+
+    subroutine put_links(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+
+        if (model%is_planar) then
+            call put_planar_links(model, group, state)
+        else
+            call put_spatial_links(model, group, state)
+        end if
+    end subroutine put_links
+
+    subroutine move_group(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+
+        if (model%is_planar) then
+            call move_planar_group(model, group, state)
+        else
+            call move_spatial_group(model, group, state)
+        end if
+    end subroutine move_group
+
+    !> Velocities of the links from rates of their places, on the lanes that have these.
+    subroutine take_rates(model, group, is_taken, rate, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        logical, intent(in) :: is_taken(lanes)
+        real(wp), intent(in) :: rate(:, :)               !! (lane, row)
+        type(kinematic_state), intent(inout) :: state
+        integer :: i, k, o
+
+        if (.not. any(is_taken)) return
+        do i = 1, size(group%link)
+            associate (l => group%link(i))
+                k = link_freedom(model)*(i - 1)
+                o = orientation_of(model, l)
+                if (model%is_planar) then
+                    call take(rate(:, k + 1), state%plane%linear(level_velocity, l)%x)
+                    call take(rate(:, k + 2), state%plane%linear(level_velocity, l)%y)
+                    call take(rate(:, k + 3), state%plane%angular(:, level_velocity, o))
+                else
+                    call take(rate(:, k + 1), state%velocity(l)%x)
+                    call take(rate(:, k + 2), state%velocity(l)%y)
+                    call take(rate(:, k + 3), state%velocity(l)%z)
+                    call take(rate(:, k + 4), state%omega(o)%x)
+                    call take(rate(:, k + 5), state%omega(o)%y)
+                    call take(rate(:, k + 6), state%omega(o)%z)
+                end if
+            end associate
+        end do
+
+    contains
+
+        pure subroutine take(found, x)
+            real(wp), intent(in) :: found(lanes)
+            real(wp), intent(inout) :: x(lanes)
+
+            where (is_taken) x = found
+        end subroutine take
+    end subroutine take_rates
 
     !> Is a correction so small that none need follow?
     elemental logical function is_small(largest, noise)
@@ -236,30 +331,63 @@ contains
 
     !> The margin's rate along the way, from the margin a little further on, where the links' velocities lead. The step is
     !> a small part of the distance to where the margin may vanish at the nearest.
-    subroutine measure_drift(model, group, state, margin, drift)
+    subroutine measure_drift(model, g, state, margin, drift)
         type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
+        integer, intent(in) :: g
         type(kinematic_state), intent(inout) :: state    !! scratch of the group is lost
         real(wp), intent(in) :: margin(lanes)
         real(wp), intent(out) :: drift(lanes)
         real(wp), parameter :: part = 1.0e-3_wp, longest = 1.0e-4_wp
-        real(wp) :: speed(lanes), step(lanes), ahead(lanes)
-        logical :: is_singular(lanes)
+        real(wp) :: speed(lanes), step(lanes), ahead(lanes), ahead_here(lanes)
+        logical :: is_singular(lanes), is_recorded(lanes)
         integer :: n
 
-        n = size(group%unit)
-        associate (matrix => state%group%matrix(:, :n, :n), right => state%group%right(:, :n, 1))
+        associate (group => model%group(g))
+            n = size(group%unit)
             speed = speed_of(model, group, state, level_velocity)
             step = min(part*abs(margin), longest)/max(speed, tiny(1.0_wp))
-            if (model%is_planar) then
-                call assemble_gaps_ahead(model, group, step, state, matrix, right)
-            else
-                call assemble_errors_ahead(model, group, step, state, matrix, right)
+            call look_ahead_by_record(model, g, step, state, ahead, is_recorded)
+            if (.not. all(is_recorded)) then
+                associate (matrix => state%group%matrix(:, :n, :n), right => state%group%right(:, :n, 1))
+                    if (model%is_planar) then
+                        call assemble_gaps_ahead(model, group, step, state, matrix, right)
+                    else
+                        call assemble_errors_ahead(model, group, step, state, matrix, right)
+                    end if
+                end associate
+                call solve_with_probe(group, state, ahead_here, is_singular)
+                where (.not. is_recorded) ahead = ahead_here
             end if
         end associate
-        call solve_with_probe(group, state, ahead, is_singular)
         drift = merge((ahead - margin)/step, 0.0_wp, speed > 0 .and. step > 0)
     end subroutine measure_drift
+
+    !> The margin a little further on, where a record is sure of it.
+    subroutine look_ahead_by_record(model, g, step, state, ahead, is_recorded)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g
+        real(wp), intent(in) :: step(lanes)
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: ahead(lanes)
+        logical, intent(out) :: is_recorded(lanes)
+        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, rate
+        real(wp) :: place(lanes, size(state%group%place, 2), model%n_link)
+        integer :: i, h
+
+        is_recorded = .false.
+        if (.not. associated(state%group%closer)) return
+        place = state%group%place
+        do h = 1, g
+            do i = 1, size(model%group(h)%link)
+                associate (l => model%group(h)%link(i))
+                    place(:, :, l) = shifted(model, place(:, :, l), &
+                                             spread(step, 2, link_freedom(model))*place_rates(model, state, l, level_velocity))
+                end associate
+            end do
+        end do
+        call state%group%closer%make_step(g, state%q + spread(step, 2, model%n_q)*state%qd, state%qd, state%branch, place, &
+                                          correction, rate, ahead, is_recorded)
+    end subroutine look_ahead_by_record
 
     !> What rounding leaves of the group's motion. Lengths are parts of the mechanism's size, so its links turn on a radius of
     !> about one.
@@ -339,4 +467,35 @@ contains
             shifted(:, 4:) = turned_by(place(:, 4:), by(:, 4:))
         end if
     end function shifted
+
+    !> Rates of a link's place: of its origin, then its angular velocity; at level k for a unit rate of coordinate k.
+    pure function place_rates(model, state, link, level) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: link, level           !! the velocity, or a column
+        real(wp) :: rate(lanes, link_freedom(model))
+        integer :: o
+
+        o = orientation_of(model, link)
+        if (model%is_planar) then
+            associate (plane => state%plane)
+                rate(:, 1) = plane%linear(level, link)%x
+                rate(:, 2) = plane%linear(level, link)%y
+                rate(:, 3) = plane%angular(:, level, o)
+            end associate
+        else if (level == level_velocity) then
+            rate = reshape([components(state%velocity(link)), components(state%omega(o))], shape(rate))
+        else
+            rate = reshape([components(state%acceleration(level, link)), components(state%alpha(level, o))], shape(rate))
+        end if
+    end function place_rates
+
+    pure function components(v)
+        type(vec3), intent(in) :: v
+        real(wp) :: components(lanes, 3)
+
+        components(:, 1) = v%x
+        components(:, 2) = v%y
+        components(:, 3) = v%z
+    end function components
 end module linkdyn_newton_group

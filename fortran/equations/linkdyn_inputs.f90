@@ -5,7 +5,7 @@
 module linkdyn_inputs
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, place_size
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_record, only: new_input
     use linkdyn_value, only: value, constant, zero
@@ -24,7 +24,7 @@ module linkdyn_inputs
     integer, parameter :: in_target = 6         !! of the drives' laws: value and rate (2 n_actuator)
     integer, parameter :: in_effort = 7         !! driving forces that are given (n_actuator) [N, N m]
     integer, parameter :: in_branch = 8         !! +1 or -1 (n_branch)
-    integer, parameter :: in_place = 9          !! x y z and quaternion of links placed by iteration (7 n_link)
+    integer, parameter :: in_place = 9          !! of links placed by iteration: x, y, angle, or x y z and quaternion (place_size n_link)
     integer, parameter :: in_number = 10        !! numbers of the scene that vary
     integer, parameter :: in_found = 11         !! what another program of the same record has found
     integer, parameter :: n_block = 11
@@ -71,8 +71,8 @@ contains
         type(input_blocks), intent(out) :: blocks
         type(number_places) :: at
         real(wp), allocatable :: number(:)
-        logical :: is_input(7*model%n_link)
-        integer :: k, i, l
+        logical :: is_input(place_size(model), model%n_link)
+        integer :: k, i
 
         call place_numbers(model, at)
         allocate (number(at%n))
@@ -87,13 +87,9 @@ contains
         call add(in_branch, [(any(model%step%has_branches .and. model%step%first == k), k=1, model%n_branch)])
         is_input = .false.
         do k = 1, size(model%group)
-            do i = 1, size(model%group(k)%link)
-                l = model%group(k)%link(i)
-                is_input(7*l - 6:7*l) = .true.
-                if (model%is_planar) is_input([7*l - 4, 7*l - 2, 7*l - 1]) = .false.
-            end do
+            is_input(:, model%group(k)%link) = .true.
         end do
-        call add(in_place, is_input)
+        call add(in_place, [is_input])
         call add(in_number, [(varies(k), k=1, at%n)], number)
 
     contains

@@ -8,7 +8,7 @@ module linkdyn_trace
     use linkdyn_layout, only: layout_type
     use linkdyn_loads, only: apply_load
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, place_size
     use linkdyn_placing, only: run_step
     use linkdyn_springs, only: apply_spring
     use linkdyn_system, only: system_type, unknown, solve
@@ -25,7 +25,7 @@ module linkdyn_trace
         type(system_type) :: system                        !! equations of motion
         type(force_unknowns) :: unknowns
         type(value), allocatable :: acceleration(:)        !! of the coordinates, known or unknown (n_q)
-        type(value), allocatable :: place(:, :)            !! of links in groups closed by iteration (7, link)
+        type(value), allocatable :: place(:, :)            !! of links in groups closed by iteration (place_size, link)
         type(acting_type), allocatable :: acting(:)        !! what is known to act: loads, springs
     end type traced_type
 
@@ -50,21 +50,25 @@ contains
             end if
             call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
             if (request%by_quaternion) traced%mechanism%quaternion = reshape(in(in_quaternion)%v, [4, model%n_attitude])
-            traced%place = reshape(in(in_place)%v, [7, model%n_link])
+            traced%place = reshape(in(in_place)%v, [place_size(model), model%n_link])
         end associate
     end subroutine begin_trace
 
     !> The first steps of the plan. Accelerations of links in groups become unknowns, too, if they are to be `merged` into the
     !> equations, which keeps these sparse.
-    subroutine trace_steps(n_step, merged, traced)
+    subroutine trace_steps(n_step, merged, traced, is_needed)
         integer, intent(in) :: n_step
         logical, intent(in) :: merged
         type(traced_type), intent(inout) :: traced
+        logical, intent(in), optional :: is_needed(:)      !! (step) absent: all are
         type(value) :: way
         integer :: i
 
         associate (branch => traced%in%of(in_branch)%v, step => traced%mechanism%model%step)
             do i = 1, n_step
+                if (present(is_needed)) then
+                    if (.not. is_needed(i)) cycle
+                end if
                 way = one()
                 if (step(i)%has_branches) way = branch(step(i)%first)
                 if (merged) then

@@ -95,12 +95,13 @@ contains
     function rotation_by_quaternion(p) result(r)
         type(value), intent(in) :: p(4)
         type(rotation) :: r
-        type(value) :: x2, y2, z2, w2
+        type(value) :: scale, x2, y2, z2, w2
 
-        x2 = 2.0_wp*p(2)
-        y2 = 2.0_wp*p(3)
-        z2 = 2.0_wp*p(4)
-        w2 = 2.0_wp*p(1)
+        scale = 2.0_wp*reciprocal(square(p(1)) + square(p(2)) + square(p(3)) + square(p(4)))
+        x2 = scale*p(2)
+        y2 = scale*p(3)
+        z2 = scale*p(4)
+        w2 = scale*p(1)
         r%x = vector(one() - (p(3)*y2 + p(4)*z2), p(2)*y2 + p(4)*w2, p(2)*z2 - p(3)*w2)
         r%y = vector(p(2)*y2 - p(4)*w2, one() - (p(2)*x2 + p(4)*z2), p(3)*z2 + p(2)*w2)
         r%z = vector(p(2)*z2 + p(3)*w2, p(3)*z2 - p(2)*w2, one() - (p(2)*x2 + p(3)*y2))

@@ -11,13 +11,13 @@ module linkdyn_constraint_rates
     use linkdyn_rates, only: rate_map, set_rate, rate_of
     use linkdyn_record, only: new_unknown
     use linkdyn_substitution, only: substitution, replace, substituted
-    use linkdyn_value, only: value, operator(+), operator(-), operator(*), sin
+    use linkdyn_value, only: value, operator(+), operator(-), operator(*), sin, cos, atan2
     use linkdyn_vector, only: vector, rotation, components, operator(+), operator(-), operator(*), operator(.cross.), &
         operator(.rotate.)
     implicit none (type, external)
     private
     public :: body_state, constraint_type, constraints_of_joint, constraint_of_variable
-    public :: velocities_of, accelerations_of
+    public :: errors_of, velocities_of, accelerations_of
 
     !> Place and motion of a body, world axes; symbols of a free one, or what is put in their place.
     type :: body_state
@@ -48,8 +48,7 @@ contains
         call differentiate(constraint, rates)
     end function constraints_of_joint
 
-    !> That of a joint variable which is coordinate k. An angle is compared by the sine of half its difference, which has
-    !> the same zero and the same slope there, and does not mind full turns.
+    !> That of a joint variable which is coordinate k. Of an angle's difference full turns do not count.
     function constraint_of_variable(mechanism, j, variable, k) result(constraint)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j, variable, k
@@ -65,7 +64,7 @@ contains
             q = kind%variables(pair)
             constraint%c = [q(variable) - mechanism%q(k)]
             call differentiate(constraint, rates)
-            if (.not. kind%is_slide(variable)) constraint%c = [2.0_wp*sin(0.5_wp*constraint%c(1))]
+            if (.not. kind%is_slide(variable)) constraint%c = [atan2(sin(constraint%c(1)), cos(constraint%c(1)))]
         end associate
     end function constraint_of_variable
 
@@ -132,6 +131,17 @@ contains
     end subroutine differentiate
 
     ! ---------------------------------------------------------------- for given bodies
+
+    !> Their values: how far they are from being met.
+    function errors_of(constraint, body) result(c)
+        type(constraint_type), intent(in) :: constraint
+        type(body_state), intent(in) :: body(2)
+        type(value), allocatable :: c(:)
+        type(substitution) :: map
+
+        call replace_places(constraint, body, map)
+        c = substituted(map, constraint%c)
+    end function errors_of
 
     !> Their rates for velocities, or for small displacements in place of these.
     function velocities_of(constraint, body) result(rate)

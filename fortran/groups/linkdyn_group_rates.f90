@@ -13,7 +13,7 @@ module linkdyn_group_rates
     use linkdyn_vector, only: vector, components, vector_of
     implicit none (type, external)
     private
-    public :: group_constraints, list_constraints, move_group
+    public :: group_constraints, list_constraints, move_group, states, make_velocities_unknown
 
     !> All constraints of a group.
     type :: group_constraints

@@ -1,6 +1,6 @@
 !> The steps of the plan, one after the other: where every link stands and how it moves.
 module linkdyn_placing
-    use linkdyn_attitude, only: rotation_by_quaternion
+    use linkdyn_attitude, only: rotation_about_z, rotation_by_quaternion
     use linkdyn_csp_group, only: place_csp
     use linkdyn_dyads, only: place_dyad
     use linkdyn_group_rates, only: group_constraints, list_constraints, move_group
@@ -10,11 +10,11 @@ module linkdyn_placing
     use linkdyn_model, only: step_type, step_pose, step_joint, step_ups, step_csp, step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, walk_joint
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value
-    use linkdyn_vector, only: vector_of, operator(.dot.)
+    use linkdyn_value, only: value, zero
+    use linkdyn_vector, only: vector, vector_of, operator(.dot.)
     implicit none (type, external)
     private
-    public :: run_step
+    public :: run_step, place_group
 
 contains
 
@@ -23,7 +23,7 @@ contains
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step
         type(value), intent(in) :: branch              !! +1 or -1, read where a step has two ways to close
-        type(value), intent(in) :: place(:, :)         !! x y z and a quaternion (7, link)
+        type(value), intent(in) :: place(:, :)         !! x, y, angle, or x y z and a quaternion (place_size, link)
         type(system_type), intent(inout), optional :: equations    !! where accelerations stay unknown, if they do
         type(group_constraints) :: constraints
         integer :: i
@@ -49,10 +49,7 @@ contains
                 call place_csp(mechanism, step, branch)
                 call list_constraints(mechanism, step%link, step%joint, reshape([(0, i=1, 9)], [3, 3]), constraints)
             else
-                associate (group => mechanism%model%group(step%first))
-                    call take_places(mechanism, group%link, place)
-                    call list_constraints(mechanism, group%link, group%joint, group%coordinate, constraints)
-                end associate
+                call place_group(mechanism, step%first, place, constraints)
             end if
             call move_group(mechanism, constraints, equations)
         end select
@@ -72,6 +69,19 @@ contains
         end if
     end function step_joints
 
+    !> A group closed by iteration, where it stands.
+    subroutine place_group(mechanism, g, place, constraints)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: g                       !! number of the group
+        type(value), intent(in) :: place(:, :)         !! as above
+        type(group_constraints), intent(out) :: constraints
+
+        associate (group => mechanism%model%group(g))
+            call take_places(mechanism, group%link, place)
+            call list_constraints(mechanism, group%link, group%joint, group%coordinate, constraints)
+        end associate
+    end subroutine place_group
+
     subroutine take_places(mechanism, link, place)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: link(:)
@@ -80,9 +90,18 @@ contains
 
         do i = 1, size(link)
             associate (body => mechanism%bodies%body(link(i)))
-                body%position = vector_of(place(1:3, link(i)))
+                if (mechanism%model%is_planar) then
+                    body%position = vector(place(1, link(i)), place(2, link(i)), zero())
+                else
+                    body%position = vector_of(place(:3, link(i)))
+                end if
                 if (any(mechanism%bodies%turning(body%turning)%omega%is_known)) cycle
-                mechanism%bodies%turning(body%turning)%r = rotation_by_quaternion(place(4:7, link(i)))
+                if (any(mechanism%bodies%body(link(:i - 1))%turning == body%turning)) cycle
+                if (mechanism%model%is_planar) then
+                    mechanism%bodies%turning(body%turning)%r = rotation_about_z(place(3, link(i)))
+                else
+                    mechanism%bodies%turning(body%turning)%r = rotation_by_quaternion(place(4:, link(i)))
+                end if
             end associate
         end do
     end subroutine take_places

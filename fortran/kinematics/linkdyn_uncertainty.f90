@@ -4,7 +4,7 @@ module linkdyn_uncertainty
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: largest_uncertainty, uncertainty_of_motion
+    public :: largest_uncertainty, uncertainty_of_motion, is_surely_certain
 
     !> Three digits: with fewer a rate, an acceleration or a force is not given as right.
     real(wp), parameter :: largest_uncertainty = 1.0e-3_wp
@@ -34,4 +34,16 @@ contains
         ! At a dead point itself nothing is known.
         part = merge(part, huge(1.0_wp), part <= huge(1.0_wp))
     end function uncertainty_of_motion
+
+    !> Is a group's uncertainty below the limit whatever its motion?
+    !>
+    !> With lengths as parts of the mechanism's size a row of its constraints has no entry much beyond one, and four of them that
+    !> count: what n rows are given for the motion is below 4 sqrt(n) times this. So, with s the margin, the uncertainty is
+    !> below (4 + 8 sqrt(n)) eps/s^4. Twice that leaves room for rounding and for slides longer than the mechanism is large.
+    elemental logical function is_surely_certain(margin, n)
+        real(wp), intent(in) :: margin
+        integer, intent(in) :: n                  !! rows
+
+        is_surely_certain = margin**4 > 2*(4 + 8*sqrt(real(n, wp)))*epsilon(1.0_wp)/largest_uncertainty
+    end function is_surely_certain
 end module linkdyn_uncertainty

@@ -7,7 +7,29 @@ module linkdyn_group_motion
     use linkdyn_model, only: model_type, group_type, place_size, link_freedom, n_probe
     implicit none (type, external)
     private
-    public :: group_motion, prepare_groups, size_of_rows
+    public :: group_motion, group_closer, prepare_groups, size_of_rows
+
+    !> Newton's steps on a way, made by someone else.
+    type, abstract :: group_closer
+    contains
+        procedure(make_step), deferred :: make_step
+    end type group_closer
+
+    abstract interface
+        !> What a group needs where its links stand, on every lane.
+        subroutine make_step(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
+            import :: group_closer, wp
+            class(group_closer), intent(in) :: self
+            integer, intent(in) :: g                         !! number of the group
+            real(wp), intent(in) :: q(:, :), qd(:, :)        !! (lane, n_q)
+            real(wp), intent(in) :: branch(:, :)             !! (lane, n_branch)
+            real(wp), intent(in) :: place(:, :, :)           !! (lane, place_size, n_link)
+            real(wp), intent(out) :: correction(:, :)        !! to be taken from the places (lane, row)
+            real(wp), intent(out) :: rate(:, :)              !! of the places (lane, row)
+            real(wp), intent(out) :: margin(:)               !! (lane)
+            logical, intent(out) :: is_sure(:)               !! false: rounding may have grown (lane)
+        end subroutine make_step
+    end interface
 
     type :: group_motion
         real(wp), allocatable :: place(:, :, :)          !! where the iteration stands           (lane, place_size, n_link)
@@ -19,6 +41,7 @@ module linkdyn_group_motion
         real(wp), allocatable :: margin(:, :)            !! smallest singular value, about, of the constraints with lengths by
                                                          !! the mechanism's size; the sign tells assemblies apart (lane, n_group)
         real(wp), allocatable :: drift(:, :)             !! its rate, on a way                   (lane, n_group)
+        class(group_closer), pointer :: closer => null() !! of steps on a way; null: none
         real(wp) :: gap(lanes, -1:0) = 0                 !! size of what a group's motion was found from: velocity, acceleration
         real(wp), allocatable :: matrix(:, :, :), right(:, :, :)    !! (lane, row, column)
     end type group_motion

@@ -1,14 +1,15 @@
 !> Inverse dynamics of many samples by a record of the scene: traced once for the results wanted, run on blocks of samples.
 !>
-!> A record serves scenes whose loops all close in closed form, legs in any axes among them. A sample at which it raises its
-!> alarm, near a dead point or where a pivot fails, or that is not finite, is left to whoever solves with pivots of its own.
+!> Loops are closed by closed forms, legs in any axes among them. Where a group of links has none, its links' places are given
+!> for every sample, by whoever has closed it by iteration. A sample at which the record raises its alarm, near a dead point
+!> or where a pivot fails, or that is not finite, is left to whoever solves with pivots of its own.
 module linkdyn_recorded_forces
     use linkdyn_block, only: block_lanes
     use linkdyn_force_program, only: make_force_program, out_alarm, out_reach
-    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_branch
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_branch, in_place
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_group
+    use linkdyn_model, only: model_type
     use linkdyn_planner, only: plan_steps
     use linkdyn_samples, only: sample_arrays, result_list
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, output_target, goes_to, &
@@ -38,6 +39,7 @@ module linkdyn_recorded_forces
         integer, allocatable :: wanted(:)                      !! `result_*` of the catalogue
         logical :: is_usable = .false.                         !! false: the scene has no record
         logical :: needs_branches = .false.                    !! there are ways to close
+        logical :: needs_places = .false.                      !! some links stand where they have been found by iteration
         type(model_type), pointer :: model => null()           !! planned for records
         type(scene_program) :: program
         type(space_pool), pointer, private :: pool => null()
@@ -103,12 +105,14 @@ contains
     end subroutine free_records
 
     !> Trace the scene for the results wanted. Poses are representative: pivots are chosen by them.
-    subroutine record_forces(model, wanted, q, stand, recorded)
+    subroutine record_forces(model, wanted, q, stand, recorded, place)
         type(model_type), intent(in) :: model
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         real(wp), intent(in) :: q(:, :)                        !! (n_q, pose), at which all loops close on the start's assembly
         real(wp), intent(in) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
         type(recorded_forces), intent(out) :: recorded
+        real(wp), intent(in), optional :: place(:, :, :)       !! there, of links closed by iteration (place_size, n_link, pose);
+                                                               !! absent: there are none
         type(trace_request) :: request
         type(sample_set) :: sample
 
@@ -117,22 +121,28 @@ contains
         if (size(q, 2) == 0 .or. .not. plan_for_records(model, stand, recorded%model)) return
         associate (own => recorded%model)
             recorded%needs_branches = any(own%step%has_branches)
+            recorded%needs_places = size(own%group) > 0
             allocate (request%has_load(6, own%n_load))
             request%has_load = .true.
             sample%n = size(q, 2)
             sample%of(in_q)%x = q
             sample%of(in_branch)%x = spread(own%branch, 2, sample%n)
+            if (present(place)) &
+                sample%of(in_place)%x = reshape(place(:, :, :sample%n), [size(place, 1)*size(place, 2), sample%n])
             call make_force_program(own, request, wanted, sample, recorded%program)
         end associate
         recorded%is_usable = recorded%program%is_made
     end subroutine record_forces
 
-    !> The same mechanism, planned anew. False: loops are closed by iteration, or a branch has no place of its own.
+    !> The same mechanism, planned anew. False: a link is closed by iteration that was not so before, or a branch has no place
+    !> of its own.
     logical function plan_for_records(model, stand, own) result(is_planned)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: stand(:, :, 0:)
         type(model_type), intent(out) :: own
         type(status_type) :: status
+        logical :: is_placed(model%n_link)                     ! by iteration
+        integer :: g
 
         own = model
         own%n_dyad = 0
@@ -142,7 +152,15 @@ contains
         if (allocated(own%moves)) deallocate (own%moves)
         call plan_steps(own, status, stand=stand)
         is_planned = status%is_ok()
-        if (is_planned) is_planned = .not. any(own%step%kind == step_group) .and. own%n_branch == model%n_branch
+        if (is_planned) is_planned = own%n_branch == model%n_branch
+        if (.not. is_planned) return
+        is_placed = .false.
+        do g = 1, size(model%group)
+            is_placed(model%group(g)%link) = .true.
+        end do
+        do g = 1, size(own%group)
+            is_planned = is_planned .and. all(is_placed(own%group(g)%link))
+        end do
     end function plan_for_records
 
     !> Run samples in order. Those in `left` have been left: their status and results are as they were. Nothing is allocated

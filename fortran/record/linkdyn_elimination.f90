@@ -7,7 +7,7 @@
 module linkdyn_elimination
     use linkdyn_kinds, only: wp
     use linkdyn_record, only: record_type, open_record_of_thread
-    use linkdyn_value, only: value, is_zero, is_one, is_constant, reciprocal, constant, operator(+), operator(-), operator(*)
+    use linkdyn_value, only: value, one, is_zero, is_one, is_constant, reciprocal, constant, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
     public :: sparse_row, elimination_type, eliminate
@@ -31,6 +31,7 @@ module linkdyn_elimination
     type :: elimination_type
         type(value), allocatable :: solution(:)        !! (column)
         type(value), allocatable :: watched(:)         !! values whose magnitudes must stay below one
+        type(value) :: determinant                     !! its sign is that of the matrix', or the opposite at every sample
         logical :: is_complete = .false.               !! false: no pivots were found; there is no solution
         integer :: n_turned = 0                        !! pairs of rows turned into each other
     end type elimination_type
@@ -82,6 +83,7 @@ contains
 
         call begin(row, n_column, work)
         allocate (step(n_column), elimination%watched(0))
+        elimination%determinant = one()
         do n_step = 1, n_column
             do
                 call choose_pivot(work, is_last, u, pivot)
@@ -94,6 +96,7 @@ contains
                     if (.not. found) return
                 end if
             end do
+            elimination%determinant = elimination%determinant*entry_of(work%row(pivot%row), u)
             call apply_pivot(work, u, pivot%row, step(n_step), elimination%watched)
         end do
         call substitute_back(step, n_column, elimination%solution)

@@ -23,6 +23,7 @@ module linkdyn_system
         integer, allocatable :: place(:)              !! (unknown of the record) in `number`; 0: of another system
         type(value), allocatable :: solution(:)        !! (as in `number`)
         type(value), allocatable :: watched(:)         !! magnitudes that must stay below one
+        type(value) :: determinant                     !! its sign, or the opposite at every sample
         logical :: is_solved = .false.
     end type system_type
 
@@ -103,6 +104,7 @@ contains
         if (.not. system%is_solved) return
         call move_alloc(elimination%solution, system%solution)
         call move_alloc(elimination%watched, system%watched)
+        system%determinant = elimination%determinant
     end subroutine solve
 
     !> Which unknowns of the record are the system's.

@@ -3,7 +3,9 @@
 !> The two share the joints' data only. Between them the scenes have all kinds of joints, free and given, on the frame
 !> and on moving links, and links that share an orientation with what they slide on.
 module test_newton_groups
+    use linkdyn_assembly_trail, only: sample_assembly, settle_samples
     use linkdyn_builder, only: build_model
+    use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
@@ -34,7 +36,8 @@ contains
             new_test("open chain", test_open_chain), &
             new_test("CSP group", test_csp), &
             new_test("dyads", test_dyads), &
-            new_test("slides parallel to a moving link", test_parallel_slides)]
+            new_test("slides parallel to a moving link", test_parallel_slides), &
+            new_test("recorded steps", test_recorded_steps)]
     end subroutine collect_newton_groups
 
     subroutine test_stewart(error)
@@ -176,6 +179,56 @@ contains
             call check_close(error, got/scale, expected/scale, 1.0e4_wp*eps, what)
         end subroutine same
     end subroutine compare
+
+    !> Newton's step by a record: velocities are differences of places that the lanes have found, and links that were shifted a
+    !> little are brought back.
+    subroutine test_recorded_steps(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(3) = [character(len=18) :: "hexaglide", "rsur", "rusr_parallelogram"]
+        real(wp), parameter :: h = 1.0e-5_wp           ! differences: errors of h^2 over cubed margins
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(sample_assembly) :: found
+        type(closing_programs) :: closing
+        type(random_stream) :: stream
+        real(wp), allocatable :: q(:, :), way(:), correction(:, :), rate(:, :), place(:, :, :)
+        real(wp) :: margin(1), shift(3)
+        logical :: is_sure(1)
+        integer :: i, k, l, first
+
+        do i = 1, size(name)
+            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(status%message))
+            if (.not. status%is_ok()) return
+            way = stream%vector(model%n_q)
+            q = reshape([model%start_q, model%start_q - h*way, model%start_q + h*way], [model%n_q, 3])
+            call settle_samples(model, 1, q, found)
+            call make_closing_programs(model, q, found%place, found%margin, closing)
+            call check(error, closing%is_usable, trim(name(i))//": margins are those of the lanes")
+            if (.not. closing%is_usable) return
+            associate (group => model%group(1))
+                allocate (correction(1, size(group%unit)), rate(1, size(group%unit)))
+                place = reshape(found%place(:, :, 1), [1, size(found%place, 1), size(found%place, 2)])
+                shift = 1.0e-6_wp*stream%vector(3)
+                place(1, :3, group%link(2)) = place(1, :3, group%link(2)) + shift
+                call closing%make_step(1, reshape(q(:, 1), [1, model%n_q]), reshape(way, [1, model%n_q]), &
+                                       reshape(model%branch, [1, model%n_branch]), place, correction, rate, margin, is_sure)
+                call check(error, is_sure(1), trim(name(i))//": no alarm")
+                do k = 1, size(group%link)
+                    l = group%link(k)
+                    first = 6*(k - 1)
+                    call check_close(error, rate(1, first + 1:first + 3), (found%place(:3, l, 3) - found%place(:3, l, 2))/(2*h), &
+                                     1.0e-4_wp*max(1.0_wp, maxval(abs(rate))), trim(name(i))//": velocities")
+                    call check_close(error, correction(1, first + 1:first + 3), merge(shift, 0*shift, k == 2), 1.0e-9_wp, &
+                                     trim(name(i))//": shifts taken back")
+                end do
+                deallocate (correction, rate)
+            end associate
+            call closing%free()
+        end do
+    end subroutine test_recorded_steps
 
     !> The scene with its links' starting positions where a state has them.
     subroutine start_there(model, state, scene, started)

@@ -1,0 +1,123 @@
+!> Newton's step of a group closed by iteration: correction of the links' places, their velocities, and what tells the margin,
+!> from the constraints of the joints alone and by one elimination.
+!>
+!> Errors, what the known links' velocities do, and the probes are right-hand sides of the same matrix. They go through the
+!> elimination as one, each with a symbol of its own for a factor, and are told apart in the solution.
+module linkdyn_newton_step
+    use linkdyn_constraint_rates, only: errors_of, velocities_of
+    use linkdyn_group_rates, only: group_constraints, states, make_velocities_unknown
+    use linkdyn_linear_form, only: linear_form, linear_forms, find_linear_form
+    use linkdyn_mechanism, only: mechanism_type
+    use linkdyn_record, only: new_unknown
+    use linkdyn_system, only: system_type, require, solve
+    use linkdyn_value, only: value, zero, constant, operator(+), operator(-), operator(*)
+    use linkdyn_kinds, only: wp
+    implicit none (type, external)
+    private
+    public :: newton_step, trace_newton_step
+
+    type :: newton_step
+        type(value), allocatable :: correction(:)      !! A^-1 errors: shift and turn of each link (row)
+        type(value), allocatable :: rate(:)            !! velocity and angular velocity of each link (row)
+        type(value), allocatable :: response(:, :)     !! A^-1 v of each probe v (row, probe)
+        type(value) :: determinant                     !! of A; its sign, or the opposite at every sample
+        type(value), allocatable :: watched(:)         !! magnitudes that must stay below one
+        logical :: is_solved = .false.
+    end type newton_step
+
+contains
+
+    !> Of a group whose links are placed, and all before it placed and moving.
+    subroutine trace_newton_step(mechanism, constraints, probe, step)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        real(wp), intent(in) :: probe(:, :)            !! (row, probe)
+        type(newton_step), intent(out) :: step
+        type(system_type) :: system
+        type(value) :: factor(size(probe, 2) + 1), error(size(probe, 1)), zeros(size(probe, 1))
+        logical :: is_square
+        integer :: i, k
+
+        call make_velocities_unknown(mechanism, constraints, system)
+        call require_all(is_square)
+        if (.not. is_square) return
+        do k = 1, size(factor)
+            factor(k) = new_unknown()
+        end do
+        do i = 1, size(error)
+            associate (rest => system%equation(i)%rest)
+                rest = factor(1)*rest - error(i)
+                do k = 1, size(probe, 2)
+                    rest = rest - factor(k + 1)*constant(probe(i, k))
+                end do
+            end associate
+        end do
+        call solve(system)
+        if (.not. system%is_solved) return
+        zeros = zero()
+        step%correction = zeros
+        step%rate = zeros
+        allocate (step%response(size(error), size(probe, 2)))
+        call tell_apart()
+        step%determinant = system%determinant
+        step%watched = system%watched
+        step%is_solved = .true.
+
+    contains
+
+        !> The constraints' rates, and their errors in the same order. Not square: the probes do not belong to these.
+        subroutine require_all(is_square)
+            logical, intent(out) :: is_square
+            type(value), allocatable :: c(:), rate(:)
+            integer :: n_before
+
+            is_square = .false.
+            do i = 1, size(constraints%of)
+                associate (body => states(mechanism, constraints%of(i)%link))
+                    c = errors_of(constraints%of(i), body)
+                    rate = velocities_of(constraints%of(i), body)
+                end associate
+                do k = 1, size(c)
+                    n_before = system%n_equation
+                    call require(system, rate(k))
+                    if (system%n_equation == n_before) cycle
+                    if (system%n_equation > size(error)) return
+                    error(system%n_equation) = c(k)
+                end do
+            end do
+            is_square = system%n_equation == size(error) .and. system%n_unknown == size(error)
+        end subroutine require_all
+
+        subroutine tell_apart()
+            type(linear_forms) :: forms
+            type(linear_form) :: form
+            integer :: j
+
+            forms%first = factor(1)%node
+            do j = 1, size(error)
+                call find_linear_form(forms, system%solution(j), form)
+                step%correction(j) = form%rest
+                step%rate(j) = part_of(form, 1)
+                do k = 1, size(probe, 2)
+                    step%response(j, k) = part_of(form, k + 1)
+                end do
+            end do
+        end subroutine tell_apart
+
+        !> What a factor stands before.
+        function part_of(form, k) result(v)
+            type(linear_form), intent(in) :: form
+            integer, intent(in) :: k
+            type(value) :: v
+            type(linear_form) :: own
+            type(linear_forms) :: forms
+            integer :: at
+
+            forms%first = factor(1)%node
+            call find_linear_form(forms, factor(k), own)
+            at = findloc(form%unknown, own%unknown(1), dim=1)
+            v = zero()
+            if (at > 0) v = form%coefficient(at)
+        end function part_of
+    end subroutine trace_newton_step
+end module linkdyn_newton_step

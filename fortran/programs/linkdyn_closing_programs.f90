@@ -1,0 +1,364 @@
+!> Newton's steps of all groups closed by iteration, by records: one program a group, from coordinates, rates along a way and
+!> places to correction, velocities and margin.
+!>
+!> Rows, probes and units are those of the lanes' groups, so that the margins of both are the same numbers. This is looked at
+!> when the programs are made: a difference would be a defect, and the lanes are believed.
+module linkdyn_closing_programs
+    use linkdyn_block, only: block_lanes
+    use linkdyn_group_motion, only: group_closer
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_branch, in_place
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, step_group, place_size, n_probe
+    use linkdyn_newton_step, only: newton_step, trace_newton_step
+    use linkdyn_group_rates, only: group_constraints
+    use linkdyn_placing, only: place_group
+    use linkdyn_record, only: record_type, open_record, close_record
+    use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, output_target, goes_to, &
+        make_scene_program, free_scene_program, free_program_space, load_samples, run_samples
+    use linkdyn_trace, only: traced_type, begin_trace, trace_steps, alarm_of
+    use linkdyn_value, only: value, zero, constant, operator(+), operator(*), square
+    implicit none (type, external)
+    private
+    public :: closing_programs, make_closing_programs
+
+    ! ---- outputs
+    integer, parameter :: out_correction = 1
+    integer, parameter :: out_rate = 2
+    integer, parameter :: out_response = 3         !! sum of the squares of A^-1 v, in the units of the unknowns
+    integer, parameter :: out_determinant = 4
+    integer, parameter :: out_alarm = 5            !! beyond one, rounding may have grown
+
+    type :: closing_program
+        type(scene_program) :: program
+        integer :: n = 0                           !! rows
+        real(wp) :: sense = 1                      !! of the determinant's sign
+    end type closing_program
+
+    !> Scratch of one thread.
+    type :: closing_space
+        type(program_space), allocatable :: slots(:)           !! (group)
+        real(wp), allocatable :: q(:, :), qd(:, :), branch(:, :), place(:, :)    !! (number, sample)
+        real(wp), allocatable :: correction(:, :), rate(:, :)                    !! (row, sample)
+        real(wp), allocatable :: response(:, :), determinant(:, :), alarm(:, :)  !! (1, sample)
+        type(closing_space), pointer :: next => null()         !! idle as well
+    end type closing_space
+
+    type :: space_pool
+        type(closing_space), pointer :: first => null()
+    end type space_pool
+
+    !> Threads share it. Freed by `free`.
+    type, extends(group_closer) :: closing_programs
+        type(closing_program), allocatable, private :: of(:)   !! (group)
+        type(space_pool), pointer, private :: pool => null()
+        logical :: is_tried = .false.                          !! made, or found that it cannot be
+        logical :: is_usable = .false.
+    contains
+        procedure :: make_step => make_step_by_record
+        procedure :: free => free_programs
+    end type closing_programs
+
+contains
+
+    !> Trace the steps of all groups. Poses are representative: pivots are chosen by them.
+    subroutine make_closing_programs(model, q, place, margin, programs)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, pose)
+        real(wp), intent(in) :: place(:, :, :)                 !! there, as the lanes have found them (place_size, n_link, pose)
+        real(wp), intent(in) :: margin(:, :)                   !! likewise (n_group, pose)
+        type(closing_programs), intent(out) :: programs
+        type(model_type), target :: own
+        type(sample_set) :: sample
+        integer :: g
+
+        programs%is_tried = .true.
+        if (size(q, 2) == 0) return
+        own = turning_each(model)
+        sample%n = size(q, 2)
+        sample%of(in_q)%x = q
+        sample%of(in_branch)%x = spread(model%branch, 2, sample%n)
+        sample%of(in_place)%x = reshape(place, [size(place, 1)*size(place, 2), sample%n])
+        allocate (programs%of(size(model%group)), programs%pool)
+        do g = 1, size(model%group)
+            call make_program_of_group(own, g, sample, programs%of(g))
+            if (.not. programs%of(g)%program%is_made) return
+        end do
+        programs%is_usable = .true.
+        do g = 1, size(model%group)
+            if (programs%is_usable) call compare_margins(model, g, q, place, margin(g, :), programs)
+        end do
+    end subroutine make_closing_programs
+
+    !> The mechanism with all links turning on their own: the groups' rows know of each link's turn, of links that only slide on
+    !> each other, too.
+    pure function turning_each(model) result(own)
+        type(model_type), intent(in) :: model
+        type(model_type) :: own
+        integer :: l
+
+        own = model
+        own%n_orientation = model%n_link
+        do l = 1, model%n_link
+            own%link(l)%orientation = l
+        end do
+    end function turning_each
+
+    !> What stands behind a group, if it is needed for it.
+    pure function steps_needed(model, at) result(is_needed)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: at                              !! step of the group
+        logical :: is_needed(at - 1)
+        logical :: matters(0:model%n_link)
+        integer, allocatable :: link(:), joint(:)
+        integer :: i
+
+        matters = .false.
+        call find_parts(model, at, link, joint)
+        call note(joint, matters)
+        do i = at - 1, 1, -1
+            call find_parts(model, i, link, joint)
+            is_needed(i) = any(matters(link))
+            if (is_needed(i)) call note(joint, matters)
+        end do
+
+    contains
+
+        pure subroutine note(joint, matters)
+            integer, intent(in) :: joint(:)
+            logical, intent(inout) :: matters(0:)
+            integer :: k
+
+            do k = 1, size(joint)
+                matters(model%joint(joint(k))%link) = .true.
+            end do
+        end subroutine note
+    end function steps_needed
+
+    !> Links that a step places, and the joints by which it does.
+    pure subroutine find_parts(model, i, link, joint)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        integer, allocatable, intent(out) :: link(:), joint(:)
+
+        associate (step => model%step(i))
+            if (step%kind == step_group) then
+                link = model%group(step%first)%link
+                joint = model%group(step%first)%joint
+            else
+                link = step%link(:step%n_link)
+                joint = pack(step%joint, step%joint > 0)
+            end if
+        end associate
+    end subroutine find_parts
+
+    subroutine make_program_of_group(model, g, sample, closing)
+        type(model_type), intent(in), target :: model
+        integer, intent(in) :: g
+        type(sample_set), intent(in) :: sample
+        type(closing_program), intent(inout) :: closing
+        type(record_type), target :: record
+        type(traced_type) :: traced
+        type(group_constraints) :: constraints
+        type(newton_step) :: step
+        type(output_list) :: out
+        integer :: at
+
+        at = findloc(model%step%kind == step_group .and. model%step%first == g, .true., dim=1)
+        call open_record(record, sample%n)
+        call begin_trace(model, trace_request(), sample, traced)
+        call trace_steps(at - 1, .false., traced, steps_needed(model, at))
+        call place_group(traced%mechanism, g, traced%place, constraints)
+        associate (group => model%group(g))
+            if (all(constraints%turns) .and. traced%mechanism%is_solved) &
+                call trace_newton_step(traced%mechanism, constraints, group%probe, step)
+            if (step%is_solved) then
+                closing%n = size(group%unit)
+                traced%mechanism%watched = [traced%mechanism%watched, step%watched]
+                call add_output(out, out_correction, step%correction)
+                call add_output(out, out_rate, step%rate)
+                call add_output(out, out_response, [sum_of_squares(step%response, group%unit)])
+                call add_output(out, out_determinant, [step%determinant])
+                call add_output(out, out_alarm, [alarm_of(traced)])
+                call make_scene_program(record, traced%in, out, closing%program)
+            end if
+        end associate
+        call close_record(record)
+    end subroutine make_program_of_group
+
+    !> In units of the unknowns.
+    function sum_of_squares(response, unit) result(s)
+        type(value), intent(in) :: response(:, :)              !! (row, probe)
+        real(wp), intent(in) :: unit(:)                        !! (row)
+        type(value) :: s
+        integer :: i, k
+
+        s = zero()
+        do k = 1, size(response, 2)
+            do i = 1, size(unit)
+                s = s + square(constant(1/unit(i))*response(i, k))
+            end do
+        end do
+    end function sum_of_squares
+
+    !> The sense of the determinants; usable if the margins at the representative poses are those of the lanes.
+    subroutine compare_margins(model, g, q, place, margin, programs)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g
+        real(wp), intent(in) :: q(:, :), place(:, :, :), margin(:)
+        type(closing_programs), intent(inout) :: programs
+        real(wp), parameter :: alike = 1.0e-6_wp               !! eps over the margin, for margins that say something
+        real(wp), dimension(size(q, 2), programs%of(g)%n) :: correction, rate
+        real(wp), dimension(size(q, 2)) :: found
+        logical, dimension(size(q, 2)) :: is_sure
+        integer :: k
+
+        call programs%make_step(g, transpose(q), 0*transpose(q), spread(model%branch, 1, size(q, 2)), &
+                                reshape(place, [size(q, 2), size(place, 1), size(place, 2)], order=[2, 3, 1]), &
+                                correction, rate, found, is_sure)
+        k = findloc(is_sure, .true., dim=1)
+        programs%is_usable = k > 0
+        if (k == 0) return
+        if (found(k)*margin(k) < 0) then
+            programs%of(g)%sense = -1
+            found = -found
+        end if
+        programs%is_usable = all(abs(found - margin) <= alike*abs(margin) .or. .not. is_sure)
+    end subroutine compare_margins
+
+    !> See `group_closer`.
+    subroutine make_step_by_record(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
+        class(closing_programs), intent(in) :: self
+        integer, intent(in) :: g
+        real(wp), intent(in) :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
+        real(wp), intent(out) :: correction(:, :), rate(:, :), margin(:)
+        logical, intent(out) :: is_sure(:)
+        type(closing_space), pointer :: space
+        type(sample_arrays) :: arrays
+        type(output_target) :: to(5)
+        integer :: n_lane, n_place, first, count, i
+
+        n_lane = size(q, 1)
+        n_place = size(place, 2)*size(place, 3)
+        call take_space(self, space)
+        call fit(space%q, size(q, 2), n_lane)
+        call fit(space%qd, size(q, 2), n_lane)
+        call fit(space%branch, size(branch, 2), n_lane)
+        call fit(space%place, n_place, n_lane)
+        call fit(space%correction, self%of(g)%n, n_lane)
+        call fit(space%rate, self%of(g)%n, n_lane)
+        call fit(space%response, 1, n_lane)
+        call fit(space%determinant, 1, n_lane)
+        call fit(space%alarm, 1, n_lane)
+        call put_in_rows(self%of(g)%program, q, qd, branch, place, space)
+        arrays%of(in_q)%x => space%q
+        arrays%of(in_qd)%x => space%qd
+        arrays%of(in_branch)%x => space%branch
+        arrays%of(in_place)%x => space%place
+        associate (program => self%of(g)%program)
+            do first = 1, n_lane, block_lanes()
+                count = min(block_lanes(), n_lane - first + 1)
+                call load_samples(program, arrays, first, count, space%slots(g))
+                to = [goes_to(out_correction, space%correction, first), goes_to(out_rate, space%rate, first), &
+                      goes_to(out_response, space%response, first), goes_to(out_determinant, space%determinant, first), &
+                      goes_to(out_alarm, space%alarm, first)]
+                call run_samples(program, space%slots(g), count, to)
+            end do
+        end associate
+        do i = 1, self%of(g)%n
+            correction(:, i) = space%correction(i, :)
+            rate(:, i) = space%rate(i, :)
+        end do
+        ! A direction of n has the n-th part of a unit vector's square, on average.
+        margin = sign(sqrt(n_probe/(self%of(g)%n*space%response(1, :))), self%of(g)%sense*space%determinant(1, :))
+        ! Written so that what is no number is not sure.
+        is_sure = space%alarm(1, :) <= 1 .and. space%response(1, :) <= huge(1.0_wp)
+        do i = 1, self%of(g)%n
+            is_sure = is_sure .and. abs(correction(:, i)) <= huge(1.0_wp) .and. abs(rate(:, i)) <= huge(1.0_wp)
+        end do
+        call return_space(self, space)
+    end subroutine make_step_by_record
+
+    !> From lanes side by side to samples one after the other, what the program reads.
+    pure subroutine put_in_rows(program, q, qd, branch, place, space)
+        type(scene_program), intent(in) :: program
+        real(wp), intent(in) :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
+        type(closing_space), intent(inout) :: space
+        integer :: s, k, n
+
+        n = size(place, 2)
+        do s = 1, size(program%input)
+            do k = program%input(s)%first, program%input(s)%first + program%input(s)%n - 1
+                select case (program%input(s)%block)
+                case (in_q)
+                    space%q(k, :) = q(:, k)
+                case (in_qd)
+                    space%qd(k, :) = qd(:, k)
+                case (in_branch)
+                    space%branch(k, :) = branch(:, k)
+                case (in_place)
+                    space%place(k, :) = place(:, modulo(k - 1, n) + 1, (k - 1)/n + 1)
+                end select
+            end do
+        end do
+    end subroutine put_in_rows
+
+    !> Room of a size; nothing is done if it has it.
+    subroutine fit(x, n, samples)
+        real(wp), allocatable, intent(inout) :: x(:, :)
+        integer, intent(in) :: n, samples
+
+        if (allocated(x)) then
+            if (all(shape(x) == [n, samples])) return
+            deallocate (x)
+        end if
+        allocate (x(n, samples))
+    end subroutine fit
+
+    !> Idle scratch, or new.
+    subroutine take_space(self, space)
+        type(closing_programs), intent(in) :: self
+        type(closing_space), pointer, intent(out) :: space
+
+        !$omp critical (linkdyn_closing_space)
+        space => self%pool%first
+        if (associated(space)) self%pool%first => space%next
+        !$omp end critical (linkdyn_closing_space)
+        if (associated(space)) return
+        allocate (space)
+        allocate (space%slots(size(self%of)))
+    end subroutine take_space
+
+    subroutine return_space(self, space)
+        type(closing_programs), intent(in) :: self
+        type(closing_space), pointer, intent(inout) :: space
+
+        !$omp critical (linkdyn_closing_space)
+        space%next => self%pool%first
+        self%pool%first => space
+        !$omp end critical (linkdyn_closing_space)
+    end subroutine return_space
+
+    !> Give everything back. No thread may be using it.
+    subroutine free_programs(self)
+        class(closing_programs), intent(inout) :: self
+        type(closing_space), pointer :: space
+        integer :: g
+
+        self%is_usable = .false.
+        if (associated(self%pool)) then
+            do while (associated(self%pool%first))
+                space => self%pool%first
+                self%pool%first => space%next
+                do g = 1, size(space%slots)
+                    call free_program_space(space%slots(g))
+                end do
+                deallocate (space)
+            end do
+            deallocate (self%pool)
+        end if
+        if (.not. allocated(self%of)) return
+        do g = 1, size(self%of)
+            call free_scene_program(self%of(g)%program)
+        end do
+    end subroutine free_programs
+end module linkdyn_closing_programs
