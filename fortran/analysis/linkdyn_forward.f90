@@ -114,7 +114,7 @@ contains
         if (.not. status%is_ok()) return
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
         call run%system%begin(options%t_start, run%y)
-        call run%system%evaluate(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
+        call run%system%evaluate_on_lanes(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed at its start: " &
                       //failure_at(model, run%system%workspace%state, run%system%workspace%status(1), 1) &
@@ -541,7 +541,7 @@ contains
         if (run%integrator%is_lost) then
             run%output = ieee_value(1.0_wp, ieee_quiet_nan)
         else
-            call run%system%evaluate(instant, run%output, rate, failed)
+            call run%system%evaluate_on_lanes(instant, run%output, rate, failed)
             force = run%system%workspace%driving_force(1, :)
         end if
         call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%turns, run%system%workspace%state, &
@@ -671,7 +671,7 @@ contains
 
             passed = 0
             if (.not. run%system%assembly%is_needed) return
-            call run%system%evaluate(spread(instant, 1, lanes), run%output, rate, failed)
+            call run%system%evaluate_on_lanes(spread(instant, 1, lanes), run%output, rate, failed)
             passed = merge(run%system%assembly%n_crossed, count_passed(model, spread(instant, 1, lanes), run%system%assembly, &
                            run%system%workspace%state), failed .or. run%integrator%failed)
         end subroutine count_change_points

@@ -43,7 +43,7 @@ module linkdyn_inverse
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
-    public :: solver_name, choose_solver
+    public :: solver_name, choose_solver, are_alike
 
     integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
 
