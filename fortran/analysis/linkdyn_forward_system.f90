@@ -30,7 +30,7 @@ module linkdyn_forward_system
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_system, build_forward_system, choose_unknowns, is_worth_recording
+    public :: forward_system, build_forward_system, choose_unknowns, evaluations_before_record
 
     type, extends(lane_system) :: forward_system
         type(model_type), pointer :: model => null()
@@ -54,7 +54,7 @@ module linkdyn_forward_system
         real(wp) :: inverse_time(lanes) = -huge(1.0_wp)    !! instants of the forces found last
         integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
         ! ---- the record
-        logical :: may_record = .false.                !! if the caller says so
+        logical :: may_record = .false.                !! once that is worth while; the caller says so
         type(forward_record) :: record
         integer :: n_by_lanes = 0                      !! evaluations on lanes so far
         integer :: n_by_record = 0                     !! and by the record alone
@@ -64,6 +64,7 @@ module linkdyn_forward_system
     contains
         procedure :: evaluate => evaluate_forward
         procedure :: evaluate_on_lanes
+        procedure :: make_record
         procedure :: share_record
         procedure :: accept => accept_forward
         procedure :: note_turns => note_turns_forward
@@ -287,8 +288,10 @@ contains
         logical :: is_left(lanes)
         integer :: k
 
-        if (self%may_record) call need_record(self, t(1))
-        if (.not. self%may_record) then
+        if (self%may_record .and. .not. associated(self%record%recorded)) then
+            if (self%n_by_lanes >= evaluations_before_record(self%model)) call self%make_record(t(1))
+        end if
+        if (.not. (self%may_record .and. associated(self%record%recorded))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if
@@ -378,24 +381,23 @@ contains
 
     ! ---------------------------------------------------------------- by a record of the scene
 
-    !> Evaluations on lanes that take as long as a record of the scene takes to be made, about: a run of fewer has none.
-    pure integer function is_worth_recording(model) result(n)
+    !> Evaluations on lanes that take about as long as the making of a record: a run of fewer has none.
+    pure integer function evaluations_before_record(model) result(n)
         type(model_type), intent(in) :: model
-        integer, parameter :: evaluations_a_link = 60
+        integer, parameter :: evaluations_a_link = 100     !! measured: 50 (of a hundred links) to 300
 
         n = evaluations_a_link*model%n_link
-    end function is_worth_recording
+    end function evaluations_before_record
 
-    !> Make the record once it is worth while. A scene that has none, or whose record differs from the lanes, goes on without.
-    subroutine need_record(self, t)
+    !> Make the record and use it from now on, if the scene has one and it finds what the lanes find.
+    subroutine make_record(self, t)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
 
-        if (associated(self%record%recorded) .or. self%n_by_lanes < is_worth_recording(self%model)) return
         call make_forward_record(self%model, self%layout, self%equations%unknown, self%wants_work, self%record)
         self%may_record = self%record%recorded%is_usable
         if (self%may_record) self%may_record = agrees_with_lanes(self, t)
-    end subroutine need_record
+    end subroutine make_record
 
     !> Use a record of the same scene that another system owns.
     subroutine share_record(self, recorded)
@@ -471,12 +473,14 @@ contains
         real(wp), dimension(lanes, self%model%n_q) :: q, qd
         real(wp), dimension(lanes, self%model%n_branch + size(self%model%group)) :: margin, drift
         real(wp), allocatable :: turns(:, :)
-        integer :: obstacle(lanes), first, i, k, lane, n_compared, n_alike
+        integer :: obstacle(lanes), first, i, k, lane, n_used, n_compared, n_alike
         logical :: failed(lanes), is_left(lanes)
 
         carried = self%assembly
         obstacle = self%obstacle
         turns = self%turns
+        n_used = self%n_used
+        self%n_used = lanes
         call begin_assembly(self%model, t, self%assembly)
         self%turns = 0
         call choose_poses(self%model, spread(self%model%start_q, 2, 1), pose, stand)
@@ -501,6 +505,7 @@ contains
         self%assembly = carried
         self%obstacle = obstacle
         self%turns = turns
+        self%n_used = n_used
         ! A defect shows everywhere; near a dead point both may have few digits.
         agrees = n_compared > 0 .and. 2*n_alike > n_compared
 
