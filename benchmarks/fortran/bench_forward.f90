@@ -1,9 +1,10 @@
 !> Forward dynamics of a scene on one thread: time per right-hand side, and states and times of every method.
 !>
-!> Usage: bench_forward SCENE END [STEPS [DIGITS]]. Two CSV tables. Right-hand sides: solver, microseconds (best of several
-!> passes) of one run, which has a block to itself, and per member of an ensemble that fills the lanes. Methods: name, step or
-!> tolerance, milliseconds for the whole run to END [s], right-hand sides, then q and qd at its end (NaN if it stopped).
-!> rk4 takes STEPS, 2 STEPS, ... 128 STEPS steps (default 50); tolerances go from 1e-3 to 10**-DIGITS (default 13).
+!> Usage: bench_forward SCENE END [STEPS [DIGITS [lanes]]]. Two CSV tables. Right-hand sides: solver on lanes, or the scene's
+!> record; microseconds (best of several passes) of one run, which on lanes has a block to itself, and per member of an
+!> ensemble that fills the lanes. Methods: name, step or tolerance, milliseconds for the whole run to END [s], the making of
+!> its record among them, right-hand sides, then q and qd at its end (NaN if it stopped). rk4 takes STEPS, 2 STEPS, ...
+!> 128 STEPS steps (default 50); tolerances go from 1e-3 to 10**-DIGITS (default 13). With "lanes" these have no record.
 !> These machines are shared: only ratios within one run mean much.
 program bench_forward
     use, intrinsic :: iso_fortran_env, only: int64, output_unit, error_unit
@@ -25,6 +26,7 @@ program bench_forward
     type(model_type), target :: model
     type(status_type) :: status
     real(wp) :: t_end
+    character(len=8) :: road
     integer :: n_first, n_digit
 
     file = "examples/stewart_forward/scene.toml"
@@ -32,6 +34,8 @@ program bench_forward
     t_end = number_given(2, 1.0_wp)
     n_first = nint(number_given(3, 50.0_wp))
     n_digit = nint(number_given(4, 13.0_wp))
+    road = ""
+    if (command_argument_count() > 4) call get_command_argument(5, road)
     write (output_unit, "(a,i0,a)") "# kind "//wp_name//", ", lanes, " lanes"
     call read_scene(trim(file), scene, status)
     if (status%is_ok()) call build_model(scene, model, status)
@@ -62,17 +66,14 @@ contains
         read (text, *) number
     end function number_given
 
-    !> The same block serves one run or `lanes` members. Near the start, where no assembly is in doubt.
+    !> On lanes the same block serves one run or `lanes` members. Near the start, where no assembly is in doubt.
     subroutine time_right_hand_sides(status)
         type(status_type), intent(inout) :: status
-        integer, parameter :: n_pass = 7
-        real(wp), parameter :: shortest = 5.0e-3_wp        !! a pass [s]
-        integer, parameter :: solver(2) = [solver_reduced, solver_elimination]
+        integer, parameter :: solver(3) = [solver_reduced, solver_elimination, 0]     !! 0: the record
         type(forward_system) :: system
-        real(wp) :: q(model%n_q), qd(model%n_q), best, start
-        real(wp), allocatable :: y(:, :), rate(:, :)
-        logical :: failed(lanes)
-        integer :: i, pass, repeat, n_repeat
+        real(wp) :: q(model%n_q), qd(model%n_q), single, block
+        real(wp), allocatable :: y(:, :)
+        integer :: i
 
         write (output_unit, "(a)") "solver,us_single,us_per_member"
         do i = 1, size(solver)
@@ -80,25 +81,47 @@ contains
             call build_forward_system(model, solver(i), system, status)
             if (.not. status%is_ok()) return
             system%wants_work = .false.
-            allocate (y(lanes, system%n), rate(lanes, system%n))
+            allocate (y(lanes, system%n))
             call scene_start(model, 0.0_wp, q, qd)
             call fill_start(model, system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), y)
             call system%begin(0.0_wp, y)
-            best = huge(1.0_wp)
-            n_repeat = 10
-            do pass = 1, n_pass
-                start = seconds()
-                do repeat = 1, n_repeat
-                    call system%evaluate(spread(1.0e-9_wp*repeat, 1, lanes), y, rate, failed)
-                end do
-                best = min(best, (seconds() - start)/n_repeat)
-                n_repeat = min(100000, max(10, ceiling(shortest/best)))
-            end do
-            write (output_unit, "(a,2(',',f0.4))") trim(solver_name(solver(i))), 1.0e6_wp*best, 1.0e6_wp*best/lanes
-            deallocate (y, rate)
+            if (solver(i) == 0) call system%make_record(0.0_wp)
+            single = time_rates(system, 1, y)
+            block = time_rates(system, lanes, y)
+            if (solver(i) > 0) then
+                write (output_unit, "(a,2(',',f0.4))") trim(solver_name(solver(i))), 1.0e6_wp*single, 1.0e6_wp*block/lanes
+            else if (system%n_by_record > 0) then
+                write (output_unit, "(a,2(',',f0.4))") "record", 1.0e6_wp*single, 1.0e6_wp*block/lanes
+            end if
+            deallocate (y)
             call system%release()
         end do
     end subroutine time_right_hand_sides
+
+    !> Time of one evaluation of which some lanes are used; the best of some passes.
+    real(wp) function time_rates(system, n_used, y) result(best)
+        type(forward_system), intent(inout) :: system
+        integer, intent(in) :: n_used
+        real(wp), intent(in) :: y(:, :)
+        integer, parameter :: n_pass = 7
+        real(wp), parameter :: shortest = 5.0e-3_wp        !! a pass [s]
+        real(wp) :: start, rate(lanes, system%n)
+        logical :: failed(lanes)
+        integer :: pass, repeat, n_repeat
+
+        system%n_used = n_used
+        best = huge(1.0_wp)
+        n_repeat = 10
+        do pass = 1, n_pass
+            start = seconds()
+            do repeat = 1, n_repeat
+                call system%evaluate(spread(1.0e-9_wp*repeat, 1, lanes), y, rate, failed)
+            end do
+            best = min(best, (seconds() - start)/n_repeat)
+            n_repeat = min(100000, max(10, ceiling(shortest/best)))
+        end do
+        system%n_used = lanes
+    end function time_rates
 
     subroutine time_methods(status)
         type(status_type), intent(inout) :: status
@@ -141,7 +164,8 @@ contains
         total = 0
         do i = 1, n_most
             run = forward_run()
-            call start_forward(model, forward_options(integrator=options, wants_reactions=.false.), run, status)
+            call start_forward(model, forward_options(integrator=options, wants_reactions=.false., &
+                                                      by_record=road /= "lanes"), run, status)
             if (.not. status%is_ok()) return
             start = seconds()
             call advance_forward(run, [t_end], results, n_good)

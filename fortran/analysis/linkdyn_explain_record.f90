@@ -1,12 +1,17 @@
-!> What a scene's record takes, in words: operations of inverse dynamics from a motion to forces, by kind.
+!> What a scene's records take, in words: operations of inverse dynamics from a motion to forces, and of forward dynamics from
+!> a state to accelerations, by kind.
 module linkdyn_explain_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_catalogue, only: result_driving_force, result_reaction
-    use linkdyn_equations, only: choose_poses
+    use linkdyn_equations, only: choose_poses, unknown_choice
+    use linkdyn_forward_record, only: forward_record, make_forward_record, free_forward_record
+    use linkdyn_forward_state, only: state_layout, plan_layout
+    use linkdyn_forward_system, only: choose_unknowns
     use linkdyn_kernel, only: kernel_type, count_of
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
+    use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
@@ -25,6 +30,7 @@ contains
         call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
         call explain_program("all unknowns", [result_driving_force, result_reaction])
         call explain_program("driving forces only", [result_driving_force])
+        call explain_rates(model, unit)
 
     contains
 
@@ -42,6 +48,27 @@ contains
             call free_recorded(recorded)
         end subroutine explain_program
     end subroutine explain_record
+
+    !> Of a scene that can run forward, by a record.
+    subroutine explain_rates(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        type(unknown_choice) :: unknown
+        type(state_layout) :: layout
+        type(forward_record) :: record
+        type(status_type) :: status
+
+        call choose_unknowns(model, unknown, status)
+        if (.not. status%is_ok()) return
+        if (.not. any(unknown%acceleration)) return
+        call plan_layout(model, unknown%acceleration, layout)
+        call make_forward_record(model, layout, unknown, .true., record)
+        if (record%recorded%is_usable) then
+            write (unit, "(/,a)") "Record of forward dynamics"
+            write (unit, "(2x,a)") "rates: "//in_words(record%recorded%program%kernel)
+        end if
+        call free_forward_record(record)
+    end subroutine explain_rates
 
     !> Operations a sample, those of one kind together.
     function in_words(kernel) result(text)

@@ -17,9 +17,10 @@ module linkdyn_forward
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
-    use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase
+    use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase, &
+        rates_by_record
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
-    use linkdyn_forward_system, only: forward_system, build_forward_system
+    use linkdyn_forward_system, only: forward_system, build_forward_system, evaluations_before_record
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, stop_growth, stop_roughness, stop_pace, &
         stop_law
@@ -114,7 +115,7 @@ contains
         if (.not. status%is_ok()) return
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
         call run%system%begin(options%t_start, run%y)
-        call run%system%evaluate(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
+        call run%system%evaluate_on_lanes(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed at its start: " &
                       //failure_at(model, run%system%workspace%state, run%system%workspace%status(1), 1) &
@@ -541,7 +542,7 @@ contains
         if (run%integrator%is_lost) then
             run%output = ieee_value(1.0_wp, ieee_quiet_nan)
         else
-            call run%system%evaluate(instant, run%output, rate, failed)
+            call run%system%evaluate_on_lanes(instant, run%output, rate, failed)
             force = run%system%workspace%driving_force(1, :)
         end if
         call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%turns, run%system%workspace%state, &
@@ -606,6 +607,7 @@ contains
         integer, intent(out) :: n_crossed(:)           !! change points passed (n_member)
         integer, intent(out) :: outcome(:)             !! sample_ok, or why a member has stopped (n_member)
         type(status_type), intent(inout) :: status
+        type(forward_system) :: teller                 ! whose record all blocks share
         type(status_type) :: block_status
         integer :: block, n_block
 
@@ -614,6 +616,8 @@ contains
         call check_options(options%integrator, status)
         if (.not. status%is_ok()) return
         n_block = (size(q_start, 2) + lanes - 1)/lanes
+        call make_shared_record(status)
+        if (.not. status%is_ok()) return
         !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
         do block = 1, n_block
             block_status = status_type()
@@ -623,8 +627,28 @@ contains
             !$omp end critical (linkdyn_ensemble_status)
         end do
         !$omp end parallel do
+        call teller%release()
 
     contains
+
+        !> One record for all blocks, if they evaluate often enough.
+        subroutine make_shared_record(status)
+            type(status_type), intent(inout) :: status
+            integer, parameter :: evaluations_a_step = 4
+            real(wp), allocatable :: y(:, :)
+            real(wp) :: n_evaluation
+
+            if (.not. rates_by_record(options) .or. size(t) == 0) return
+            n_evaluation = evaluations_a_step*n_block*((t(size(t)) - options%t_start)/options%integrator%step)
+            if (.not. n_evaluation > evaluations_before_record(model)) return
+            call build_forward_system(model, options%stage_solver, teller, status)
+            if (.not. status%is_ok()) return
+            teller%wants_work = .false.
+            allocate (y(lanes, teller%n))
+            call fill_start(model, teller%layout, spread(q_start(:, 1), 1, lanes), spread(qd_start(:, 1), 1, lanes), y)
+            call teller%begin(options%t_start, y)
+            call teller%make_record(options%t_start)
+        end subroutine make_shared_record
 
         !> One block of members; lanes beyond the last member repeat it.
         subroutine run_block(block, status)
@@ -639,6 +663,7 @@ contains
             call build_forward_system(model, options%stage_solver, run%system, status)
             if (status%is_ok()) then
                 run%system%wants_work = .false.
+                if (teller%may_record) call run%system%share_record(teller%record%recorded)
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
                 call run%system%begin(options%t_start, run%y)
@@ -671,7 +696,7 @@ contains
 
             passed = 0
             if (.not. run%system%assembly%is_needed) return
-            call run%system%evaluate(spread(instant, 1, lanes), run%output, rate, failed)
+            call run%system%evaluate_on_lanes(spread(instant, 1, lanes), run%output, rate, failed)
             passed = merge(run%system%assembly%n_crossed, count_passed(model, spread(instant, 1, lanes), run%system%assembly, &
                            run%system%workspace%state), failed .or. run%integrator%failed)
         end subroutine count_change_points

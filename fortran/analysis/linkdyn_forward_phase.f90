@@ -14,7 +14,7 @@ module linkdyn_forward_phase
     use linkdyn_status, only: status_type
     implicit none (type, external)
     private
-    public :: forward_options, forward_phase, phase_box, plan_phase, enter_phase, release_phase
+    public :: forward_options, forward_phase, phase_box, plan_phase, enter_phase, release_phase, rates_by_record
 
     type :: forward_options
         type(integrator_options) :: integrator
@@ -25,6 +25,7 @@ module linkdyn_forward_phase
         logical :: wants_rcond = .false.               !! condition number at output instants; solver lapack always has it
         logical :: switches = .true.                   !! a coordinate at its dead point is exchanged for another joint variable
         integer :: threads = 1
+        logical :: by_record = .true.                  !! rates by a record of the scene, where it has one; false: by lanes alone
     end type forward_options
 
     type :: forward_phase
@@ -60,9 +61,17 @@ contains
             call make_condition(phase%model, unknown, phase%output%condition, status)
         end if
         if (.not. status%is_ok()) return
+        phase%system%may_record = rates_by_record(options)
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
         phase%system%watch%may_exchange = options%switches
     end subroutine plan_phase
+
+    !> A dense solver asked for by name stays with the lanes.
+    pure logical function rates_by_record(options)
+        type(forward_options), intent(in) :: options
+
+        rates_by_record = options%by_record .and. (options%stage_solver == 0 .or. options%stage_solver == solver_elimination)
+    end function rates_by_record
 
     !> Bring a phase to where another one stands, by a model planned for that place.
     !>

@@ -1,28 +1,36 @@
 !> Forward dynamics as a system of differential equations: the place where dynamics meets integrators.
+!>
+!> Rates come from a record of the scene, where it has one; a state that the record does not serve, near a dead point or where
+!> the assembly may change, is computed on lanes, and so is whatever is looked at beside the rates.
 module linkdyn_forward_system
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, &
+        leaves_doubt
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
     use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
     use linkdyn_energy_balance, only: energy_of_motion, applied_power
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
-        prepare_workspace, solve_equations, solver_elimination, solver_reduced
-    use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, unpack_state, &
+        prepare_workspace, solve_equations, choose_poses, solver_elimination, solver_reduced
+    use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
+        place_states, run_states
+    use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
         pack_rates
+    use linkdyn_inverse, only: are_alike
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
-    use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
+    use linkdyn_recorded_rates, only: recorded_rates
     use linkdyn_scene, only: drive_inverse
     use linkdyn_status, only: status_type, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_system, build_forward_system, choose_unknowns
+    public :: forward_system, build_forward_system, choose_unknowns, evaluations_before_record
 
     type, extends(lane_system) :: forward_system
         type(model_type), pointer :: model => null()
@@ -45,8 +53,19 @@ module linkdyn_forward_system
         type(carried_assembly) :: inverse_assembly     !! of that motion
         real(wp) :: inverse_time(lanes) = -huge(1.0_wp)    !! instants of the forces found last
         integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
+        ! ---- the record
+        logical :: may_record = .false.                !! once that is worth while; the caller says so
+        type(forward_record) :: record
+        integer :: n_by_lanes = 0                      !! evaluations on lanes so far
+        integer :: n_by_record = 0                     !! and by the record alone
+        logical, private :: is_behind = .false.        !! the state evaluated last is not in the workspace, but here:
+        real(wp), private :: t_tried(lanes) = 0        !! [s]
+        real(wp), allocatable, private :: y_tried(:, :)        !! (lane, n)
     contains
         procedure :: evaluate => evaluate_forward
+        procedure :: evaluate_on_lanes
+        procedure :: make_record
+        procedure :: share_record
         procedure :: accept => accept_forward
         procedure :: note_turns => note_turns_forward
         procedure :: broken_law
@@ -222,6 +241,7 @@ contains
         if (self%is_compared) then
             self%watch%ratio = self%ratio_tried
         else
+            call catch_up(self)
             call compare_rates(self%model, self%workspace%state, self%watch)
         end if
         if (is_near_dead_point(self%watch) .or. dead_coordinate(self%watch, .false.) > 0) call look_and_decide(self, t, y)
@@ -264,9 +284,48 @@ contains
         real(wp), intent(in) :: y(:, :)
         real(wp), intent(out) :: rate(:, :)
         logical, intent(out) :: failed(lanes)
+        real(wp) :: by_record(lanes, self%n)
+        logical :: is_left(lanes)
+        integer :: k
+
+        if (self%may_record .and. .not. associated(self%record%recorded)) then
+            if (self%n_by_lanes >= evaluations_before_record(self%model)) call self%make_record(t(1))
+        end if
+        if (.not. (self%may_record .and. associated(self%record%recorded))) then
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            return
+        end if
+        call evaluate_by_record(self, t, y, by_record, is_left)
+        if (any(is_left)) then
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            where (.not. is_left) failed = .false.
+            do k = 1, self%n
+                where (.not. is_left) rate(:, k) = by_record(:, k)
+            end do
+        else
+            rate = by_record
+            failed = .false.
+            self%n_by_record = self%n_by_record + 1
+            self%workspace%status = sample_ok
+            self%is_compared = .false.
+            self%is_behind = .true.
+            self%t_tried = t
+            self%y_tried = y
+        end if
+    end subroutine evaluate_forward
+
+    !> dy/dt on all lanes, and everything else of these states in the workspace.
+    subroutine evaluate_on_lanes(self, t, y, rate, failed)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(out) :: rate(:, :)
+        logical, intent(out) :: failed(lanes)
         integer :: k
 
         self%is_compared = .false.
+        self%is_behind = .false.
+        self%n_by_lanes = self%n_by_lanes + 1
         associate (model => self%model, workspace => self%workspace)
             call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
             call take_loads(model, t, workspace)
@@ -295,7 +354,17 @@ contains
             end if
             where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
         end associate
-    end subroutine evaluate_forward
+    end subroutine evaluate_on_lanes
+
+    !> Motion of the state evaluated last in the workspace.
+    subroutine catch_up(self)
+        class(forward_system), intent(inout) :: self
+
+        if (.not. self%is_behind) return
+        call unpack_state(self%model, self%layout, self%t_tried, self%y_tried, self%turns, self%workspace%state)
+        call evaluate_assembled(self%model, self%t_tried, self%assembly, self%workspace%state)
+        self%is_behind = .false.
+    end subroutine catch_up
 
     subroutine evaluate_assembled(model, t, assembly, state)
         type(model_type), intent(in) :: model
@@ -309,6 +378,153 @@ contains
             call evaluate_kinematics(model, state)
         end if
     end subroutine evaluate_assembled
+
+    ! ---------------------------------------------------------------- by a record of the scene
+
+    !> Evaluations on lanes that take about as long as the making of a record: a run of fewer has none.
+    pure integer function evaluations_before_record(model) result(n)
+        type(model_type), intent(in) :: model
+        integer, parameter :: evaluations_a_link = 100     !! measured: 50 (of a hundred links) to 300
+
+        n = evaluations_a_link*model%n_link
+    end function evaluations_before_record
+
+    !> Make the record and use it from now on, if the scene has one and it finds what the lanes find.
+    subroutine make_record(self, t)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+
+        call make_forward_record(self%model, self%layout, self%equations%unknown, self%wants_work, self%record)
+        self%may_record = self%record%recorded%is_usable
+        if (self%may_record) self%may_record = agrees_with_lanes(self, t)
+    end subroutine make_record
+
+    !> Use a record of the same scene that another system owns.
+    subroutine share_record(self, recorded)
+        class(forward_system), intent(inout) :: self
+        type(recorded_rates), intent(in) :: recorded
+
+        self%may_record = recorded%is_usable
+        if (self%may_record) call share_forward_record(self%model, recorded, self%record)
+    end subroutine share_record
+
+    !> dy/dt of the lanes used; the others are like the last of these.
+    subroutine evaluate_by_record(self, t, y, rate, is_left)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(out) :: rate(:, :)
+        logical, intent(out) :: is_left(lanes)         !! that the record does not serve
+        real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator)
+        integer :: lane, n
+
+        n = self%n_used
+        inverse_force = 0
+        if (any(self%by_inverse)) then
+            call take_loads(self%model, t, self%workspace)
+            call find_inverse_forces(self, t)
+            inverse_force = self%inverse_workspace%driving_force
+        end if
+        if (self%assembly%is_needed) then
+            branch = self%assembly%branch
+        else
+            branch = spread(self%model%branch(:self%model%n_branch), 1, lanes)
+        end if
+        associate (samples => self%record%samples)
+            call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
+            if (any(self%by_inverse)) &
+                samples%is_left(:n) = samples%is_left(:n) .or. self%inverse_workspace%status(:n) /= sample_ok
+            call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied))
+            if (self%assembly%is_needed) then
+                do lane = 1, n
+                    samples%is_left(lane) = samples%is_left(lane) .or. may_change_assembly(self, lane, t(lane))
+                end do
+            end if
+            is_left = samples%is_left([(min(lane, n), lane=1, lanes)])
+        end associate
+        call pack_rates(self%model, self%layout, y, self%workspace%acceleration, self%workspace%state, rate)
+    end subroutine evaluate_by_record
+
+    !> May the mechanism have left its assembly on the way to what the record was run on last? Judged as lanes are.
+    pure logical function may_change_assembly(self, lane, t) result(may)
+        class(forward_system), intent(in) :: self
+        integer, intent(in) :: lane
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp) :: ahead
+
+        associate (model => self%model, assembly => self%assembly, found => self%record%samples%found(:, lane), &
+                   out => self%record%recorded%out, n => self%model%n_branch)
+            ahead = t - assembly%t(lane)
+            may = any(leaves_doubt(model%scene%passes_change_points, model%least_margin(:n), assembly%margin(lane, :n), &
+                                   ahead*assembly%drift(lane, :n), found(out%margin:out%margin + n - 1), &
+                                   ahead*found(out%drift:out%drift + n - 1)))
+        end associate
+    end function may_change_assembly
+
+    !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
+    !> and the lanes are believed.
+    logical function agrees_with_lanes(self, t) result(agrees)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads rates
+        type(carried_assembly) :: carried
+        real(wp), allocatable :: pose(:, :)
+        real(wp) :: y(lanes, self%n), by_lanes(lanes, self%n), by_record(lanes, self%n), stand(3, 4, 0:self%model%n_link)
+        real(wp), dimension(lanes, self%model%n_q) :: q, qd
+        real(wp), dimension(lanes, self%model%n_branch + size(self%model%group)) :: margin, drift
+        real(wp), allocatable :: turns(:, :)
+        integer :: obstacle(lanes), first, i, k, lane, n_used, n_compared, n_alike
+        logical :: failed(lanes), is_left(lanes)
+
+        carried = self%assembly
+        obstacle = self%obstacle
+        turns = self%turns
+        n_used = self%n_used
+        self%n_used = lanes
+        call begin_assembly(self%model, t, self%assembly)
+        self%turns = 0
+        call choose_poses(self%model, spread(self%model%start_q, 2, 1), pose, stand)
+        n_compared = 0
+        n_alike = 0
+        do first = 1, size(pose, 2), lanes
+            do lane = 1, lanes
+                i = min(first + lane - 1, size(pose, 2))
+                q(lane, :) = pose(:, i)
+                qd(lane, :) = [(modulo((i*self%model%n_q + k)*golden, 1.0_wp) - 0.5_wp, k=1, self%model%n_q)]
+            end do
+            call fill_start(self%model, self%layout, q, qd, y)
+            call self%evaluate_on_lanes(spread(t, 1, lanes), y, by_lanes, failed)
+            if (self%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
+            call evaluate_by_record(self, spread(t, 1, lanes), y, by_record, is_left)
+            do lane = 1, min(lanes, size(pose, 2) - first + 1)
+                if (failed(lane) .or. is_left(lane)) cycle
+                n_compared = n_compared + 1
+                if (are_alike(by_lanes(lane, :), by_record(lane, :)) .and. has_same_margins(lane)) n_alike = n_alike + 1
+            end do
+        end do
+        self%assembly = carried
+        self%obstacle = obstacle
+        self%turns = turns
+        self%n_used = n_used
+        ! A defect shows everywhere; near a dead point both may have few digits.
+        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+
+    contains
+
+        logical function has_same_margins(lane)
+            integer, intent(in) :: lane
+
+            has_same_margins = .true.
+            if (.not. self%assembly%is_needed) return
+            associate (found => self%record%samples%found(:, lane), out => self%record%recorded%out, n => self%model%n_branch)
+                ! either may vanish: sines compare with one, and so do their rates while coordinates have rates of about one
+                has_same_margins = are_alike([1.0_wp, margin(lane, :n)], [1.0_wp, found(out%margin:out%margin + n - 1)]) &
+                                   .and. are_alike([1.0_wp, drift(lane, :n)], [1.0_wp, found(out%drift:out%drift + n - 1)])
+            end associate
+        end function has_same_margins
+    end function agrees_with_lanes
+
+    ! ---------------------------------------------------------------- on lanes
 
     !> Loads of the scene at the instants of the lanes.
     subroutine take_loads(model, t, workspace)
@@ -399,6 +615,7 @@ contains
         leads_too_far = .false.
         if (.not. (self%watch%is_on .and. self%watch%may_exchange)) return
         accepted = self%watch%ratio
+        call catch_up(self)
         call compare_rates(self%model, self%workspace%state, self%watch)
         leads_too_far = is_well_past(self%watch, accepted)
         self%ratio_tried = self%watch%ratio
@@ -434,5 +651,6 @@ contains
 
         if (associated(self%workspace%slot%value)) call self%workspace%free()
         if (associated(self%inverse_workspace%slot%value)) call self%inverse_workspace%free()
+        call free_forward_record(self%record)
     end subroutine release
 end module linkdyn_forward_system

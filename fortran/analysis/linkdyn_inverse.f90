@@ -47,7 +47,7 @@ module linkdyn_inverse
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
-    public :: solver_name, choose_solver
+    public :: solver_name, choose_solver, are_alike
 
     !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without.
     integer, parameter :: worth_closing = 256

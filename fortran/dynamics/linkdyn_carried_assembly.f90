@@ -19,7 +19,7 @@ module linkdyn_carried_assembly
     use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)
     private
-    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_evaluated, count_passed
+    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_evaluated, count_passed, leaves_doubt
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
@@ -163,12 +163,22 @@ contains
         end if
         least = model%least_margin
         do m = 1, size(margin, 2)
-            doubtful = doubtful .or. .not. is_step_sound(least(m), assembly%margin(:, m), ahead*assembly%drift(:, m), &
-                                                         margin(:, m), ahead*drift(:, m))
-            ! From where it is not told on which side it is, a mechanism would leave to either.
-            if (.not. model%scene%passes_change_points) doubtful = doubtful .or. abs(margin(:, m)) <= least(m)
+            doubtful = doubtful .or. leaves_doubt(model%scene%passes_change_points, least(m), assembly%margin(:, m), &
+                                                  ahead*assembly%drift(:, m), margin(:, m), ahead*drift(:, m))
         end do
     end function is_doubtful
+
+    !> May a map have left its assembly on the step to the state tried?
+    pure elemental logical function leaves_doubt(passes_change_points, least_margin, before, drift_before, now, drift_now)
+        logical, intent(in) :: passes_change_points
+        real(wp), intent(in) :: least_margin
+        real(wp), intent(in) :: before, drift_before   !! accepted margin; its rate per step
+        real(wp), intent(in) :: now, drift_now         !! tried
+
+        leaves_doubt = .not. is_step_sound(least_margin, before, drift_before, now, drift_now)
+        ! From where it is not told on which side it is, a mechanism would leave to either.
+        if (.not. passes_change_points) leaves_doubt = leaves_doubt .or. abs(now) <= least_margin
+    end function leaves_doubt
 
     !> Go on to a new accepted state: `assembly%state` holds its coordinates and rates.
     subroutine accept_assembly(model, t, is_accepted, assembly)

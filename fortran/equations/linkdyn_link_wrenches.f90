@@ -1,14 +1,17 @@
-!> What each link's motion asks for beyond loads and springs: the wrenches that drives and joints must supply.
+!> What each link's motion asks for beyond loads and springs: the wrenches that drives and joints must supply; and the power
+!> of those.
 module linkdyn_link_wrenches
     use linkdyn_acting, only: acting_type, turned
-    use linkdyn_bodies, only: own_axes
+    use linkdyn_bodies, only: own_axes, omega_of, rotation_of
     use linkdyn_inertia_wrench, only: inertia_wrench
     use linkdyn_mechanism, only: mechanism_type, properties_of, marker_point, marker_frame
     use linkdyn_trace, only: traced_type
-    use linkdyn_vector, only: vector, rotation, zero_vector, operator(+), operator(-), operator(*), operator(.cross.)
+    use linkdyn_value, only: value, zero, operator(+), operator(-)
+    use linkdyn_vector, only: vector, rotation, zero_vector, operator(+), operator(-), operator(*), operator(.dot.), &
+        operator(.cross.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: link_wrenches
+    public :: link_wrenches, applied_power
 
 contains
 
@@ -26,6 +29,29 @@ contains
             call take_off(traced%mechanism, traced%acting(i), force, moment)
         end do
     end subroutine link_wrenches
+
+    !> Power of loads and springs.
+    function applied_power(traced) result(power)
+        type(traced_type), intent(in) :: traced
+        type(value) :: power                                !! [W]
+        type(vector) :: force(traced%mechanism%model%n_link), moment(traced%mechanism%model%n_link), velocity
+        integer :: i, l
+
+        do l = 1, size(force)
+            force(l) = zero_vector()
+            moment(l) = zero_vector()
+        end do
+        do i = 1, size(traced%acting)
+            call take_off(traced%mechanism, traced%acting(i), force, moment)
+        end do
+        power = zero()
+        associate (bodies => traced%mechanism%bodies)
+            do l = 1, size(force)
+                velocity = rotation_of(bodies, l) .unrotate.bodies%body(l)%velocity
+                power = power - (force(l) .dot.velocity) - (moment(l) .dot.omega_of(bodies, l, own_axes))
+            end do
+        end associate
+    end function applied_power
 
     !> What acts is supplied already.
     subroutine take_off(mechanism, acting, force, moment)

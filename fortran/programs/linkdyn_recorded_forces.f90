@@ -18,7 +18,7 @@ module linkdyn_recorded_forces
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
-    public :: recorded_forces, record_shelf, record_forces, run_recorded, free_recorded
+    public :: recorded_forces, record_shelf, record_forces, run_recorded, free_recorded, plan_for_records
 
     integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
 

@@ -1,7 +1,7 @@
 !> A kernel of a scene, ready to run on samples: blocks of arrays go in, blocks of arrays come out.
 module linkdyn_scene_program
     use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, &
-        forms_multiply_adds, block_lanes, run_block, gather, scatter
+        forms_multiply_adds, block_lanes, run_block, run_single, gather, scatter, gather_single, scatter_single
     use linkdyn_inputs, only: input_blocks, n_block, in_found
     use linkdyn_kernel, only: kernel_type, compile_kernel
     use linkdyn_kinds, only: wp
@@ -10,7 +10,7 @@ module linkdyn_scene_program
     implicit none (type, external)
     private
     public :: scene_program, sample_arrays, output_list, add_output, make_scene_program, free_scene_program
-    public :: load_samples, run_samples, output_target, goes_to, has_output, program_space, free_program_space
+    public :: load_samples, run_samples, run_one_sample, output_target, goes_to, has_output, program_space, free_program_space
 
     integer, parameter :: most_lanes = 64              !! bits that tell which samples of a block are not finite
 
@@ -216,4 +216,29 @@ contains
         end do
         if (present(is_bad)) is_bad(:count) = is_bad(:count) .or. not_finite(:count)
     end subroutine run_samples
+
+    !> The first sample of the arrays alone, which takes a part of what a block takes. All outputs come in their order.
+    subroutine run_one_sample(program, arrays, space, output)
+        type(scene_program), intent(in) :: program
+        type(sample_arrays), intent(in) :: arrays
+        type(program_space), intent(inout) :: space    !! for single samples only
+        real(wp), intent(out) :: output(:)             !! (value)
+        integer :: g, k, first
+
+        if (space%lanes == 0) then
+            call make_space(program%program, .true., space%block)
+            space%lanes = 1
+        end if
+        do k = 1, size(program%input)
+            associate (s => program%input(k))
+                call gather_single(arrays%of(s%block)%x(s%first:s%first + s%n - 1, 1), s%slot, space%block)
+            end associate
+        end do
+        first = 1
+        do g = 1, size(program%program%group_end)
+            call run_single(program%program, g, space%block)
+            call scatter_single(program%program, space%block, first, output(first:program%program%group_end(g)))
+            first = program%program%group_end(g) + 1
+        end do
+    end subroutine run_one_sample
 end module linkdyn_scene_program

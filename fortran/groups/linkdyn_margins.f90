@@ -1,0 +1,123 @@
+!> How far a closed form is from where its two assemblies meet, and how fast it gets there.
+!>
+!> The margin is the sine of the transmission angle, with a sign that tells the assemblies apart: of a planar dyad between
+!> the two ways in which its inner joint moves, of the CSP group between the slide and the radius of the ball about the
+!> coupler's axis. Who integrates a motion judges by it whether a step may have left an assembly.
+module linkdyn_margins
+    use linkdyn_bodies, only: world_axes, omega_of, point_velocity, rotation_of
+    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame
+    use linkdyn_model, only: step_type, step_rrr, step_rrp, step_rpr, step_csp, side_of
+    use linkdyn_value, only: value, zero, one, operator(+), operator(-), operator(*), sqrt, reciprocal
+    use linkdyn_vector, only: vector, rotation, operator(-), operator(*), operator(.dot.), operator(.cross.), operator(.rotate.)
+    implicit none (type, external)
+    private
+    public :: assembly_margins
+
+contains
+
+    !> Margins of all closed forms that have two assemblies, and their rates; of others one and zero. Links are placed and
+    !> move.
+    subroutine assembly_margins(mechanism, margin, drift)
+        type(mechanism_type), intent(in) :: mechanism
+        type(value), intent(out) :: margin(:), drift(:)    !! (n_branch) [1], [1/s]
+        integer :: i
+
+        margin = one()
+        drift = zero()
+        do i = 1, size(mechanism%model%step)
+            associate (step => mechanism%model%step(i), k => mechanism%model%step(i)%first)
+                select case (step%kind)
+                case (step_rrr, step_rrp)
+                    call margin_of_turning(mechanism, step, margin(k), drift(k))
+                case (step_rpr)
+                    call margin_of_pair(mechanism, step, margin(k), drift(k))
+                case (step_csp)
+                    call margin_of_csp(mechanism, step, margin(k), drift(k))
+                end select
+            end associate
+        end do
+    end subroutine assembly_margins
+
+    !> Each way turns with its link.
+    subroutine margin_of_turning(mechanism, step, margin, drift)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        type(value), intent(out) :: margin, drift
+        type(vector) :: omega, normal
+        type(value) :: per_lengths
+
+        associate (way => mechanism%ways(:, step%first))
+            per_lengths = reciprocal(lengths_of(way))
+            normal = way(1) .cross.way(2)
+            omega = omega_of(mechanism%bodies, step%link(2), world_axes) - omega_of(mechanism%bodies, step%link(1), world_axes)
+            margin = per_lengths*normal%z
+            drift = per_lengths*(omega%z*(way(1) .dot.way(2)))
+        end associate
+    end subroutine margin_of_turning
+
+    !> Of a pair of sliding links between two hinges, A and B: the first way is the line AB turned left, the second, along the
+    !> slide, turns with the pair. The sine is that of the slide's length; how the line's own length changes is left out, as it
+    !> does not turn anything.
+    subroutine margin_of_pair(mechanism, step, margin, drift)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        type(value), intent(out) :: margin, drift
+        type(vector) :: omega, normal, line_rate
+        type(value) :: per_lengths
+
+        associate (way => mechanism%ways(:, step%first))
+            per_lengths = reciprocal(lengths_of(way))
+            normal = way(1) .cross.way(2)
+            omega = omega_of(mechanism%bodies, step%link(1), world_axes)
+            line_rate = hinge_velocity(2) - hinge_velocity(1)
+            margin = -(per_lengths*normal%z)
+            drift = per_lengths*((line_rate.dot.way(2)) - omega%z*(way(1) .dot.way(2)))
+        end associate
+
+    contains
+
+        function hinge_velocity(half) result(v)
+            integer, intent(in) :: half
+            type(vector) :: v
+            integer :: joint
+
+            joint = step%joint(2*half - 1)
+            v = point_velocity(mechanism%bodies, step%link(half), &
+                               marker_point(mechanism, joint, side_of(mechanism%model%joint(joint), step%link(half))))
+        end function hinge_velocity
+    end subroutine margin_of_pair
+
+    !> The radius n of the ball about the coupler's axis turns with the coupler, the slide's direction y with the output.
+    subroutine margin_of_csp(mechanism, step, margin, drift)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        type(value), intent(out) :: margin, drift
+        type(rotation) :: axis, slide
+        type(vector) :: n, y, omega
+        type(value) :: per_radius
+        integer :: side
+
+        associate (coupler => step%link(1), output => step%link(2), joint => mechanism%model%joint, bodies => mechanism%bodies)
+            side = side_of(joint(step%joint(1)), coupler)
+            axis = marker_frame(mechanism, step%joint(1), side)
+            n = marker_point(mechanism, step%joint(2), side_of(joint(step%joint(2)), coupler)) &
+                - marker_point(mechanism, step%joint(1), side)
+            n = n - (n.dot.axis%z)*axis%z
+            per_radius = reciprocal(sqrt(n.dot.n))
+            n = rotation_of(bodies, coupler) .rotate.n
+            slide = marker_frame(mechanism, step%joint(3), side_of(joint(step%joint(3)), output))
+            y = rotation_of(bodies, output) .rotate.slide%z
+            omega = omega_of(bodies, coupler, world_axes) - omega_of(bodies, output, world_axes)
+            margin = per_radius*(n.dot.y)
+            drift = per_radius*(omega.dot.(n.cross.y))
+        end associate
+    end subroutine margin_of_csp
+
+    !> Product of the lengths of both ways.
+    function lengths_of(way) result(product)
+        type(vector), intent(in) :: way(2)
+        type(value) :: product
+
+        product = sqrt((way(1) .dot.way(1))*(way(2) .dot.way(2)))
+    end function lengths_of
+end module linkdyn_margins

@@ -1,0 +1,100 @@
+!> The program of forward dynamics: from coordinates, their rates and what acts to accelerations, with the elimination of
+!> all reactions inside.
+module linkdyn_rate_program
+    use linkdyn_inputs, only: trace_request, sample_set
+    use linkdyn_joint_variables, only: variable_rate
+    use linkdyn_layout, only: sparse_layout
+    use linkdyn_link_wrenches, only: applied_power
+    use linkdyn_margins, only: assembly_margins
+    use linkdyn_model, only: model_type
+    use linkdyn_operation, only: op_unknown
+    use linkdyn_record, only: record_type, open_record, close_record, open_record_of_thread
+    use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
+    use linkdyn_system, only: solved
+    use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, alarm_of, reach_of
+    use linkdyn_value, only: value, zero, operator(+), operator(*)
+    implicit none (type, external)
+    private
+    public :: rate_outputs, make_rate_program, out_rates
+
+    integer, parameter :: out_rates = 103      !! all that the program gives, in the order of `rate_outputs`
+
+    !> Where everything stands among the outputs of a sample.
+    type :: rate_outputs
+        integer :: n = 0
+        integer :: acceleration = 0            !! of the coordinates (n_q)
+        integer :: margin = 0                  !! of the closed forms with two assemblies (n_branch)
+        integer :: drift = 0                   !! its rate [1/s] (n_branch)
+        integer :: work = 0                    !! power of the driving forces [W]
+        integer :: supplied = 0                !! of all forces but gravity [W]
+        integer :: alarm = 0                   !! beyond one, rounding may have grown; not a number if anything was none
+        integer :: reach = 0                   !! not above zero: a loop does not close, or hardly
+    end type rate_outputs
+
+contains
+
+    !> Trace a scene and compile its rates. Without pivots that serve the samples no program is made.
+    subroutine make_rate_program(model, request, wants_power, sample, program, out)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request
+        logical, intent(in) :: wants_power         !! else it is zero
+        type(sample_set), intent(in) :: sample     !! representative: pivots are chosen by them
+        type(scene_program), intent(inout) :: program
+        type(rate_outputs), intent(out) :: out
+        type(record_type), target :: record
+        type(traced_type) :: traced
+        type(output_list) :: list
+        type(value), dimension(model%n_branch) :: margin, drift
+        type(value) :: power(2)
+
+        call open_record(record, sample%n)
+        call trace_motion(model, request, sample, traced, merged=.true.)
+        call trace_equations(request, sparse_layout(model), traced)
+        call solve_equations(traced, is_last=are_accelerations(traced))
+        if (traced%mechanism%is_solved) then
+            call assembly_margins(traced%mechanism, margin, drift)
+            power = zero()
+            if (wants_power) power = powers(traced)
+            call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, power, &
+                                              alarm_of(traced), reach_of(traced)])
+            call make_scene_program(record, traced%in, list, program)
+            out = rate_outputs(n=size(list%v), acceleration=1, margin=model%n_q + 1, drift=model%n_q + model%n_branch + 1, &
+                               work=size(list%v) - 3, supplied=size(list%v) - 2, alarm=size(list%v) - 1, reach=size(list%v))
+        end if
+        call close_record(record)
+    end subroutine make_rate_program
+
+    !> Unknown accelerations of the coordinates are solved for last: reactions, which nobody wants, are not computed behind
+    !> them.
+    function are_accelerations(traced) result(is_last)
+        type(traced_type), intent(in) :: traced
+        logical :: is_last(traced%system%n_unknown)
+        type(record_type), pointer :: record
+        integer :: k
+
+        record => open_record_of_thread()
+        is_last = .false.
+        do k = 1, size(traced%acceleration)
+            associate (node => traced%acceleration(k)%node)
+                if (record%kind(node) /= op_unknown) cycle
+                is_last = is_last .or. traced%system%number(:traced%system%n_unknown) == record%operand(1, node)
+            end associate
+        end do
+    end function are_accelerations
+
+    !> Of the driving forces, and of all forces but gravity.
+    function powers(traced) result(power)
+        type(traced_type), intent(inout) :: traced
+        type(value) :: power(2)                    !! [W]
+        integer :: i
+
+        power(1) = zero()
+        do i = 1, traced%mechanism%model%n_actuator
+            associate (actuator => traced%mechanism%model%scene%actuator(i))
+                power(1) = power(1) + solved(traced%system, traced%unknowns%effort(i)) &
+                           *variable_rate(traced%mechanism, actuator%joint, actuator%variable)
+            end associate
+        end do
+        power(2) = power(1) + solved(traced%system, applied_power(traced))
+    end function powers
+end module linkdyn_rate_program

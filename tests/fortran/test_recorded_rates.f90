@@ -1,0 +1,224 @@
+!> Rates of forward dynamics by records against those of the lanes, which share no formula with them: at random states, along
+!> runs and ensembles, past change points; and what a record must leave to the lanes.
+module test_recorded_rates
+    use linkdyn_builder, only: build_model
+    use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, start_forward, advance_forward, &
+        finish_forward, run_ensemble, method_rk4
+    use linkdyn_forward_state, only: fill_start
+    use linkdyn_forward_system, only: forward_system, build_forward_system
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_motion, only: evaluate_motion
+    use linkdyn_planar_scenes, only: four_bar_chain
+    use linkdyn_scene, only: scene_type
+    use linkdyn_scene_reader, only: read_scene
+    use linkdyn_status, only: status_type
+    use linkdyn_test_numbers, only: random_stream
+    use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: collect_recorded_rates
+
+    !> Scenes closed without iteration, by laws of every kind: motors, springs, tables, torques, forces that a motion asks for.
+    character(len=*), parameter :: example(13) = [character(len=34) :: "andrews/scene", "andrews/scene_forward", &
+        "fivebar_motors/scene", "fivebar_parallel/scene", "flyball_governor/scene", "fourbar_constant_torque/scene", &
+        "fourbar_start/scene", "n_fourbar/scene", "rcsp_start/scene", "sixbar_slider/scene_inclined", "slider_crank/scene", &
+        "stephenson_iii/scene", "watt_i/scene"]
+
+    !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
+    real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
+
+contains
+
+    subroutine collect_recorded_rates(tests)
+        type(unit_test), allocatable, intent(out) :: tests(:)
+
+        tests = [new_test("random states", test_random_states), new_test("legs", test_legs), &
+                 new_test("a run", test_run), new_test("change points", test_change_points), &
+                 new_test("an ensemble", test_ensemble)]
+    end subroutine collect_recorded_rates
+
+    subroutine read_example(error, name, model)
+        type(test_error), intent(inout) :: error
+        character(len=*), intent(in) :: name
+        type(model_type), intent(out) :: model
+        type(scene_type) :: scene
+        type(status_type) :: status
+
+        call read_scene("examples/"//trim(name)//".toml", scene, status)
+        if (status%is_ok()) call build_model(scene, model, status)
+        call check(error, status%is_ok(), trim(name)//": "//trim(status%message))
+    end subroutine read_example
+
+    subroutine test_random_states(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+        integer :: i
+
+        do i = 1, size(example)
+            call read_example(error, example(i), model)
+            if (allocated(error%message)) return
+            call compare_rates(error, trim(example(i)), model)
+        end do
+    end subroutine test_random_states
+
+    !> A state on each lane, then each alone; then with three turns more of every angle, which motors and springs feel.
+    subroutine compare_rates(error, name, model)
+        type(test_error), intent(inout) :: error
+        character(len=*), intent(in) :: name
+        type(model_type), intent(in), target :: model
+        type(forward_system) :: system
+        type(status_type) :: status
+        type(random_stream) :: stream
+        real(wp), allocatable :: y(:, :), by_lanes(:, :), by_record(:, :), alone(:)
+        real(wp) :: t(lanes), q(lanes, model%n_q), qd(lanes, model%n_q), load(6, model%n_load, 1)
+        real(wp), dimension(model%n_q, 1) :: on_q, on_qd, on_qdd
+        logical :: failed(lanes), has_failed
+        integer :: k, lane, turns
+
+        call build_forward_system(model, 0, system, status)
+        call check(error, status%is_ok(), name//": "//trim(status%message))
+        if (.not. status%is_ok()) return
+        t = model%scene%time%first
+        call evaluate_motion(model, t(:1), on_q, on_qd, on_qdd, load)
+        do k = 1, model%n_q
+            q(:, k) = model%start_q(k) + 0.05_wp*stream%vector(lanes)
+            qd(:, k) = on_qd(k, 1) + stream%vector(lanes)
+        end do
+        allocate (y(lanes, system%n), by_lanes(lanes, system%n), by_record(lanes, system%n), alone(system%n))
+        call fill_start(model, system%layout, q, qd, y)
+        call system%begin(t(1), y)
+        call system%make_record(t(1))
+        call check(error, system%may_record, name//": a record was made, and agreed with the lanes")
+        if (.not. system%may_record) return
+        do turns = 0, 3, 3
+            where (spread(system%is_angle, 1, lanes)) system%turns = turns
+            call system%evaluate_on_lanes(t, y, by_lanes, failed)
+            call check(error, .not. any(failed), name//": the lanes can")
+            system%n_by_record = 0
+            call system%evaluate(t, y, by_record, failed)
+            if (turns == 0) call check(error, system%n_by_record == 1, name//": the record serves all states")
+            do lane = 1, lanes
+                call check_close(error, by_record(lane, :), by_lanes(lane, :), rounding*maxval(abs(by_lanes(lane, :))), &
+                                 name//", state "//to_text(lane)//", turns "//to_text(turns))
+                call system%evaluate_alone(t(lane), y(lane, :), alone, has_failed)
+                call check(error, .not. has_failed, name//": alone")
+                call check_close(error, alone, by_lanes(lane, :), rounding*maxval(abs(by_lanes(lane, :))), &
+                                 name//", state "//to_text(lane)//" alone")
+            end do
+        end do
+        call system%release()
+    end subroutine compare_rates
+
+    !> Legs are carried by the lanes in fewer operations.
+    subroutine test_legs(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+        type(forward_system) :: system
+        type(status_type) :: status
+
+        call read_example(error, "stewart_forward/scene", model)
+        call build_forward_system(model, 0, system, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        call system%make_record(0.0_wp)
+        call check(error, .not. system%may_record, "a hexapod stays with the lanes")
+        call system%release()
+    end subroutine test_legs
+
+    !> One run: what it comes to, and how many evaluations were by the record alone.
+    subroutine run_to_end(error, model, options, by_record, t, q, n_by_record)
+        type(test_error), intent(inout) :: error
+        type(model_type), intent(in), target :: model
+        type(integrator_options), intent(in) :: options
+        logical, intent(in) :: by_record
+        real(wp), intent(in) :: t(:)                   !! [s]
+        real(wp), intent(out), target :: q(:, :)       !! (n_q, n)
+        integer, intent(out) :: n_by_record
+        type(forward_results) :: results
+        type(forward_run) :: run
+        type(status_type) :: status
+        integer :: n_done
+
+        results%q => q
+        n_by_record = 0
+        call start_forward(model, forward_options(integrator=options, wants_reactions=.false., by_record=by_record), run, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (status%is_ok()) then
+            call advance_forward(run, t, results, n_done)
+            n_by_record = run%system%n_by_record
+            call check(error, n_done == size(t) .and. .not. run%has_stopped, "the run comes to its end: "//trim(run%reason))
+        end if
+        call finish_forward(run)
+    end subroutine run_to_end
+
+    !> The same steps by both roads: they part by rounding alone.
+    subroutine test_run(error)
+        type(test_error), intent(inout) :: error
+        real(wp), parameter :: t(3) = [0.5_wp, 1.0_wp, 1.5_wp]
+        type(model_type), target :: model
+        real(wp) :: by_lanes(1, size(t)), by_record(1, size(t))
+        integer :: n_by_lanes, n_by_record
+
+        call read_example(error, "fourbar_constant_torque/scene", model)
+        associate (options => integrator_options(method=method_rk4, step=1.0e-3_wp))
+            call run_to_end(error, model, options, .false., t, by_lanes, n_by_lanes)
+            call run_to_end(error, model, options, .true., t, by_record, n_by_record)
+        end associate
+        call check(error, n_by_lanes == 0, "no record unless asked for")
+        call check(error, n_by_record > 4000, "nearly all rates come from the record: "//to_text(n_by_record))
+        call check_close(error, by_record, by_lanes, 1.0e5_wp*epsilon(1.0_wp)*maxval(abs(by_lanes)), "crank")
+    end subroutine test_run
+
+    !> A parallelogram through its change points: near them the lanes follow the assembly, elsewhere the record serves. It turns
+    !> as a point mass would on its path, whatever the assembly, as long as it stays a parallelogram.
+    subroutine test_change_points(error)
+        type(test_error), intent(inout) :: error
+        real(wp), parameter :: t(4) = [1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp]
+        type(model_type), target :: model
+        real(wp) :: by_lanes(1, size(t)), by_record(1, size(t))
+        integer :: n_by_lanes, n_by_record
+
+        call read_example(error, "n_fourbar/scene", model)
+        associate (options => integrator_options(method=method_rk4, step=1.0e-3_wp))
+            call run_to_end(error, model, options, .false., t, by_lanes, n_by_lanes)
+            call run_to_end(error, model, options, .true., t, by_record, n_by_record)
+        end associate
+        call check(error, abs(by_lanes(1, size(t)) - by_lanes(1, 1)) > acos(-1.0_wp), "change points are passed")
+        call check(error, n_by_record > 100, "the record serves between them: "//to_text(n_by_record))
+        call check_close(error, by_record, by_lanes, 1.0e-6_wp, "crank")
+    end subroutine test_change_points
+
+    !> Members share one record, and each goes its own way, past change points, too.
+    subroutine test_ensemble(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n_member = lanes + 3
+        type(scene_type) :: scene
+        type(model_type), target :: model
+        type(status_type) :: status
+        type(forward_options) :: options
+        real(wp) :: q_start(1, n_member), qd_start(1, n_member), q(1, 2, n_member, 2), qd(1, 2, n_member, 2), good_until(n_member)
+        integer :: n_crossed(n_member, 2), outcome(n_member), i, road
+
+        call four_bar_chain(1, scene)
+        deallocate (scene%actuator)
+        allocate (scene%actuator(0))
+        call build_model(scene, model, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        q_start(1, :) = [(0.2_wp + 0.6_wp*i/n_member, i=1, n_member)]
+        qd_start(1, :) = [(3.0_wp*i/n_member - 1, i=1, n_member)]
+        options%integrator = integrator_options(method=method_rk4, step=2.0e-3_wp)
+        do road = 1, 2
+            options%by_record = road == 1
+            call run_ensemble(model, options, q_start, qd_start, [0.4_wp, 0.8_wp], q(:, :, :, road), qd(:, :, :, road), &
+                              good_until, n_crossed(:, road), outcome, status)
+            call check(error, status%is_ok() .and. all(good_until == 0.8_wp) .and. all(outcome == 0), "all arrive")
+        end do
+        call check(error, any(n_crossed(:, 1) > 0) .and. all(n_crossed(:, 1) == n_crossed(:, 2)), "change points passed")
+        ! A change point multiplies rounding by some thousand.
+        call check_close(error, [q(:, :, :, 1)], [q(:, :, :, 2)], 1.0e5_wp*epsilon(1.0_wp)*maxval(abs(q)), "coordinates")
+    end subroutine test_ensemble
+end module test_recorded_rates
