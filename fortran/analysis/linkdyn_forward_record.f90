@@ -1,5 +1,6 @@
 !> Rates of forward dynamics from a record of the scene: which scenes have one, what it takes from a state, what it gives.
 module linkdyn_forward_record
+    use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_constants, only: two_pi
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_drives, only: coordinate_of_actuator
@@ -60,13 +61,14 @@ contains
         logical, intent(in) :: wants_power             !! else powers are zero
         type(forward_record), intent(out) :: record
         type(trace_request) :: request
+        type(sample_assembly) :: assembly
         real(wp), allocatable :: pose(:, :)
         real(wp) :: stand(3, 4, 0:model%n_link)
 
         allocate (record%recorded)
         record%owns_it = .true.
         if (.not. can_be_recorded(model, layout)) return
-        call choose_poses(model, spread(model%start_q, 2, 1), pose, stand)
+        call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
         request%by_quaternion = any(layout%quaternion > 0)
         allocate (request%has_load(6, model%n_load))
         request%has_load = .true.

@@ -3,6 +3,7 @@
 !> Rates come from a record of the scene, where it has one; a state that the record does not serve, near a dead point or where
 !> the assembly may change, is computed on lanes, and so is whatever is looked at beside the rates.
 module linkdyn_forward_system
+    use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, &
         leaves_doubt
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
@@ -468,6 +469,7 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads rates
         type(carried_assembly) :: carried
+        type(sample_assembly) :: assembly
         real(wp), allocatable :: pose(:, :)
         real(wp) :: y(lanes, self%n), by_lanes(lanes, self%n), by_record(lanes, self%n), stand(3, 4, 0:self%model%n_link)
         real(wp), dimension(lanes, self%model%n_q) :: q, qd
@@ -483,7 +485,7 @@ contains
         self%n_used = lanes
         call begin_assembly(self%model, t, self%assembly)
         self%turns = 0
-        call choose_poses(self%model, spread(self%model%start_q, 2, 1), pose, stand)
+        call choose_poses(self%model, spread(self%model%start_q, 2, 1), pose, assembly, stand)
         n_compared = 0
         n_alike = 0
         do first = 1, size(pose, 2), lanes

@@ -9,7 +9,7 @@ module linkdyn_mechanism
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value, one
+    use linkdyn_value, only: value
     use linkdyn_vector, only: vector, rotation, vector_of, components, zero_vector, identity_rotation, operator(+), operator(-), &
         operator(*), operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
@@ -43,7 +43,6 @@ module linkdyn_mechanism
         type(value), allocatable :: watched(:)             !! magnitudes that must stay below one
         logical :: is_solved = .true.                      !! false once a system had no pivots
         type(vector), allocatable :: ways(:, :)            !! (2, dyad) how its inner joint moves with each of its links
-        type(value), allocatable :: margin(:)              !! (branch) sine at which two ways meet; its sign tells the assemblies
         type(value), allocatable :: positive(:)            !! what must be positive, or a loop cannot close, or hardly
     end type mechanism_type
 
@@ -67,8 +66,7 @@ contains
         call set_rate(mechanism%rates, q, qd)
         call set_rate(mechanism%rates, qd, qdd)
         allocate (mechanism%slide(model%n_joint), mechanism%universal_axis(model%n_joint), mechanism%watched(0), &
-                  mechanism%positive(0), mechanism%ways(2, model%n_dyad), mechanism%margin(model%n_branch))
-        mechanism%margin = one()
+                  mechanism%positive(0), mechanism%ways(2, model%n_dyad))
         call make_bodies(model%link%orientation, gravity_of(mechanism), mechanism%bodies)
     end subroutine begin_mechanism
 

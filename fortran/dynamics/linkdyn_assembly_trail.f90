@@ -342,7 +342,7 @@ contains
         real(wp), dimension(model%n_q, lanes) :: at, way
         real(wp), dimension(lanes, model%n_branch) :: margin, drift
         real(wp), dimension(model%n_branch, lanes) :: margin_given, drift_given
-        real(wp) :: rate(lanes, link_freedom(model), model%n_link), side(model%n_branch)
+        real(wp) :: rate(lanes, link_freedom(model), model%n_link)
         logical :: is_closed(lanes), is_closed_given(lanes)
         integer :: i, k, n_compared, n_alike
 
@@ -358,11 +358,8 @@ contains
         do i = 1, min(lanes, size(pose, 2))
             if (.not. (is_closed(i) .and. is_closed_given(i))) cycle
             n_compared = n_compared + 1
-            ! Which assembly has the positive margin is for each to say.
-            side = sign(1.0_wp, margin(i, :)*margin_given(:, i))
-            if (all(abs(margin(i, :) - side*margin_given(:, i)) <= least_accuracy) &
-                .and. all(abs(drift(i, :) - side*drift_given(:, i)) <= least_accuracy*(1 + abs(drift(i, :))))) &
-                n_alike = n_alike + 1
+            if (all(abs(margin(i, :) - margin_given(:, i)) <= least_accuracy) &
+                .and. all(abs(drift(i, :) - drift_given(:, i)) <= least_accuracy*(1 + abs(drift(i, :))))) n_alike = n_alike + 1
         end do
         ! Near a dead point both may have few digits.
         agrees = n_compared > 0 .and. 2*n_alike > n_compared

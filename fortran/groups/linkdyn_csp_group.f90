@@ -62,7 +62,6 @@ contains
             ! where they meet at a sharp angle: root is that of the sine, times radius2 bb
             call must_be_positive(mechanism, root - least_square*(radius2*bb))
             root = branch*sqrt(root)
-            mechanism%margin(step%first) = root*reciprocal(sqrt(radius2))
             ! The root that adds up first; the other from the product of both: no digits cancel.
             slide = select(ab*branch, -(aa*reciprocal(ab + root)), (root - ab)*reciprocal(bb))
             w = span + slide*y

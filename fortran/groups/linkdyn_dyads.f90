@@ -35,14 +35,14 @@ contains
 
         half(1) = half_of(mechanism, step, 1)
         half(2) = half_of(mechanism, step, 2)
-        associate (ways => mechanism%ways(:, step%first), margin => mechanism%margin(step%first))
+        associate (ways => mechanism%ways(:, step%first))
             select case (step%kind)
             case (step_rrr)
-                call place_rrr(mechanism, half, branch, ways, margin)
+                call place_rrr(mechanism, half, branch, ways)
             case (step_rrp)
-                call place_rrp(mechanism, half, branch, ways, margin)
+                call place_rrp(mechanism, half, branch, ways)
             case (step_rpr)
-                call place_rpr(mechanism, half, branch, ways, margin)
+                call place_rpr(mechanism, half, branch, ways)
             case (step_prp)
                 call place_prp(mechanism, half, ways)
             case (step_ppr)
@@ -68,12 +68,11 @@ contains
     ! ---------------------------------------------------------------- the five kinds
 
     !> Two circles meet: C from A along the line AB and across it.
-    subroutine place_rrr(mechanism, half, branch, ways, margin)
+    subroutine place_rrr(mechanism, half, branch, ways)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
         type(value), intent(in) :: branch
         type(vector), intent(out) :: ways(2)
-        type(value), intent(out) :: margin
         type(vector) :: own(2), d, arm
         type(value) :: length(2), sum, difference, square_distance, distance, along, across, half_per_square
 
@@ -91,9 +90,7 @@ contains
         across = ((sum - distance)*(sum + distance))*((distance + difference)*(distance - difference))
         ! 16 times the square of the triangle's area: that of the sine, times (2 length(1) length(2))**2
         call must_be_positive(mechanism, across - (4*least_square)*square(length(1)*length(2)))
-        across = branch*sqrt(across)
-        margin = across*reciprocal(2.0_wp*(length(1)*length(2)))
-        across = across*half_per_square
+        across = (branch*sqrt(across))*half_per_square
         arm = along*d + across*left_of(d)
         call hang(mechanism, half(1), turn_onto(own(1), arm))
         call hang(mechanism, half(2), turn_onto(own(2), arm - d))
@@ -101,12 +98,11 @@ contains
     end subroutine place_rrr
 
     !> A circle about A meets the line of a slide: C0 is the inner joint at slide zero, u the slide's direction.
-    subroutine place_rrp(mechanism, half, branch, ways, margin)
+    subroutine place_rrp(mechanism, half, branch, ways)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
         type(value), intent(in) :: branch
         type(vector), intent(out) :: ways(2)
-        type(value), intent(out) :: margin
         type(vector) :: own, u, d, arm
         type(value) :: length, height, forward
 
@@ -117,7 +113,6 @@ contains
         d = point_at_zero(mechanism, half(2)) - outer_point(mechanism, half(1))
         height = left_of(u) .dot.d
         forward = branch*half_chord(mechanism, length, height)
-        margin = forward*reciprocal(length)
         arm = forward*u + height*left_of(u)
         call hang(mechanism, half(1), turn_onto(own, arm))
         call slide_out(mechanism, half(2), u, forward - (d.dot.u))
@@ -125,15 +120,14 @@ contains
     end subroutine place_rrp
 
     !> A pair of sliding links between two hinges: the pair turns so that B falls on its line.
-    subroutine place_rpr(mechanism, half, branch, ways, margin)
+    subroutine place_rpr(mechanism, half, branch, ways)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
         type(value), intent(in) :: branch
         type(vector), intent(out) :: ways(2)
-        type(value), intent(out) :: margin
         type(rotation) :: frame(2), r
         type(vector) :: u_own, d, u, left, offset(2)
-        type(value) :: height, distance2, distance, forward, per
+        type(value) :: height, distance2, forward, per
         integer :: i
 
         ! both links turn as one: in the axes of the first, u_own is the slide's direction
@@ -148,9 +142,7 @@ contains
         height = (offset(1) .dot.left) - (offset(2) .dot.left_of(frame(2)%z))
         d = outer_point(mechanism, half(2)) - outer_point(mechanism, half(1))
         distance2 = d.dot.d
-        distance = sqrt(distance2)
-        forward = branch*half_chord(mechanism, distance, height)
-        margin = forward*reciprocal(distance)
+        forward = branch*half_chord(mechanism, sqrt(distance2), height)
         per = reciprocal(distance2)
         u = per*(forward*d - height*left_of(d))
         do i = 1, 2

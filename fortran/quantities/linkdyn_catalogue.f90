@@ -1,8 +1,9 @@
 !> The results that there are, and how each is computed from a traced scene.
 module linkdyn_catalogue
     use linkdyn_force_system, only: reaction_of
+    use linkdyn_margins, only: assembly_margins
     use linkdyn_motion_quantities, only: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, &
-        potential_energy, largest_gap, scene_position, scene_rotation, margin_rates
+        potential_energy, largest_gap, scene_position, scene_rotation
     use linkdyn_power_balance, only: power_imbalance
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type
@@ -70,6 +71,7 @@ contains
         integer, intent(in) :: id                       !! one of `result_*`
         type(value), allocatable :: v(:)
         type(value) :: r(6)
+        type(value), allocatable :: drift(:)
         integer :: i
 
         allocate (v(0))
@@ -110,10 +112,11 @@ contains
                 do i = 1, model%n_link
                     v = [v, scene_rotation(mechanism, i)]
                 end do
-            case (result_margin)
-                v = mechanism%margin
-            case (result_margin_rate)
-                v = margin_rates(mechanism)
+            case (result_margin, result_margin_rate)
+                deallocate (v)
+                allocate (v(model%n_branch), drift(model%n_branch))
+                call assembly_margins(mechanism, v, drift)
+                if (id == result_margin_rate) v = drift
             end select
         end associate
     end function quantity_values

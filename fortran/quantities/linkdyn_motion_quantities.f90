@@ -5,14 +5,13 @@ module linkdyn_motion_quantities
     use linkdyn_joint_variables, only: within_half_a_turn, joint_rates
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, properties_of, pair_of, gravity_of
-    use linkdyn_rates, only: rate_of
     use linkdyn_springs, only: spring_energy
     use linkdyn_value, only: value, zero, abs, max, atan2, operator(+), operator(-), operator(*)
     use linkdyn_vector, only: vector, rotation, components, operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
     public :: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, potential_energy, largest_gap
-    public :: scene_position, scene_rotation, margin_rates
+    public :: scene_position, scene_rotation
 
 contains
 
@@ -54,17 +53,6 @@ contains
             end associate
         end do
     end function transmission_angles
-
-    !> How fast the margins of the groups in closed form change.
-    function margin_rates(mechanism) result(rate)
-        type(mechanism_type), intent(inout) :: mechanism
-        type(value) :: rate(size(mechanism%margin))
-        integer :: k
-
-        do k = 1, size(rate)
-            rate(k) = rate_of(mechanism%rates, mechanism%margin(k))
-        end do
-    end function margin_rates
 
     !> Of all links [J].
     function kinetic_energy(mechanism) result(energy)
