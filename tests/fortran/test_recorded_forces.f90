@@ -61,19 +61,27 @@ contains
                  new_test("linear in links", test_linear)]
     end subroutine collect_recorded_forces
 
-    subroutine test_examples(error)
+    subroutine load_model(error, path, model)
         type(test_error), intent(inout) :: error
+        character(len=*), intent(in) :: path           !! without its ending
+        type(model_type), intent(out) :: model
         type(scene_type) :: scene
         type(status_type) :: status
+
+        call read_scene(trim(path)//".toml", scene, status)
+        if (status%is_ok()) call build_model(scene, model, status)
+        call check(error, status%is_ok(), trim(status%message))
+    end subroutine load_model
+
+    subroutine test_examples(error)
+        type(test_error), intent(inout) :: error
         type(model_type) :: model
         type(batch_type) :: batch
         integer :: i
 
         do i = 1, size(example)
-            call read_scene("examples/"//trim(example(i))//".toml", scene, status)
-            if (status%is_ok()) call build_model(scene, model, status)
-            call check(error, status%is_ok(), trim(status%message))
-            if (.not. status%is_ok()) return
+            call load_model(error, "examples/"//example(i), model)
+            if (allocated(error%message)) return
             call follow_motion(model, batch)
             call compare_roads(error, trim(example(i)), model, batch)
         end do
@@ -101,14 +109,13 @@ contains
         do i = 1, size(example) + 2
             if (i <= size(example)) then
                 name = example(i)
-                call read_scene("examples/"//trim(name)//".toml", scene, status)
+                call load_model(error, "examples/"//name, model)
             else
                 name = "parallelograms"                ! one alone can be closed on the wrong assembly as well
                 call four_bar_chain(i - size(example), scene)
+                call build_model(scene, model, status)
             end if
-            if (status%is_ok()) call build_model(scene, model, status)
-            call check(error, status%is_ok(), trim(status%message))
-            if (.not. status%is_ok()) return
+            if (allocated(error%message)) return
             if (model%n_branch == 0) cycle
             call choose_poses(model, spread(model%start_q, 2, 1), pose, chosen, stand(:, :, :model%n_link))
             call record_forces(model, of_margins, pose, stand(:, :, :model%n_link), recorded, chosen%place)
@@ -276,18 +283,14 @@ contains
     !> Along the scenes' motions, or about their start, in order and each on its own.
     subroutine test_iterated(error)
         type(test_error), intent(inout) :: error
-        type(scene_type) :: scene
-        type(status_type) :: status
         type(model_type) :: model
         type(batch_type) :: batch
         real(wp) :: accuracy
         integer :: i
 
         do i = 1, size(iterated)
-            call read_scene("tests/scenes/"//trim(iterated(i))//".toml", scene, status)
-            if (status%is_ok()) call build_model(scene, model, status)
-            call check(error, status%is_ok(), trim(status%message))
-            if (.not. status%is_ok()) return
+            call load_model(error, "tests/scenes/"//iterated(i), model)
+            if (allocated(error%message)) return
             call follow_motion(model, batch)
             ! the parallelogram goes through its change points
             accuracy = merge(three_digits, near_singular, iterated(i) == "rusr_parallelogram")
@@ -305,8 +308,6 @@ contains
     subroutine test_recorded_steps(error)
         type(test_error), intent(inout) :: error
         integer, parameter :: n = 400
-        type(scene_type) :: scene
-        type(status_type) :: status
         type(model_type) :: model
         type(batch_type) :: batch
         real(wp) :: reach, accuracy
@@ -314,10 +315,8 @@ contains
         integer :: i, k, s
 
         do i = 1, size(iterated)
-            call read_scene("tests/scenes/"//trim(iterated(i))//".toml", scene, status)
-            if (status%is_ok()) call build_model(scene, model, status)
-            call check(error, status%is_ok(), trim(status%message))
-            if (.not. status%is_ok()) return
+            call load_model(error, "tests/scenes/"//iterated(i), model)
+            if (allocated(error%message)) return
             call move_at_random(model, n, 0.0_wp, batch)
             ! far enough for some to be out of reach
             reach = merge(7.0_wp, 0.05_wp, iterated(i) == "rsur" .or. iterated(i) == "rusr_parallelogram")
@@ -339,16 +338,12 @@ contains
     subroutine test_dead_groups(error)
         type(test_error), intent(inout) :: error
         integer, parameter :: n = 400
-        type(scene_type) :: scene
-        type(status_type) :: status
         type(model_type) :: model
         type(batch_type) :: batch
         integer :: i
 
-        call read_scene("tests/scenes/rusr_parallelogram.toml", scene, status)
-        if (status%is_ok()) call build_model(scene, model, status)
-        call check(error, status%is_ok(), trim(status%message))
-        if (.not. status%is_ok()) return
+        call load_model(error, "tests/scenes/rusr_parallelogram", model)
+        if (allocated(error%message)) return
         call move_at_random(model, n, 0.0_wp, batch)
         batch%q(1, :) = acos(-1.0_wp) - [(10**(-7.0_wp*i/n), i=1, n)]
         call compare_roads(error, "towards the change point", model, batch, in_order=.true., accuracy=three_digits)
