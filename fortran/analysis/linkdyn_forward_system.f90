@@ -57,8 +57,8 @@ module linkdyn_forward_system
         ! ---- the record
         logical :: may_record = .false.                !! once that is worth while; the caller says so
         type(forward_record) :: record
-        integer :: n_by_lanes = 0                      !! evaluations on lanes so far
-        integer :: n_by_record = 0                     !! and by the record alone
+        integer :: n_accepted = 0                      !! steps so far
+        integer :: n_by_record = 0                     !! evaluations by the record alone
         logical, private :: is_behind = .false.        !! the state evaluated last is not in the workspace, but here:
         real(wp), private :: t_tried(lanes) = 0        !! [s]
         real(wp), allocatable, private :: y_tried(:, :)        !! (lane, n)
@@ -202,6 +202,7 @@ contains
         real(wp), intent(in) :: y(:, :)
         logical, intent(in) :: is_accepted(lanes)
 
+        self%n_accepted = self%n_accepted + 1
         where (is_accepted) self%obstacle = sample_ok
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
@@ -287,10 +288,12 @@ contains
         logical, intent(out) :: failed(lanes)
         real(wp) :: by_record(lanes, self%n)
         logical :: is_left(lanes)
+        integer, parameter :: evaluations_a_step = 10  !! about
         integer :: k
 
         if (self%may_record .and. .not. associated(self%record%recorded)) then
-            if (self%n_by_lanes >= evaluations_before_record(self%model)) call self%make_record(t(1))
+            ! Steps tell how long the run is whenever it comes back for want of time; evaluations, some made anew then, do not.
+            if (self%n_accepted*evaluations_a_step >= evaluations_before_record(self%model)) call self%make_record(t(1))
         end if
         if (.not. (self%may_record .and. associated(self%record%recorded))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
@@ -326,7 +329,6 @@ contains
 
         self%is_compared = .false.
         self%is_behind = .false.
-        self%n_by_lanes = self%n_by_lanes + 1
         associate (model => self%model, workspace => self%workspace)
             call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
             call take_loads(model, t, workspace)
