@@ -176,6 +176,7 @@ contains
         self%assembly%n_crossed = other%assembly%n_crossed
         self%inverse_assembly = other%inverse_assembly
         self%inverse_time = -huge(1.0_wp)
+        call free_forward_record(self%record)          ! whose plan is that of the start before
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
