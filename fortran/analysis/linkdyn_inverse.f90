@@ -8,6 +8,7 @@ module linkdyn_inverse
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, settle_samples, make_room, &
         place_sample, reached_straight, judges_like_lanes
     use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
     use linkdyn_constants, only: least_accuracy
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
@@ -17,9 +18,8 @@ module linkdyn_inverse
         choose_solver, choose_poses
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words
-    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place
-    use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_group_motion, only: group_closer
+    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
     use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate

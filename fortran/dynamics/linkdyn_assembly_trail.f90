@@ -15,6 +15,7 @@
 module linkdyn_assembly_trail
     use linkdyn_constants, only: least_accuracy
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
+    use linkdyn_group_motion, only: group_closer
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
@@ -22,7 +23,6 @@ module linkdyn_assembly_trail
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, &
         follows_assembly
-    use linkdyn_group_motion, only: group_closer
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
     use linkdyn_newton_group, only: place_rates

@@ -6,12 +6,12 @@
 module linkdyn_newton_step
     use linkdyn_constraint_rates, only: errors_of, velocities_of
     use linkdyn_group_rates, only: group_constraints, states, make_velocities_unknown
+    use linkdyn_kinds, only: wp
     use linkdyn_linear_form, only: linear_form, linear_forms, find_linear_form
     use linkdyn_mechanism, only: mechanism_type
     use linkdyn_record, only: new_unknown
     use linkdyn_system, only: system_type, require, solve
     use linkdyn_value, only: value, zero, constant, operator(+), operator(-), operator(*)
-    use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
     public :: newton_step, trace_newton_step

@@ -6,11 +6,11 @@
 module linkdyn_closing_programs
     use linkdyn_block, only: block_lanes
     use linkdyn_group_motion, only: group_closer
+    use linkdyn_group_rates, only: group_constraints
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_branch, in_place
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_group, place_size, n_probe
+    use linkdyn_model, only: model_type, step_group, n_probe
     use linkdyn_newton_step, only: newton_step, trace_newton_step
-    use linkdyn_group_rates, only: group_constraints
     use linkdyn_placing, only: place_group
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, output_target, goes_to, &
