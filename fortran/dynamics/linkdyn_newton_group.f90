@@ -131,10 +131,10 @@ contains
         integer, intent(in) :: g                         !! the group's number
         type(kinematic_state), intent(inout) :: state
         real(wp), dimension(lanes) :: largest, before, noise, margin
-        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, rate
+        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, rate, rate_here
         logical, dimension(lanes) :: is_done, is_singular, has_no_pivot, is_refused
-        logical :: is_recorded(lanes)                    ! correction and velocities
-        integer :: step
+        logical, dimension(lanes) :: is_recorded, has_rate    ! correction and velocities
+        integer :: step, k
 
         associate (group => model%group(g))
             ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
@@ -143,12 +143,16 @@ contains
             is_refused = .false.
             do step = 1, most_steps
                 before = largest
-                call find_correction(model, g, state, correction, rate, margin, has_no_pivot, is_recorded)
+                call find_correction(model, g, state, correction, rate_here, margin, has_no_pivot, is_recorded)
                 where (.not. is_done .or. step == 1)
                     state%group%margin(:, g) = margin
                     is_singular = has_no_pivot
                     noise = rounding_of(model, group, state%group%place)/max(abs(margin), least_group_margin)
+                    has_rate = is_recorded
                 end where
+                do k = 1, size(rate, 2)
+                    where (.not. is_done .or. step == 1) rate(:, k) = rate_here(:, k)
+                end do
                 call correct(model, group, correction, .not. is_done, state%group%place, largest)
                 if (step > 1) call watch_contraction(before, largest, noise, state%group%contraction)
                 if (state%group%is_led) is_refused = .not. state%group%contraction <= largest_contraction
@@ -159,8 +163,8 @@ contains
             state%singular = state%singular .or. is_singular
             call put_links(model, group, state)
             if (.not. model%is_planar) call refuse_turned_joints(model, group, state)
-            if (.not. all(is_recorded)) call move_group(model, group, state)
-            call take_rates(model, group, is_recorded, rate, state)
+            if (.not. all(has_rate)) call move_group(model, group, state)
+            call take_rates(model, group, has_rate, rate, state)
             if (state%group%is_led) then
                 call measure_drift(model, g, state, state%group%margin(:, g), state%group%drift(:, g))
             else
