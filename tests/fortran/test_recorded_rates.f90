@@ -36,21 +36,22 @@ contains
         type(unit_test), allocatable, intent(out) :: tests(:)
 
         tests = [new_test("random states", test_random_states), new_test("legs", test_legs), &
+                 new_test("a free body", test_free_body), &
                  new_test("a run", test_run), new_test("change points", test_change_points), &
                  new_test("an ensemble", test_ensemble)]
     end subroutine collect_recorded_rates
 
-    subroutine read_example(error, name, model)
+    subroutine load_model(error, name, model)
         type(test_error), intent(inout) :: error
-        character(len=*), intent(in) :: name
+        character(len=*), intent(in) :: name           !! path without its ending
         type(model_type), intent(out) :: model
         type(scene_type) :: scene
         type(status_type) :: status
 
-        call read_scene("examples/"//trim(name)//".toml", scene, status)
+        call read_scene(trim(name)//".toml", scene, status)
         if (status%is_ok()) call build_model(scene, model, status)
         call check(error, status%is_ok(), trim(name)//": "//trim(status%message))
-    end subroutine read_example
+    end subroutine load_model
 
     subroutine test_random_states(error)
         type(test_error), intent(inout) :: error
@@ -58,7 +59,7 @@ contains
         integer :: i
 
         do i = 1, size(example)
-            call read_example(error, example(i), model)
+            call load_model(error, "examples/"//example(i), model)
             if (allocated(error%message)) return
             call compare_rates(error, trim(example(i)), model)
         end do
@@ -112,6 +113,43 @@ contains
         call system%release()
     end subroutine compare_rates
 
+    !> Its attitude is integrated as a quaternion, whose length steps do not keep.
+    subroutine test_free_body(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+        type(forward_system) :: system
+        type(status_type) :: status
+        real(wp), allocatable :: y(:, :), by_lanes(:, :), by_record(:, :)
+        real(wp) :: t(lanes)
+        logical :: failed(lanes)
+        type(random_stream) :: stream
+        integer :: k, lane
+
+        call load_model(error, "tests/scenes/free_body", model)
+        if (allocated(error%message)) return
+        call build_forward_system(model, 0, system, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        t = 0
+        allocate (y(lanes, system%n), by_lanes(lanes, system%n), by_record(lanes, system%n))
+        call fill_start(model, system%layout, spread(model%start_q, 1, lanes), spread(0*model%start_q, 1, lanes), y)
+        call system%begin(t(1), y)
+        call system%make_record(t(1))
+        call check(error, system%may_record, "a record was made, and agreed with the lanes")
+        if (.not. system%may_record) return
+        do k = 1, system%n
+            y(:, k) = y(:, k) + 0.1_wp*stream%vector(lanes)
+        end do
+        call system%evaluate_on_lanes(t, y, by_lanes, failed)
+        call system%evaluate(t, y, by_record, failed)
+        call check(error, system%n_by_record == 1, "the record serves all states")
+        do lane = 1, lanes
+            call check_close(error, by_record(lane, :), by_lanes(lane, :), rounding*maxval(abs(by_lanes(lane, :))), &
+                             "state "//to_text(lane))
+        end do
+        call system%release()
+    end subroutine test_free_body
+
     !> Legs are carried by the lanes in fewer operations.
     subroutine test_legs(error)
         type(test_error), intent(inout) :: error
@@ -119,7 +157,7 @@ contains
         type(forward_system) :: system
         type(status_type) :: status
 
-        call read_example(error, "stewart_forward/scene", model)
+        call load_model(error, "examples/stewart_forward/scene", model)
         call build_forward_system(model, 0, system, status)
         call check(error, status%is_ok(), trim(status%message))
         if (.not. status%is_ok()) return
@@ -162,7 +200,7 @@ contains
         real(wp) :: by_lanes(1, size(t)), by_record(1, size(t))
         integer :: n_by_lanes, n_by_record
 
-        call read_example(error, "fourbar_constant_torque/scene", model)
+        call load_model(error, "examples/fourbar_constant_torque/scene", model)
         associate (options => integrator_options(method=method_rk4, step=1.0e-3_wp))
             call run_to_end(error, model, options, .false., t, by_lanes, n_by_lanes)
             call run_to_end(error, model, options, .true., t, by_record, n_by_record)
@@ -181,7 +219,7 @@ contains
         real(wp) :: by_lanes(1, size(t)), by_record(1, size(t))
         integer :: n_by_lanes, n_by_record
 
-        call read_example(error, "n_fourbar/scene", model)
+        call load_model(error, "examples/n_fourbar/scene", model)
         associate (options => integrator_options(method=method_rk4, step=1.0e-3_wp))
             call run_to_end(error, model, options, .false., t, by_lanes, n_by_lanes)
             call run_to_end(error, model, options, .true., t, by_record, n_by_record)
