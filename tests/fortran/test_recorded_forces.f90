@@ -12,7 +12,7 @@ module test_recorded_forces
     use linkdyn_model, only: model_type, step_ups, scene_size
     use linkdyn_motion, only: sample_count, sample_times, evaluate_motion
     use linkdyn_planar_scenes, only: four_bar_chain
-    use linkdyn_recorded_forces, only: recorded_forces, record_forces
+    use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_samples, only: result_list
     use linkdyn_scene, only: scene_type
@@ -39,7 +39,7 @@ module test_recorded_forces
 
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
     real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
-    !> Takes long to be led from its start by lanes: asked for once.
+    !> Takes long to be led from its start by lanes: asked for once, and not in quadruple precision.
     character(len=*), parameter :: large = "hexaglide"
 
     !> As near to a singular position as the hexaglide is at its start: margins of some thousandths enter forces cubed.
@@ -111,7 +111,7 @@ contains
         n_crossed = 0
         do i = 1, size(example) + 2
             if (i <= size(example)) then
-                name = example(i)
+                name = example(min(i, size(example)))
                 call load_model(error, "examples/"//name, model)
             else
                 name = "parallelograms"                ! one alone can be closed on the wrong assembly as well
@@ -141,6 +141,7 @@ contains
                 n_lost = n_lost + count(assembly(1)%status /= sample_ok)
                 n_crossed = n_crossed + count(assembly(1)%reached == reached_crossing)
             end do
+            call free_recorded(recorded)
         end do
         call check(error, n_lost > 100, "the walks lead to dead points")
         call check(error, n_crossed > 0, "and through change points")
@@ -225,6 +226,14 @@ contains
         call solver%free()
     end subroutine run_road
 
+    subroutine free_results(results)
+        type(inverse_results), intent(inout) :: results
+
+        deallocate (results%driving_force, results%reaction, results%joint_variable, results%joint_rate, results%status, &
+                    results%power_imbalance, results%kinetic_energy, results%potential_energy, results%closure, results%position, &
+                    results%rotation, results%transmission_angle)
+    end subroutine free_results
+
     subroutine compare_roads(error, name, model, batch, in_order, accuracy, steps_are_recorded)
         type(test_error), intent(inout) :: error
         character(len=*), intent(in) :: name
@@ -268,6 +277,8 @@ contains
             call alike(lanes%transmission_angle(:, i), record%transmission_angle(:, i), "transmission angles")
             call check(error, record%power_imbalance(i) <= max(tolerance, 10*lanes%power_imbalance(i)), name//": power")
         end do
+        call free_results(lanes)
+        call free_results(record)
 
     contains
 
@@ -324,6 +335,7 @@ contains
             reach = merge(7.0_wp, 0.05_wp, iterated(i) == "rsur" .or. iterated(i) == "rusr_parallelogram")
             ! of its folds the lanes take long to be sure
             if (iterated(i) == large) reach = 0.01_wp
+            if (iterated(i) == large .and. digits(1.0_wp) > digits(1.0d0)) cycle
             do s = 1, n
                 batch%q(:, s) = batch%q(:, s) + [(reach*sin(0.01_wp*k*s), k=1, model%n_q)]
             end do
@@ -457,6 +469,8 @@ contains
             call check_close(error, record%driving_force(:, i), lanes%driving_force(:, i), &
                              1.0e-3_wp*maxval(abs(lanes%reaction(:, :, i))), "driving force")
         end do
+        call free_results(lanes)
+        call free_results(record)
     end subroutine test_dead_points
 
     subroutine test_no_numbers(error)
@@ -480,6 +494,8 @@ contains
         call run_road(error, model, batch, .true., record)
         call check(error, count(record%status /= sample_ok) == 4, "four samples are flagged")
         call check(error, all(lanes%status == record%status), "as in lanes")
+        call free_results(lanes)
+        call free_results(record)
     end subroutine test_no_numbers
 
     !> A record computes what is wanted, and of a planar scene nothing out of the plane.
@@ -518,6 +534,7 @@ contains
         call record_forces(model, wanted, pose, stand, recorded, assembly%place)
         operations = huge(1)
         if (recorded%is_usable) operations = size(recorded%program%kernel%step)
+        call free_recorded(recorded)
     end function operations
 
     subroutine test_linear(error)
