@@ -125,7 +125,7 @@ contains
         type(random_stream) :: stream
         integer :: k, lane
 
-        call load_model(error, "tests/scenes/free_body", model)
+        call load_model(error, "tests/fortran/scenes/free_body", model)
         if (allocated(error%message)) return
         call build_forward_system(model, 0, system, status)
         call check(error, status%is_ok(), trim(status%message))
