@@ -192,20 +192,32 @@ contains
         call finish_forward(run)
     end subroutine run_to_end
 
+    !> The same steps of an example with one coordinate by both roads.
+    subroutine run_both_roads(error, example, t, by_lanes, by_record, n_by_record)
+        type(test_error), intent(inout) :: error
+        character(len=*), intent(in) :: example
+        real(wp), intent(in) :: t(:)                   !! [s]
+        real(wp), intent(out), target :: by_lanes(:, :), by_record(:, :)    !! (1, n)
+        integer, intent(out) :: n_by_record
+        type(model_type), target :: model
+        integer :: n_unasked
+
+        call load_model(error, "examples/"//example//"/scene", model)
+        associate (options => integrator_options(method=method_rk4, step=1.0e-3_wp))
+            call run_to_end(error, model, options, .false., t, by_lanes, n_unasked)
+            call run_to_end(error, model, options, .true., t, by_record, n_by_record)
+        end associate
+        call check(error, n_unasked == 0, "no record unless asked for")
+    end subroutine run_both_roads
+
     !> The same steps by both roads: they part by rounding alone.
     subroutine test_run(error)
         type(test_error), intent(inout) :: error
         real(wp), parameter :: t(3) = [0.5_wp, 1.0_wp, 1.5_wp]
-        type(model_type), target :: model
         real(wp) :: by_lanes(1, size(t)), by_record(1, size(t))
-        integer :: n_by_lanes, n_by_record
+        integer :: n_by_record
 
-        call load_model(error, "examples/fourbar_constant_torque/scene", model)
-        associate (options => integrator_options(method=method_rk4, step=1.0e-3_wp))
-            call run_to_end(error, model, options, .false., t, by_lanes, n_by_lanes)
-            call run_to_end(error, model, options, .true., t, by_record, n_by_record)
-        end associate
-        call check(error, n_by_lanes == 0, "no record unless asked for")
+        call run_both_roads(error, "fourbar_constant_torque", t, by_lanes, by_record, n_by_record)
         call check(error, n_by_record > 4000, "nearly all rates come from the record: "//to_text(n_by_record))
         call check_close(error, by_record, by_lanes, 1.0e5_wp*epsilon(1.0_wp)*maxval(abs(by_lanes)), "crank")
     end subroutine test_run
@@ -215,15 +227,10 @@ contains
     subroutine test_change_points(error)
         type(test_error), intent(inout) :: error
         real(wp), parameter :: t(4) = [1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp]
-        type(model_type), target :: model
         real(wp) :: by_lanes(1, size(t)), by_record(1, size(t))
-        integer :: n_by_lanes, n_by_record
+        integer :: n_by_record
 
-        call load_model(error, "examples/n_fourbar/scene", model)
-        associate (options => integrator_options(method=method_rk4, step=1.0e-3_wp))
-            call run_to_end(error, model, options, .false., t, by_lanes, n_by_lanes)
-            call run_to_end(error, model, options, .true., t, by_record, n_by_record)
-        end associate
+        call run_both_roads(error, "n_fourbar", t, by_lanes, by_record, n_by_record)
         call check(error, abs(by_lanes(1, size(t)) - by_lanes(1, 1)) > acos(-1.0_wp), "change points are passed")
         call check(error, n_by_record > 100, "the record serves between them: "//to_text(n_by_record))
         call check_close(error, by_record, by_lanes, 1.0e-6_wp, "crank")
