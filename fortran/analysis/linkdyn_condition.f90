@@ -9,6 +9,7 @@ module linkdyn_condition
     use linkdyn_acceleration_columns, only: assemble_accelerations
     use linkdyn_assembly, only: assemble_matrix
     use linkdyn_condition_estimate, only: estimate_space, prepare_estimate, estimate_inverse_norm
+    use linkdyn_constants, only: golden
     use linkdyn_dense, only: dense_workspace, solve_dense, solve_scaled
     use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_factor_plan
     use linkdyn_elimination_run, only: run_plan, load_constants
@@ -236,7 +237,6 @@ contains
     !> A component of a vector that is square to none in particular.
     pure real(wp) function spread_start(k)
         integer, intent(in) :: k
-        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp
 
         spread_start = 0.5_wp + modulo(k*golden, 1.0_wp)
     end function spread_start

@@ -15,6 +15,7 @@ module linkdyn_equations
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
+    use linkdyn_constants, only: golden
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_dyad_map, only: is_surely_certain
     use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
@@ -319,7 +320,6 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: block
         type(kinematic_state), intent(inout) :: state
-        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp   !! spreads points evenly at any count
         real(wp), parameter :: turn_step = 0.4_wp, length_step = 0.1_wp               !! [rad], [part of the scene's size]
         real(wp) :: q(model%n_q, 1), qd(model%n_q, 1), qdd(model%n_q, 1), load(6, model%n_load, 1), t(1), step, number
         integer :: lane, k

@@ -6,6 +6,7 @@ module linkdyn_forward_system
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, &
         leaves_doubt
+    use linkdyn_constants, only: golden
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
     use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
@@ -470,7 +471,6 @@ contains
     logical function agrees_with_lanes(self, t) result(agrees)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t                      !! [s]
-        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads rates
         type(carried_assembly) :: carried
         type(sample_assembly) :: assembly
         real(wp), allocatable :: pose(:, :)

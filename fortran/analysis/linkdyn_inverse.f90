@@ -10,7 +10,7 @@ module linkdyn_inverse
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
-    use linkdyn_constants, only: least_accuracy
+    use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
@@ -581,7 +581,6 @@ contains
         type(recorded_forces), intent(in) :: recorded
         real(wp), intent(in) :: pose(:, :)                     !! (n_q, pose)
         type(sample_assembly), intent(in) :: assembly          !! there
-        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads rates and loads
         type(inverse_solver) :: by_lanes
         type(inverse_results) :: found(2)
         real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :)

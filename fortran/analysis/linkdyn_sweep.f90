@@ -2,6 +2,7 @@
 module linkdyn_sweep
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_clearance, only: have_gaps
+    use linkdyn_constants, only: golden
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
@@ -157,7 +158,6 @@ contains
         type(totals_shape) :: shape
         type(kept_chunk) :: kept
         integer, parameter :: nothing(0) = 0
-        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp
         real(wp) :: margin
         integer(int64) :: first, design, n_design
         integer :: i, n, spot

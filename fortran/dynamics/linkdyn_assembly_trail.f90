@@ -13,7 +13,7 @@
 !>
 !> Where somebody has margins for many places at a time, steps are judged by them as far as they are believed.
 module linkdyn_assembly_trail
-    use linkdyn_constants, only: least_accuracy
+    use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
     use linkdyn_group_motion, only: group_closer
     use linkdyn_interrupt, only: is_interrupted
@@ -337,7 +337,6 @@ contains
         type(model_type), intent(in) :: model
         class(margin_source), intent(in) :: margins
         real(wp), intent(in) :: pose(:, :)           !! (n_q, pose)
-        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp    !! spreads ways
         type(assembly_trail) :: trail
         real(wp), dimension(model%n_q, lanes) :: at, way
         real(wp), dimension(lanes, model%n_branch) :: margin, drift

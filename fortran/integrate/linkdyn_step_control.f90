@@ -12,7 +12,7 @@
 !> Rates must be known where a step ends, since the next one begins with them. What rounding takes from the solution at a
 !> step is added at the next.
 module linkdyn_step_control
-    use linkdyn_constants, only: least_accuracy, two_pi
+    use linkdyn_constants, only: golden, least_accuracy, two_pi
     use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -486,7 +486,6 @@ contains
         real(wp), intent(in) :: y(:)
         integer, intent(in) :: copy
         real(wp) :: changed(size(y))
-        real(wp), parameter :: golden = 0.61803398874989484820458683436563811772_wp
         real(wp) :: part
         integer :: i
 
