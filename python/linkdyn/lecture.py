@@ -808,8 +808,14 @@ class _Call:
         cranks: int | None = None,
     ) -> None:
         self.name = name
-        given = coefficients or []
-        self.cranks = self._count_cranks(given, cranks) if coefficients else 0
+        self.cranks = self._count_cranks(coefficients, cranks) if coefficients else 0
+        try:
+            self._pack(items, coefficients or [])
+        except MemoryError:
+            raise InputError(f"{name}: more cranks ({self.cranks}) or samples than the memory holds") from None
+
+    def _pack(self, items: list[tuple[str, Any, int]], given: list[tuple[str, Coefficients | None, int]]) -> None:
+        """Spread all arguments over the same samples and lay them out as the flat layer reads them."""
         parts: list[tuple[Floats, tuple[int, ...], str]] = []
         for label, item, kind in items:
             parts += self._fields(label, item, kind)

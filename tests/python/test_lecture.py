@@ -499,3 +499,12 @@ def test_csp_near_its_dead_points():
         assert close_to(s.dp, want, 1e-3), angle
         n_known += 1
     assert n_known >= 6
+
+
+def test_more_cranks_than_the_memory_holds(monkeypatch):
+    def no_memory(*_):
+        raise MemoryError
+
+    monkeypatch.setattr("linkdyn.lecture.np.concatenate", no_memory)
+    with pytest.raises(InputError, match=r"fd_crank_input: more cranks \(3\) or samples than the memory holds"):
+        FD_CRANK_INPUT(Point((0.0, 0.0)), 1.0, Angle(), crank=0, cranks=3)
