@@ -502,7 +502,7 @@ def test_csp_near_its_dead_points():
 
 
 def test_more_cranks_than_the_memory_holds(monkeypatch):
-    def no_memory(*_):
+    def no_memory(*_, **_named):
         raise MemoryError
 
     monkeypatch.setattr("linkdyn.lecture.np.concatenate", no_memory)
