@@ -34,6 +34,7 @@ module linkdyn_inverse
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
+    use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
@@ -198,7 +199,8 @@ contains
         type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
         type(recorded_forces), pointer :: recorded
-        type(recorded_margins) :: margins
+        type(recorded_margins), target :: by_record
+        class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
         integer :: n, n_left, n_block, n_thread, share, block, n_dense
@@ -211,24 +213,21 @@ contains
                       .or. has_stand_ins .or. solver%wants_distance
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
-        nullify (recorded, closer)
+        nullify (recorded, margins, closer)
         if (associated(solver%closing) .and. n >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
             call need_closer(model, solver, q, closer)
         if (associated(solver%records) .and. is_worth_recording(model, n) .and. .not. &
             (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) then
             call need_record(model, solver, results, q, recorded)
-            if (is_on_way) call need_margins(model, solver, q, margins%record)
+            if (is_on_way) call need_margins(model, solver, q, by_record%record)
+            by_record%threads = threads
+            if (associated(by_record%record)) margins => by_record
         end if
         if (has_assemblies(model) .or. has_stand_ins) then
             if (present(known)) then
                 assembly = known
             else if (is_on_way) then
-                if (associated(margins%record)) then
-                    margins%threads = threads
-                    call follow_assembly(model, q, trail, assembly, margins=margins)
-                else
-                    call follow_assembly(model, q, trail, assembly, closer=closer)
-                end if
+                call follow_assembly(model, q, trail, assembly, margins, closer)
             else if (needs_places(recorded)) then
                 call settle_samples(model, threads, q, assembly, closer)
                 is_on_way = .true.
@@ -502,7 +501,7 @@ contains
         integer, parameter :: many = 200                       !! samples: their lanes' time is about that of a trace
 
         nullify (recorded)
-        if (model%n_branch > 0 .and. size(model%group) == 0 .and. size(q, 2) >= many) &
+        if (model%n_branch > 0 .and. size(q, 2) >= many) &
             call find_or_make(model, solver, of_margins, q, recorded)
     end subroutine need_margins
 

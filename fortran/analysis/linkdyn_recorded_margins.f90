@@ -1,7 +1,7 @@
 !> Margins by a record of the scene.
 module linkdyn_recorded_margins
     use linkdyn_catalogue, only: result_margin, result_margin_rate
-    use linkdyn_inputs, only: in_q, in_qd, in_branch
+    use linkdyn_inputs, only: in_q, in_qd, in_branch, in_place
     use linkdyn_kinds, only: wp
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_forces, only: recorded_forces, run_recorded
@@ -22,10 +22,11 @@ module linkdyn_recorded_margins
 
 contains
 
-    subroutine find_by_record(self, at, way, branch, margin, drift, is_closed)
+    subroutine find_by_record(self, at, way, branch, place, margin, drift, is_closed)
         class(recorded_margins), intent(in) :: self
         real(wp), intent(in), contiguous, target :: at(:, :), way(:, :)
         real(wp), intent(in), contiguous, target :: branch(:)
+        real(wp), intent(in), contiguous, target :: place(:, :, :)
         real(wp), intent(out), contiguous, target :: margin(:, :), drift(:, :)
         logical, intent(out) :: is_closed(:)
         type(sample_arrays) :: arrays
@@ -37,6 +38,7 @@ contains
             call set_block(arrays, in_q, n_q, n, at)
             call set_block(arrays, in_qd, n_q, n, way)
             call set_block(arrays, in_branch, n_branch, 1, branch)
+            if (size(place) > 0) call set_block(arrays, in_place, size(place, 1)*size(place, 2), n, place)
             call add_target(list, result_margin, n_branch, n, margin)
             call add_target(list, result_margin_rate, n_branch, n, drift)
             call run_recorded(self%record, self%threads, n, arrays, [sample_ok], list, n_left, left)

@@ -16,6 +16,7 @@ module linkdyn_assembly_trail
     use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
     use linkdyn_group_motion, only: group_closer
+    use linkdyn_group_stride, only: group_stride, stride_groups
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
@@ -23,11 +24,11 @@ module linkdyn_assembly_trail
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, &
         follows_assembly
+    use linkdyn_link_place, only: motion_between
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
     use linkdyn_newton_group, only: place_rates
     use linkdyn_planar_motion, only: level_velocity
-    use linkdyn_quaternion, only: turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
     use linkdyn_threads, only: team_size
     use linkdyn_whole_turns, only: with_turns
@@ -201,28 +202,34 @@ contains
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(out) :: assembly
-        class(margin_source), intent(in), optional :: margins    !! at many places at once; absent: lanes find them
-        class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
+        class(margin_source), pointer, intent(in), optional :: margins    !! of closed forms, at many places at once
+        class(group_closer), pointer, intent(in), optional :: closer      !! makes the groups' steps; null or absent: nobody else
+        class(margin_source), pointer :: forms
         integer, parameter :: shortest = 64          !! samples of a stride
         integer, parameter :: room = 30000           !! numbers of scratch, which stays in the cache
         integer :: n_done, n, stride, longest
+        logical :: strides
 
         if (.not. trail%has_begun) call begin_trail(model, trail)
         call make_room(model, size(q, 2), assembly)
         if (.not. trail%is_needed) return
+        nullify (forms)
+        if (present(margins)) forms => margins
         if (present(closer)) trail%state%group%closer => closer
+        strides = (associated(forms) .or. model%n_branch == 0) .and. &
+                  (associated(trail%state%group%closer) .or. size(model%group) == 0)
         n_done = 0
-        longest = max(shortest, room/(model%n_q + model%n_branch))
+        longest = max(shortest, room/(model%n_q + model%n_branch + size(assembly%place(:, :, :min(1, size(model%group))))))
         stride = longest
         do while (n_done < size(q, 2))
             if (trail%is_lost) then
                 call search_on(model, q, trail, assembly, n_done)
                 cycle
             end if
-            if (present(margins)) then
+            if (strides) then
                 n = min(stride, size(q, 2) - n_done)
                 stride = min(longest, 2*stride)
-                call stride_on(margins, q(:, n_done + 1:n_done + n), trail, assembly, n_done)
+                call stride_on(model, q(:, n_done + 1:n_done + n), trail, assembly, n_done, forms)
                 if (n_done == size(q, 2)) exit
                 ! Where lanes have to help, what lies beyond may be in vain.
                 stride = shortest
@@ -290,35 +297,78 @@ contains
     end subroutine go_on
 
     !> Take the next samples, as long as every step is believed.
-    subroutine stride_on(margins, q, trail, assembly, n_done)
-        class(margin_source), intent(in) :: margins
+    subroutine stride_on(model, q, trail, assembly, n_done, margins)
+        type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! of the next samples (n_q, n)
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(inout) :: assembly
         integer, intent(inout) :: n_done             !! samples dealt with
+        class(margin_source), pointer, intent(in) :: margins    !! null: there are no closed forms
+        type(group_stride) :: groups
         real(wp), allocatable :: at(:, :), way(:, :), margin(:, :), drift(:, :)
-        real(wp) :: back
         logical, allocatable :: is_closed(:)
-        integer :: n, i
+        logical :: has_groups
+        integer :: n, i, n_branch
 
         n = size(q, 2)
-        allocate (at(size(q, 1), 0:n), way(size(q, 1), 0:n), is_closed(0:n))
+        has_groups = size(model%group) > 0
+        n_branch = model%n_branch
+        allocate (at(size(q, 1), 0:n), way(size(q, 1), 0:n))
+        allocate (is_closed(0:n), source=.true.)
         allocate (margin(size(trail%least_margin), 0:n), drift(size(trail%least_margin), 0:n))
         at(:, 0) = trail%q
         at(:, 1:) = q
         way(:, :n - 1) = at(:, 1:) - at(:, :n - 1)
         way(:, n) = way(:, n - 1)
-        call margins%find(at, way, trail%branch, margin, drift, is_closed)
+        if (has_groups) then
+            call stride_groups(model, trail%state%group%closer, at, way, trail%branch, trail%place, groups)
+            is_closed = groups%is_closed
+            margin(n_branch + 1:, :) = groups%margin
+            drift(n_branch + 1:, :) = groups%drift
+        else
+            allocate (groups%place(0, 0, 0))
+        end if
+        if (associated(margins)) call add_closed_forms()
         do i = 1, n
-            if (.not. (is_closed(i - 1) .and. is_closed(i))) exit
-            back = share_along(way(:, i - 1), way(:, i))
-            if (.not. all(abs(margin(:, i)) > trail%least_margin &
-                          .and. is_step_sound(trail%least_margin, margin(:, i - 1), drift(:, i - 1), margin(:, i), &
-                                              back*drift(:, i)))) exit
+            if (.not. is_step_believed(i)) exit
             assembly%branch(:, n_done + i) = trail%branch
+            if (.not. has_groups) cycle
+            assembly%q(:, n_done + i) = at(:, i)
+            assembly%place(:, :, n_done + i) = groups%place(:, :, i)
+            assembly%margin(:, n_done + i) = groups%margin(:, i)
         end do
         n_done = n_done + i - 1
         trail%q = at(:, i - 1)
+        if (has_groups) trail%place = groups%place(:, :, i - 1)
+
+    contains
+
+        subroutine add_closed_forms()
+            real(wp), dimension(n_branch, 0:n) :: margin_here, drift_here
+            logical :: is_closed_here(0:n)
+
+            call margins%find(at, way, trail%branch, groups%place, margin_here, drift_here, is_closed_here)
+            is_closed = is_closed .and. is_closed_here
+            margin(:n_branch, :) = margin_here
+            drift(:n_branch, :) = drift_here
+        end subroutine add_closed_forms
+
+        !> By the rule of lanes.
+        pure logical function is_step_believed(i) result(is_believed)
+            integer, intent(in) :: i
+            real(wp) :: back
+
+            is_believed = is_closed(i - 1) .and. is_closed(i)
+            if (.not. is_believed) return
+            back = share_along(way(:, i - 1), way(:, i))
+            is_believed = all(abs(margin(:, i)) > trail%least_margin &
+                              .and. is_step_sound(trail%least_margin, margin(:, i - 1), drift(:, i - 1), margin(:, i), &
+                                                  back*drift(:, i)))
+            if (.not. is_believed .or. .not. allocated(groups%rate)) return
+            is_believed = is_close(model, groups%place(:, :, i - 1), groups%place(:, :, i), &
+                                   (groups%rate(:, :, i - 1) + back*groups%rate(:, :, i))/2, &
+                                   min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
+        end function is_step_believed
     end subroutine stride_on
 
     !> The part of a way that leads along another one.
@@ -339,8 +389,9 @@ contains
         real(wp), intent(in) :: pose(:, :)           !! (n_q, pose)
         type(assembly_trail) :: trail
         real(wp), dimension(model%n_q, lanes) :: at, way
-        real(wp), dimension(lanes, model%n_branch) :: margin, drift
+        real(wp), dimension(lanes, size(model%least_margin)) :: margin, drift
         real(wp), dimension(model%n_branch, lanes) :: margin_given, drift_given
+        real(wp), allocatable :: place(:, :, :)      !! of groups' links (place_size, n_link, lane)
         real(wp) :: rate(lanes, link_freedom(model), model%n_link)
         logical :: is_closed(lanes), is_closed_given(lanes)
         integer :: i, k, n_compared, n_alike
@@ -351,14 +402,21 @@ contains
             way(:, i) = [(modulo((i*model%n_q + k)*golden, 1.0_wp) - 0.5_wp, k=1, model%n_q)]
         end do
         call evaluate_places(model, transpose(at), transpose(way), trail, margin, drift, rate, is_closed)
-        call margins%find(at, way, trail%branch, margin_given, drift_given, is_closed_given)
+        if (size(model%group) > 0) then
+            place = reshape(trail%state%group%place, [place_size(model), model%n_link, lanes], order=[3, 1, 2])
+        else
+            allocate (place(0, 0, 0))
+        end if
+        call margins%find(at, way, trail%branch, place, margin_given, drift_given, is_closed_given)
         n_compared = 0
         n_alike = 0
         do i = 1, min(lanes, size(pose, 2))
             if (.not. (is_closed(i) .and. is_closed_given(i))) cycle
             n_compared = n_compared + 1
-            if (all(abs(margin(i, :) - margin_given(:, i)) <= least_accuracy) &
-                .and. all(abs(drift(i, :) - drift_given(:, i)) <= least_accuracy*(1 + abs(drift(i, :))))) n_alike = n_alike + 1
+            associate (margin_here => margin(i, :model%n_branch), drift_here => drift(i, :model%n_branch))
+                if (all(abs(margin_here - margin_given(:, i)) <= least_accuracy) &
+                    .and. all(abs(drift_here - drift_given(:, i)) <= least_accuracy*(1 + abs(drift_here)))) n_alike = n_alike + 1
+            end associate
         end do
         ! Near a dead point both may have few digits.
         agrees = n_compared > 0 .and. 2*n_alike > n_compared
@@ -503,7 +561,7 @@ contains
         real(wp), intent(in) :: explained(:, :)      !! shifts and turns (link_freedom, n_link)
         real(wp), intent(in) :: margin(:)            !! (n_group)
         real(wp), parameter :: part = 0.125_wp
-        real(wp) :: moved(link_freedom(model)), open, turn(lanes, 3)
+        real(wp) :: moved(link_freedom(model)), open
         integer :: g, i, n
 
         is_close = .true.
@@ -512,14 +570,7 @@ contains
             open = 0
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
-                    moved(:n) = to(:n, l) - from(:n, l)
-                    if (model%is_planar) then
-                        moved(3) = to(3, l) - from(3, l)
-                    else
-                        turn = turn_between(spread(from(4:, l), 1, lanes), spread(to(4:, l), 1, lanes))
-                        moved(4:) = turn(1, :)
-                    end if
-                    moved = moved - explained(:, l)
+                    moved = motion_between(from(:, l), to(:, l)) - explained(:, l)
                     open = max(open, maxval(abs(moved(:n)))/scene_size(model), maxval(abs(moved(n + 1:))))
                 end associate
             end do

@@ -12,11 +12,12 @@ module linkdyn_margin_source
 
     abstract interface
         !> Margins at some places, and their rates for ways from there.
-        subroutine find_margins(self, at, way, branch, margin, drift, is_closed)
+        subroutine find_margins(self, at, way, branch, place, margin, drift, is_closed)
             import :: margin_source, wp
             class(margin_source), intent(in) :: self
             real(wp), intent(in), contiguous, target :: at(:, :), way(:, :)           !! (n_q, n)
             real(wp), intent(in), contiguous, target :: branch(:)                     !! on which assembly (n_branch)
+            real(wp), intent(in), contiguous, target :: place(:, :, :)                !! of groups' links (place_size, n_link, n or 0)
             real(wp), intent(out), contiguous, target :: margin(:, :), drift(:, :)    !! (n_branch, n)
             logical, intent(out) :: is_closed(:)                                      !! (n)
         end subroutine find_margins

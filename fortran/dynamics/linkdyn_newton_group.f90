@@ -29,6 +29,7 @@ module linkdyn_newton_group
     implicit none (type, external)
     private
     public :: prepare_margins, close_group, shifted, place_rates
+    public :: is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin
 
     integer, parameter :: most_steps = 30
     ! Newton's method squares the error: after a correction below this, the next error is below rounding.
@@ -294,8 +295,16 @@ contains
         do i = 1, size(group%link)
             noise = max(noise, maxval(abs(place(:, :n_shift(model), group%link(i))), dim=2))
         end do
-        noise = rounding*noise/scene_size(model)
+        noise = rounding_at(noise, scene_size(model))
     end function rounding_of
+
+    !> The same at a distance from the world's origin.
+    elemental real(wp) function rounding_at(distance, scene_size) result(noise)
+        real(wp), intent(in) :: distance     !! of the group's links, the largest, or the mechanism's size
+        real(wp), intent(in) :: scene_size
+
+        noise = rounding*distance/scene_size
+    end function rounding_at
 
     !> Two corrections, one after the other, tell whether the place predicted was near enough.
     elemental subroutine watch_contraction(before, largest, noise, contraction)
@@ -333,15 +342,13 @@ contains
         margin = merge(0.0_wp, sign(sqrt(n_probe/(n*square)), determinant), is_singular)
     end subroutine solve_with_probe
 
-    !> The margin's rate along the way, from the margin a little further on, where the links' velocities lead. The step is
-    !> a small part of the distance to where the margin may vanish at the nearest.
+    !> The margin's rate along the way, from the margin a little further on, where the links' velocities lead.
     subroutine measure_drift(model, g, state, margin, drift)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g
         type(kinematic_state), intent(inout) :: state    !! scratch of the group is lost
         real(wp), intent(in) :: margin(lanes)
         real(wp), intent(out) :: drift(lanes)
-        real(wp), parameter :: part = 1.0e-3_wp, longest = 1.0e-4_wp
         real(wp) :: speed(lanes), step(lanes), ahead(lanes), ahead_here(lanes)
         logical :: is_singular(lanes), is_recorded(lanes)
         integer :: n
@@ -349,7 +356,7 @@ contains
         associate (group => model%group(g))
             n = size(group%unit)
             speed = speed_of(model, group, state, level_velocity)
-            step = min(part*abs(margin), longest)/max(speed, tiny(1.0_wp))
+            step = step_ahead(margin, speed)
             call look_ahead_by_record(model, g, step, state, ahead, is_recorded)
             if (.not. all(is_recorded)) then
                 associate (matrix => state%group%matrix(:, :n, :n), right => state%group%right(:, :n, 1))
@@ -365,6 +372,15 @@ contains
         end associate
         drift = merge((ahead - margin)/step, 0.0_wp, speed > 0 .and. step > 0)
     end subroutine measure_drift
+
+    !> How far to look ahead for a margin's rate: a small part of the distance to where it may vanish at the nearest.
+    elemental real(wp) function step_ahead(margin, speed) result(step)
+        real(wp), intent(in) :: margin
+        real(wp), intent(in) :: speed                    !! of the group's links along the way
+        real(wp), parameter :: part = 1.0e-3_wp, longest = 1.0e-4_wp
+
+        step = min(part*abs(margin), longest)/max(speed, tiny(1.0_wp))
+    end function step_ahead
 
     !> The margin a little further on, where a record is sure of it.
     subroutine look_ahead_by_record(model, g, step, state, ahead, is_recorded)

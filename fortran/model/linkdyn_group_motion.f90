@@ -13,6 +13,8 @@ module linkdyn_group_motion
     type, abstract :: group_closer
     contains
         procedure(make_step), deferred :: make_step
+        procedure(make_steps), deferred :: make_steps
+        procedure(samples_at_once), deferred :: samples_at_once
     end type group_closer
 
     abstract interface
@@ -29,6 +31,25 @@ module linkdyn_group_motion
             real(wp), intent(out) :: margin(:)               !! (lane)
             logical, intent(out) :: is_sure(:)               !! false: rounding may have grown (lane)
         end subroutine make_step
+
+        !> The same for samples one after the other.
+        subroutine make_steps(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
+            import :: group_closer, wp
+            class(group_closer), intent(in) :: self
+            integer, intent(in) :: g
+            real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :)     !! (n_q, sample)
+            real(wp), intent(in), contiguous, target :: branch(:, :)          !! of all samples (n_branch, 1)
+            real(wp), intent(in), contiguous, target :: place(:, :, :)        !! (place_size, n_link, sample)
+            real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)    !! (row, sample)
+            real(wp), intent(out) :: margin(:)               !! (sample)
+            logical, intent(out) :: is_sure(:)               !! (sample)
+        end subroutine make_steps
+
+        !> How many of them take the time of one.
+        integer function samples_at_once(self)
+            import :: group_closer
+            class(group_closer), intent(in) :: self
+        end function samples_at_once
     end interface
 
     type :: group_motion

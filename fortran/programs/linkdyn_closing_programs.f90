@@ -39,7 +39,6 @@ module linkdyn_closing_programs
         type(program_space), allocatable :: slots(:)           !! (group)
         real(wp), allocatable :: q(:, :), qd(:, :), branch(:, :), place(:, :)    !! (number, sample)
         real(wp), allocatable :: correction(:, :), rate(:, :)                    !! (row, sample)
-        real(wp), allocatable :: response(:, :), determinant(:, :), alarm(:, :)  !! (1, sample)
         type(closing_space), pointer :: next => null()         !! idle as well
     end type closing_space
 
@@ -55,6 +54,8 @@ module linkdyn_closing_programs
         logical :: is_usable = .false.
     contains
         procedure :: make_step => make_step_by_record
+        procedure :: make_steps => make_steps_by_record
+        procedure :: samples_at_once => samples_of_block
         procedure :: free => free_programs
     end type closing_programs
 
@@ -233,50 +234,84 @@ contains
         real(wp), intent(out) :: correction(:, :), rate(:, :), margin(:)
         logical, intent(out) :: is_sure(:)
         type(closing_space), pointer :: space
-        type(sample_arrays) :: arrays
-        type(output_target) :: to(5)
-        integer :: n_lane, n_place, first, count, i
+        integer :: n_lane, i
 
         n_lane = size(q, 1)
-        n_place = size(place, 2)*size(place, 3)
         call take_space(self, space)
         call fit(space%q, size(q, 2), n_lane)
         call fit(space%qd, size(q, 2), n_lane)
         call fit(space%branch, size(branch, 2), n_lane)
-        call fit(space%place, n_place, n_lane)
+        call fit(space%place, size(place, 2)*size(place, 3), n_lane)
         call fit(space%correction, self%of(g)%n, n_lane)
         call fit(space%rate, self%of(g)%n, n_lane)
-        call fit(space%response, 1, n_lane)
-        call fit(space%determinant, 1, n_lane)
-        call fit(space%alarm, 1, n_lane)
         call put_in_rows(self%of(g)%program, q, qd, branch, place, space)
-        arrays%of(in_q)%x => space%q
-        arrays%of(in_qd)%x => space%qd
-        arrays%of(in_branch)%x => space%branch
-        arrays%of(in_place)%x => space%place
-        associate (program => self%of(g)%program)
-            do first = 1, n_lane, block_lanes()
-                count = min(block_lanes(), n_lane - first + 1)
-                call load_samples(program, arrays, first, count, space%slots(g))
-                to = [goes_to(out_correction, space%correction, first), goes_to(out_rate, space%rate, first), &
-                      goes_to(out_response, space%response, first), goes_to(out_determinant, space%determinant, first), &
-                      goes_to(out_alarm, space%alarm, first)]
-                call run_samples(program, space%slots(g), count, to)
-            end do
-        end associate
+        call run_steps(self%of(g), space%q, space%qd, space%branch, space%place, space%slots(g), space%correction, &
+                       space%rate, margin, is_sure)
         do i = 1, self%of(g)%n
             correction(:, i) = space%correction(i, :)
             rate(:, i) = space%rate(i, :)
         end do
-        ! A direction of n has the n-th part of a unit vector's square, on average.
-        margin = sign(sqrt(n_probe/(self%of(g)%n*space%response(1, :))), self%of(g)%sense*space%determinant(1, :))
-        ! Written so that what is no number is not sure.
-        is_sure = space%alarm(1, :) <= 1 .and. space%response(1, :) <= huge(1.0_wp)
-        do i = 1, self%of(g)%n
-            is_sure = is_sure .and. abs(correction(:, i)) <= huge(1.0_wp) .and. abs(rate(:, i)) <= huge(1.0_wp)
-        end do
         call return_space(self, space)
     end subroutine make_step_by_record
+
+    !> See `group_closer`.
+    subroutine make_steps_by_record(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
+        class(closing_programs), intent(in) :: self
+        integer, intent(in) :: g
+        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
+        real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)
+        real(wp), intent(out) :: margin(:)
+        logical, intent(out) :: is_sure(:)
+        type(closing_space), pointer :: space
+        real(wp), pointer, contiguous :: place_row(:, :)
+
+        place_row(1:size(place, 1)*size(place, 2), 1:size(place, 3)) => place
+        call take_space(self, space)
+        call run_steps(self%of(g), q, qd, branch, place_row, space%slots(g), correction, rate, margin, is_sure)
+        call return_space(self, space)
+    end subroutine make_steps_by_record
+
+    !> See `group_closer`.
+    integer function samples_of_block(self) result(n)
+        class(closing_programs), intent(in) :: self
+
+        n = merge(block_lanes(), 0, self%is_usable)
+    end function samples_of_block
+
+    !> The program of one group, sample after sample.
+    subroutine run_steps(closing, q, qd, branch, place, slots, correction, rate, margin, is_sure)
+        type(closing_program), intent(in) :: closing
+        real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), branch(:, :), place(:, :)    !! (number, sample)
+        type(program_space), intent(inout) :: slots
+        real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)                   !! (row, sample)
+        real(wp), intent(out) :: margin(:)
+        logical, intent(out) :: is_sure(:)
+        type(sample_arrays) :: arrays
+        type(output_target) :: to(5)
+        real(wp), dimension(1, size(q, 2)), target :: response, determinant, alarm
+        integer :: n, first, count, i
+
+        n = size(q, 2)
+        arrays%of(in_q)%x => q
+        arrays%of(in_qd)%x => qd
+        arrays%of(in_branch)%x => branch
+        arrays%of(in_place)%x => place
+        do first = 1, n, block_lanes()
+            count = min(block_lanes(), n - first + 1)
+            call load_samples(closing%program, arrays, first, count, slots)
+            to = [goes_to(out_correction, correction, first), goes_to(out_rate, rate, first), &
+                  goes_to(out_response, response, first), goes_to(out_determinant, determinant, first), &
+                  goes_to(out_alarm, alarm, first)]
+            call run_samples(closing%program, slots, count, to)
+        end do
+        ! A direction of n has the n-th part of a unit vector's square, on average.
+        margin = sign(sqrt(n_probe/(closing%n*response(1, :))), closing%sense*determinant(1, :))
+        ! Written so that what is no number is not sure.
+        is_sure = alarm(1, :) <= 1 .and. response(1, :) <= huge(1.0_wp)
+        do i = 1, n
+            is_sure(i) = is_sure(i) .and. all(abs(correction(:, i)) <= huge(1.0_wp)) .and. all(abs(rate(:, i)) <= huge(1.0_wp))
+        end do
+    end subroutine run_steps
 
     !> From lanes side by side to samples one after the other, what the program reads.
     pure subroutine put_in_rows(program, q, qd, branch, place, space)

@@ -13,6 +13,7 @@ module test_recorded_forces
     use linkdyn_motion, only: sample_count, sample_times, evaluate_motion
     use linkdyn_planar_scenes, only: four_bar_chain
     use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
+    use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_samples, only: result_list
     use linkdyn_scene, only: scene_type
@@ -98,7 +99,8 @@ contains
         type(status_type) :: status
         type(model_type) :: model
         type(recorded_forces), target :: recorded
-        type(recorded_margins) :: margins
+        type(recorded_margins), target :: by_record
+        class(margin_source), pointer :: margins
         type(assembly_trail) :: trail(2)
         type(sample_assembly) :: assembly(2), chosen
         real(wp), allocatable :: q(:, :), pose(:, :)
@@ -122,7 +124,8 @@ contains
             if (model%n_branch == 0) cycle
             call choose_poses(model, spread(model%start_q, 2, 1), pose, chosen, stand(:, :, :model%n_link))
             call record_forces(model, of_margins, pose, stand(:, :, :model%n_link), recorded, chosen%place)
-            margins%record => recorded
+            by_record%record => recorded
+            margins => by_record
             call check(error, recorded%is_usable, trim(name)//": there is a record of margins")
             if (.not. recorded%is_usable) cycle
             call check(error, judges_like_lanes(model, margins, pose), trim(name)//": margins as in lanes")

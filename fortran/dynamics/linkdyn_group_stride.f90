@@ -1,0 +1,299 @@
+!> Groups closed by iteration, at many samples of a motion one after the other: where their links are there, and what a step
+!> is judged by.
+!>
+!> Samples are closed a block at a time, from places led on from the block before: along the curve through some samples that
+!> lie behind, or, where that has not led near enough, by the tangents at the last of them. What is found does not depend on
+!> where the iteration began but for rounding, as long as it is this assembly; whether it is, is judged by who asks.
+!>
+!> The rules are those of `linkdyn_newton_group`; the steps are somebody else's (`group_closer`). At a sample of which these are
+!> not sure, or which the prediction does not lead near enough to, the stride ends.
+module linkdyn_group_stride
+    use linkdyn_following, only: largest_contraction
+    use linkdyn_group_motion, only: group_closer
+    use linkdyn_kinds, only: wp
+    use linkdyn_link_place, only: moved_place
+    use linkdyn_model, only: model_type, group_type, place_size, link_freedom, scene_size
+    use linkdyn_newton_group, only: is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, &
+        least_group_margin
+    implicit none (type, external)
+    private
+    public :: group_stride, stride_groups
+
+    integer, parameter :: most_steps = 8            !! of Newton's method, which squares the error
+    integer, parameter :: n_behind = 6              !! samples that a curve is laid through
+
+    !> What is found; the first sample is that from which the stride sets out.
+    type :: group_stride
+        real(wp), allocatable :: place(:, :, :)     !! of the groups' links (place_size, n_link, 0:n)
+        real(wp), allocatable :: rate(:, :, :)      !! along the way from a sample (link_freedom, n_link, 0:n)
+        real(wp), allocatable :: margin(:, :)       !! (n_group, 0:n)
+        real(wp), allocatable :: drift(:, :)        !! its rate (n_group, 0:n)
+        logical, allocatable :: is_closed(:)        !! (0:n)
+    end type group_stride
+
+contains
+
+    !> Close the groups at the samples, as far as that goes on from the first one.
+    subroutine stride_groups(model, closer, at, way, branch, start, stride)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, 0:)          !! coordinates (n_q, 0:n)
+        real(wp), intent(in), contiguous :: way(:, 0:)         !! from there (n_q, 0:n)
+        real(wp), intent(in) :: branch(:)                      !! of the closed forms (n_branch)
+        real(wp), intent(in) :: start(:, :)                    !! places at the first sample (place_size, n_link)
+        type(group_stride), intent(out) :: stride
+        real(wp) :: of_all(size(branch), 1)
+        integer :: n, block, first, last
+
+        n = ubound(at, 2)
+        block = closer%samples_at_once()
+        of_all(:, 1) = branch
+        allocate (stride%place(place_size(model), model%n_link, 0:n), stride%rate(link_freedom(model), model%n_link, 0:n))
+        allocate (stride%margin(size(model%group), 0:n), stride%drift(size(model%group), 0:n), stride%is_closed(0:n))
+        stride%is_closed = .false.
+        stride%place(:, :, 0) = start
+        call close_samples(model, closer, at, way, of_all, 0, 0, stride)
+        first = 1
+        do while (first <= n .and. stride%is_closed(first - 1))
+            last = min(n, first + block - 1)
+            if (first > block) then
+                call lead_by_curve(model, first, last, block, stride%place)
+                call close_samples(model, closer, at, way, of_all, first, last, stride)
+            end if
+            if (.not. all(stride%is_closed(first:last))) then
+                call lead_by_tangents(model, closer, at, of_all, first, last, stride%place)
+                call close_samples(model, closer, at, way, of_all, first, last, stride)
+            end if
+            if (.not. all(stride%is_closed(first:last))) exit
+            first = last + 1
+        end do
+    end subroutine stride_groups
+
+    ! ---------------------------------------------------------------- predictions
+
+    !> By the polynomial through samples of the block before.
+    pure subroutine lead_by_curve(model, first, last, block, place)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first, last, block              !! samples, and how many of them a block has
+        real(wp), intent(inout) :: place(:, :, 0:)
+        integer :: behind(n_behind), s, g, i, j
+        real(wp) :: weight(n_behind)
+
+        behind = [(first - 1 - (n_behind - j)*((block - 1)/(n_behind - 1)), j=1, n_behind)]
+        do s = first, last
+            do j = 1, n_behind
+                weight(j) = product(real(s - behind, wp)/real(behind(j) - behind, wp), mask=behind /= behind(j))
+            end do
+            do g = 1, size(model%group)
+                do i = 1, size(model%group(g)%link)
+                    associate (l => model%group(g)%link(i))
+                        place(:, l, s) = weight(1)*place(:, l, behind(1))
+                        do j = 2, n_behind
+                            place(:, l, s) = place(:, l, s) + weight(j)*place(:, l, behind(j))
+                        end do
+                    end associate
+                end do
+            end do
+        end do
+    end subroutine lead_by_curve
+
+    !> By the rates at the last sample, one for each coordinate.
+    subroutine lead_by_tangents(model, closer, at, branch, first, last, place)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, 0:)
+        real(wp), intent(in), contiguous :: branch(:, :)
+        integer, intent(in) :: first, last
+        real(wp), intent(inout) :: place(:, :, 0:)
+        real(wp), dimension(size(at, 1), size(at, 1)) :: here, unit
+        real(wp) :: stand(size(place, 1), size(place, 2), size(at, 1)), margin(size(at, 1))
+        real(wp), allocatable :: correction(:, :), tangent(:, :)
+        logical :: is_sure(size(at, 1))
+        integer :: g, i, k, s
+
+        here = spread(at(:, first - 1), 2, size(at, 1))
+        stand = spread(place(:, :, first - 1), 3, size(at, 1))
+        unit = 0
+        do k = 1, size(at, 1)
+            unit(k, k) = 1
+        end do
+        do g = 1, size(model%group)
+            associate (group => model%group(g), from => first - 1, freedom => link_freedom(model))
+                allocate (correction(size(group%unit), size(at, 1)), tangent(size(group%unit), size(at, 1)))
+                call closer%make_steps(g, here, unit, branch, stand, correction, tangent, margin, is_sure)
+                do s = first, last
+                    do i = 1, size(group%link)
+                        associate (l => group%link(i))
+                            place(:, l, s) = moved_place(place(:, l, from), &
+                                                         matmul(tangent(freedom*(i - 1) + 1:freedom*i, :), at(:, s) - at(:, from)))
+                        end associate
+                    end do
+                end do
+                deallocate (correction, tangent)
+            end associate
+        end do
+    end subroutine lead_by_tangents
+
+    ! ---------------------------------------------------------------- closing
+
+    !> One group after the other, from the places predicted.
+    subroutine close_samples(model, closer, at, way, branch, first, last, stride)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, 0:), way(:, 0:)
+        real(wp), intent(in), contiguous :: branch(:, :)
+        integer, intent(in) :: first, last
+        type(group_stride), intent(inout) :: stride
+        integer :: g
+
+        stride%is_closed(first:last) = .true.
+        do g = 1, size(model%group)
+            call close_group(model, g, closer, at(:, first:last), way(:, first:last), branch, stride%place(:, :, first:last), &
+                             stride%rate(:, :, first:last), stride%margin(g, first:last), stride%is_closed(first:last))
+            if (.not. any(stride%is_closed(first:last))) return
+            call find_drift(model, g, closer, at(:, first:last), way(:, first:last), branch, stride%place(:, :, first:last), &
+                            stride%rate(:, :, first:last), stride%margin(g, first:last), stride%drift(g, first:last), &
+                            stride%is_closed(first:last))
+        end do
+    end subroutine close_samples
+
+    !> Newton's method at some samples; what does not converge as it must is not closed.
+    subroutine close_group(model, g, closer, at, way, branch, place, rate, margin, is_closed)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, :), way(:, :)
+        real(wp), intent(in), contiguous :: branch(:, :)
+        real(wp), intent(inout), contiguous :: place(:, :, :)
+        real(wp), intent(inout) :: rate(:, :, :)
+        real(wp), intent(out) :: margin(:)
+        logical, intent(inout) :: is_closed(:)
+        real(wp), dimension(size(model%group(g)%unit), size(at, 2)) :: correction, velocity
+        real(wp), dimension(size(at, 2)) :: margin_here, before, contraction
+        logical, dimension(size(at, 2)) :: is_sure, is_under_way
+        real(wp) :: largest, noise, extent
+        integer :: step, s
+
+        extent = scene_size(model)
+        is_under_way = is_closed
+        before = huge(1.0_wp)
+        contraction = 0
+        margin = 0
+        do step = 1, most_steps
+            call closer%make_steps(g, at, way, branch, place, correction, velocity, margin_here, is_sure)
+            do s = 1, size(at, 2)
+                if (.not. is_under_way(s)) cycle
+                margin(s) = margin_here(s)
+                largest = maxval(abs(correction(:, s))/model%group(g)%unit)
+                noise = rounding_at(distance_of(model, model%group(g), extent, place(:, :, s)), extent) &
+                        /max(abs(margin(s)), least_group_margin)
+                if (step > 1) call watch_contraction(before(s), largest, noise, contraction(s))
+                is_closed(s) = is_sure(s) .and. largest <= largest_turn .and. contraction(s) <= largest_contraction
+                is_under_way(s) = is_closed(s) .and. .not. is_small(largest, noise)
+                before(s) = largest
+                if (.not. is_closed(s)) cycle
+                call move_links(model, model%group(g), -correction(:, s), place(:, :, s))
+                if (.not. is_under_way(s)) call take_rates(model, model%group(g), velocity(:, s), rate(:, :, s))
+            end do
+            if (.not. any(is_under_way)) return
+        end do
+        is_closed = is_closed .and. .not. is_under_way
+    end subroutine close_group
+
+    !> The margin's rate along the way, from the margin a little further on, where the links' velocities lead.
+    subroutine find_drift(model, g, closer, at, way, branch, place, rate, margin, drift, is_closed)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, :), way(:, :)
+        real(wp), intent(in), contiguous :: branch(:, :)
+        real(wp), intent(in) :: place(:, :, :), rate(:, :, :)
+        real(wp), intent(in) :: margin(:)
+        real(wp), intent(out) :: drift(:)
+        logical, intent(inout) :: is_closed(:)
+        real(wp), dimension(size(model%group(g)%unit), size(at, 2)) :: correction, velocity
+        real(wp) :: ahead(size(place, 1), size(place, 2), size(place, 3)), q(size(at, 1), size(at, 2))
+        real(wp), dimension(size(at, 2)) :: margin_ahead, speed, step
+        logical :: is_sure(size(at, 2))
+        real(wp) :: extent
+        integer :: s, h, i
+
+        extent = scene_size(model)
+        ahead = place
+        do s = 1, size(at, 2)
+            speed(s) = speed_of(model, model%group(g), extent, rate(:, :, s))
+            step(s) = step_ahead(margin(s), speed(s))
+            q(:, s) = at(:, s) + step(s)*way(:, s)
+            do h = 1, g
+                do i = 1, size(model%group(h)%link)
+                    associate (l => model%group(h)%link(i))
+                        ahead(:, l, s) = moved_place(place(:, l, s), step(s)*rate(:, l, s))
+                    end associate
+                end do
+            end do
+        end do
+        call closer%make_steps(g, q, way, branch, ahead, correction, velocity, margin_ahead, is_sure)
+        is_closed = is_closed .and. is_sure
+        drift = merge((margin_ahead - margin)/step, 0.0_wp, speed > 0 .and. step > 0)
+    end subroutine find_drift
+
+    ! ---------------------------------------------------------------- one sample
+
+    !> How far from the world's origin a group's links are, at least the mechanism's size.
+    pure real(wp) function distance_of(model, group, extent, place) result(distance)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: extent                         !! the mechanism's size
+        real(wp), intent(in) :: place(:, :)
+        integer :: i
+
+        distance = extent
+        do i = 1, size(group%link)
+            distance = max(distance, maxval(abs(place(:n_shift(model), group%link(i)))))
+        end do
+    end function distance_of
+
+    !> The largest rate of a group's links, lengths by the mechanism's size.
+    pure real(wp) function speed_of(model, group, extent, rate) result(speed)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: extent
+        real(wp), intent(in) :: rate(:, :)
+        integer :: i
+
+        speed = 0
+        do i = 1, size(group%link)
+            associate (of_link => rate(:, group%link(i)), n => n_shift(model))
+                speed = max(speed, sqrt(sum(of_link(:n)**2))/extent, sqrt(sum(of_link(n + 1:)**2)))
+            end associate
+        end do
+    end function speed_of
+
+    pure subroutine move_links(model, group, by, place)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: by(:)                          !! (row)
+        real(wp), intent(inout) :: place(:, :)
+        integer :: i
+
+        do i = 1, size(group%link)
+            associate (l => group%link(i), freedom => link_freedom(model))
+                place(:, l) = moved_place(place(:, l), by(freedom*(i - 1) + 1:freedom*i))
+            end associate
+        end do
+    end subroutine move_links
+
+    pure subroutine take_rates(model, group, velocity, rate)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        real(wp), intent(in) :: velocity(:)                    !! (row)
+        real(wp), intent(inout) :: rate(:, :)
+        integer :: i
+
+        do i = 1, size(group%link)
+            associate (freedom => link_freedom(model))
+                rate(:, group%link(i)) = velocity(freedom*(i - 1) + 1:freedom*i)
+            end associate
+        end do
+    end subroutine take_rates
+end module linkdyn_group_stride

@@ -1,0 +1,50 @@
+!> Where a single link stands: x, y and angle in a plane; in space x, y, z and a quaternion w, x, y, z of any length but zero.
+module linkdyn_link_place
+    use linkdyn_kinds, only: wp
+    implicit none (type, external)
+    private
+    public :: moved_place, motion_between
+
+contains
+
+    !> A place after a small shift and turn, in space about x, y, z of the world. The turn comes out shorter by the twelfth part
+    !> of its third power.
+    pure function moved_place(place, by) result(moved)
+        real(wp), intent(in) :: place(:)             !! (place_size)
+        real(wp), intent(in) :: by(:)                !! (link_freedom)
+        real(wp) :: moved(size(place))
+
+        if (size(place) == 3) then
+            moved = place + by
+            return
+        end if
+        moved(:3) = place(:3) + by(:3)
+        ! (1, turn/2) times the quaternion
+        moved(4) = place(4) - (by(4)*place(5) + by(5)*place(6) + by(6)*place(7))/2
+        moved(5) = place(5) + (by(4)*place(4) + by(5)*place(7) - by(6)*place(6))/2
+        moved(6) = place(6) + (by(5)*place(4) + by(6)*place(5) - by(4)*place(7))/2
+        moved(7) = place(7) + (by(6)*place(4) + by(4)*place(6) - by(5)*place(5))/2
+        moved(4:) = moved(4:)/sqrt(sum(moved(4:)**2))
+    end function moved_place
+
+    !> The shift and the turn, at most half a one, that take one place to another: along its axis, world axes.
+    pure function motion_between(from, to) result(by)
+        real(wp), intent(in) :: from(:), to(:)       !! (place_size)
+        real(wp) :: by(merge(3, 6, size(from) == 3)) !! (link_freedom)
+        real(wp) :: w, turn(3), length
+
+        if (size(from) == 3) then
+            by = to - from
+            return
+        end if
+        by(:3) = to(:3) - from(:3)
+        ! to times the conjugate of from
+        w = dot_product(to(4:), from(4:))
+        turn(1) = from(4)*to(5) - to(4)*from(5) + from(6)*to(7) - from(7)*to(6)
+        turn(2) = from(4)*to(6) - to(4)*from(6) - from(5)*to(7) + from(7)*to(5)
+        turn(3) = from(4)*to(7) - to(4)*from(7) + from(5)*to(6) - from(6)*to(5)
+        length = norm2(turn)
+        if (length > 0) turn = turn*(sign(2*atan2(length, abs(w)), w)/length)
+        by(4:) = turn
+    end function motion_between
+end module linkdyn_link_place
