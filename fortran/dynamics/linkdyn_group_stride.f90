@@ -46,7 +46,7 @@ contains
         integer :: n, block, first, last
 
         n = ubound(at, 2)
-        block = closer%samples_at_once()
+        block = closer%samples_at_once
         of_all(:, 1) = branch
         allocate (stride%place(place_size(model), model%n_link, 0:n), stride%rate(link_freedom(model), model%n_link, 0:n))
         allocate (stride%margin(size(model%group), 0:n), stride%drift(size(model%group), 0:n), stride%is_closed(0:n))

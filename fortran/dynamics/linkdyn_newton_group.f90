@@ -190,8 +190,7 @@ contains
         is_recorded = .false.
         has_no_pivot = .false.
         if (state%group%is_led .and. associated(state%group%closer)) &
-            call state%group%closer%make_step(g, state%q, state%qd, state%branch, state%group%place, correction, rate, margin, &
-                                              is_recorded)
+            call make_step_by_record(model, g, state, state%q, state%group%place, correction, rate, margin, is_recorded)
         if (all(is_recorded)) return
         associate (group => model%group(g))
             n = size(group%unit)
@@ -405,9 +404,40 @@ contains
                 end associate
             end do
         end do
-        call state%group%closer%make_step(g, state%q + spread(step, 2, model%n_q)*state%qd, state%qd, state%branch, place, &
-                                          correction, rate, ahead, is_recorded)
+        call make_step_by_record(model, g, state, state%q + spread(step, 2, model%n_q)*state%qd, place, correction, rate, ahead, &
+                                 is_recorded)
     end subroutine look_ahead_by_record
+
+    !> One step on all lanes, by the state's closer.
+    subroutine make_step_by_record(model, g, state, q, place, correction, rate, margin, is_sure)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: g
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: q(:, :)                          !! (lane, n_q)
+        real(wp), intent(in) :: place(:, :, :)                   !! (lane, place_size, n_link)
+        real(wp), intent(out) :: correction(:, :), rate(:, :)    !! (lane, row)
+        real(wp), intent(out) :: margin(lanes)
+        logical, intent(out) :: is_sure(lanes)
+        real(wp) :: stand(size(place, 2), size(place, 3), lanes), q_row(size(q, 2), lanes), qd_row(size(q, 2), lanes)
+        real(wp), dimension(size(correction, 2), lanes) :: correction_row, rate_row
+        integer :: h, i, k
+
+        do h = 1, g
+            do i = 1, size(model%group(h)%link)
+                associate (l => model%group(h)%link(i))
+                    do k = 1, size(place, 2)
+                        stand(k, l, :) = place(:, k, l)
+                    end do
+                end associate
+            end do
+        end do
+        q_row = transpose(q)
+        qd_row = transpose(state%qd)
+        call state%group%closer%make_steps(g, q_row, qd_row, transpose(state%branch), stand, correction_row, rate_row, margin, &
+                                           is_sure)
+        correction = transpose(correction_row)
+        rate = transpose(rate_row)
+    end subroutine make_step_by_record
 
     !> What rounding leaves of the group's motion. Lengths are parts of the mechanism's size, so its links turn on a radius of
     !> about one.

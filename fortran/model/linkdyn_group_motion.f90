@@ -9,47 +9,28 @@ module linkdyn_group_motion
     private
     public :: group_motion, group_closer, prepare_groups, size_of_rows
 
-    !> Newton's steps on a way, made by someone else.
+    !> Newton's steps on a way, made by someone else. One procedure only: the modules of the lanes are compiled as one file, and
+    !> gfortran does not order several procedures of a type in it as it does elsewhere, where the type is extended.
     type, abstract :: group_closer
+        integer :: samples_at_once = 1                       !! that take the time of one
     contains
-        procedure(make_step), deferred :: make_step
         procedure(make_steps), deferred :: make_steps
-        procedure(samples_at_once), deferred :: samples_at_once
     end type group_closer
 
     abstract interface
-        !> What a group needs where its links stand, on every lane.
-        subroutine make_step(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
-            import :: group_closer, wp
-            class(group_closer), intent(in) :: self
-            integer, intent(in) :: g                         !! number of the group
-            real(wp), intent(in) :: q(:, :), qd(:, :)        !! (lane, n_q)
-            real(wp), intent(in) :: branch(:, :)             !! (lane, n_branch)
-            real(wp), intent(in) :: place(:, :, :)           !! (lane, place_size, n_link)
-            real(wp), intent(out) :: correction(:, :)        !! to be taken from the places (lane, row)
-            real(wp), intent(out) :: rate(:, :)              !! of the places (lane, row)
-            real(wp), intent(out) :: margin(:)               !! (lane)
-            logical, intent(out) :: is_sure(:)               !! false: rounding may have grown (lane)
-        end subroutine make_step
-
-        !> The same for samples one after the other.
+        !> What a group needs where its links stand, for some samples.
         subroutine make_steps(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
             import :: group_closer, wp
             class(group_closer), intent(in) :: self
-            integer, intent(in) :: g
+            integer, intent(in) :: g                         !! number of the group
             real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :)     !! (n_q, sample)
-            real(wp), intent(in), contiguous, target :: branch(:, :)          !! of all samples (n_branch, 1)
+            real(wp), intent(in), contiguous, target :: branch(:, :)          !! (n_branch, sample, or 1 for all)
             real(wp), intent(in), contiguous, target :: place(:, :, :)        !! (place_size, n_link, sample)
-            real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)    !! (row, sample)
+            real(wp), intent(out), contiguous, target :: correction(:, :)     !! to be taken from the places (row, sample)
+            real(wp), intent(out), contiguous, target :: rate(:, :)           !! of the places (row, sample)
             real(wp), intent(out) :: margin(:)               !! (sample)
-            logical, intent(out) :: is_sure(:)               !! (sample)
+            logical, intent(out) :: is_sure(:)               !! false: rounding may have grown (sample)
         end subroutine make_steps
-
-        !> How many of them take the time of one.
-        integer function samples_at_once(self)
-            import :: group_closer
-            class(group_closer), intent(in) :: self
-        end function samples_at_once
     end interface
 
     type :: group_motion

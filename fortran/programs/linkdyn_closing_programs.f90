@@ -37,8 +37,6 @@ module linkdyn_closing_programs
     !> Scratch of one thread.
     type :: closing_space
         type(program_space), allocatable :: slots(:)           !! (group)
-        real(wp), allocatable :: q(:, :), qd(:, :), branch(:, :), place(:, :)    !! (number, sample)
-        real(wp), allocatable :: correction(:, :), rate(:, :)                    !! (row, sample)
         type(closing_space), pointer :: next => null()         !! idle as well
     end type closing_space
 
@@ -53,9 +51,7 @@ module linkdyn_closing_programs
         logical :: is_tried = .false.                          !! made, or found that it cannot be
         logical :: is_usable = .false.
     contains
-        procedure :: make_step => make_step_by_record
         procedure :: make_steps => make_steps_by_record
-        procedure :: samples_at_once => samples_of_block
         procedure :: free => free_programs
     end type closing_programs
 
@@ -73,6 +69,7 @@ contains
         integer :: g
 
         programs%is_tried = .true.
+        programs%samples_at_once = block_lanes()
         if (size(q, 2) == 0) return
         own = turning_each(model)
         sample%n = size(q, 2)
@@ -205,17 +202,16 @@ contains
     subroutine compare_margins(model, g, q, place, margin, programs)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g
-        real(wp), intent(in) :: q(:, :), place(:, :, :), margin(:)
+        real(wp), intent(in), contiguous :: q(:, :), place(:, :, :)
+        real(wp), intent(in) :: margin(:)
         type(closing_programs), intent(inout) :: programs
         real(wp), parameter :: alike = 1.0e-6_wp               !! eps over the margin, for margins that say something
-        real(wp), dimension(size(q, 2), programs%of(g)%n) :: correction, rate
+        real(wp), dimension(programs%of(g)%n, size(q, 2)) :: correction, rate
         real(wp), dimension(size(q, 2)) :: found
         logical, dimension(size(q, 2)) :: is_sure
         integer :: k
 
-        call programs%make_step(g, transpose(q), 0*transpose(q), spread(model%branch, 1, size(q, 2)), &
-                                reshape(place, [size(q, 2), size(place, 1), size(place, 2)], order=[2, 3, 1]), &
-                                correction, rate, found, is_sure)
+        call programs%make_steps(g, q, 0*q, reshape(model%branch, [model%n_branch, 1]), place, correction, rate, found, is_sure)
         k = findloc(is_sure, .true., dim=1)
         programs%is_usable = k > 0
         if (k == 0) return
@@ -225,34 +221,6 @@ contains
         end if
         programs%is_usable = all(abs(found - margin) <= alike*abs(margin) .or. .not. is_sure)
     end subroutine compare_margins
-
-    !> See `group_closer`.
-    subroutine make_step_by_record(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
-        class(closing_programs), intent(in) :: self
-        integer, intent(in) :: g
-        real(wp), intent(in) :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
-        real(wp), intent(out) :: correction(:, :), rate(:, :), margin(:)
-        logical, intent(out) :: is_sure(:)
-        type(closing_space), pointer :: space
-        integer :: n_lane, i
-
-        n_lane = size(q, 1)
-        call take_space(self, space)
-        call fit(space%q, size(q, 2), n_lane)
-        call fit(space%qd, size(q, 2), n_lane)
-        call fit(space%branch, size(branch, 2), n_lane)
-        call fit(space%place, size(place, 2)*size(place, 3), n_lane)
-        call fit(space%correction, self%of(g)%n, n_lane)
-        call fit(space%rate, self%of(g)%n, n_lane)
-        call put_in_rows(self%of(g)%program, q, qd, branch, place, space)
-        call run_steps(self%of(g), space%q, space%qd, space%branch, space%place, space%slots(g), space%correction, &
-                       space%rate, margin, is_sure)
-        do i = 1, self%of(g)%n
-            correction(:, i) = space%correction(i, :)
-            rate(:, i) = space%rate(i, :)
-        end do
-        call return_space(self, space)
-    end subroutine make_step_by_record
 
     !> See `group_closer`.
     subroutine make_steps_by_record(self, g, q, qd, branch, place, correction, rate, margin, is_sure)
@@ -270,13 +238,6 @@ contains
         call run_steps(self%of(g), q, qd, branch, place_row, space%slots(g), correction, rate, margin, is_sure)
         call return_space(self, space)
     end subroutine make_steps_by_record
-
-    !> See `group_closer`.
-    integer function samples_of_block(self) result(n)
-        class(closing_programs), intent(in) :: self
-
-        n = merge(block_lanes(), 0, self%is_usable)
-    end function samples_of_block
 
     !> The program of one group, sample after sample.
     subroutine run_steps(closing, q, qd, branch, place, slots, correction, rate, margin, is_sure)
@@ -312,42 +273,6 @@ contains
             is_sure(i) = is_sure(i) .and. all(abs(correction(:, i)) <= huge(1.0_wp)) .and. all(abs(rate(:, i)) <= huge(1.0_wp))
         end do
     end subroutine run_steps
-
-    !> From lanes side by side to samples one after the other, what the program reads.
-    pure subroutine put_in_rows(program, q, qd, branch, place, space)
-        type(scene_program), intent(in) :: program
-        real(wp), intent(in) :: q(:, :), qd(:, :), branch(:, :), place(:, :, :)
-        type(closing_space), intent(inout) :: space
-        integer :: s, k, n
-
-        n = size(place, 2)
-        do s = 1, size(program%input)
-            do k = program%input(s)%first, program%input(s)%first + program%input(s)%n - 1
-                select case (program%input(s)%block)
-                case (in_q)
-                    space%q(k, :) = q(:, k)
-                case (in_qd)
-                    space%qd(k, :) = qd(:, k)
-                case (in_branch)
-                    space%branch(k, :) = branch(:, k)
-                case (in_place)
-                    space%place(k, :) = place(:, modulo(k - 1, n) + 1, (k - 1)/n + 1)
-                end select
-            end do
-        end do
-    end subroutine put_in_rows
-
-    !> Room of a size; nothing is done if it has it.
-    subroutine fit(x, n, samples)
-        real(wp), allocatable, intent(inout) :: x(:, :)
-        integer, intent(in) :: n, samples
-
-        if (allocated(x)) then
-            if (all(shape(x) == [n, samples])) return
-            deallocate (x)
-        end if
-        allocate (x(n, samples))
-    end subroutine fit
 
     !> Idle scratch, or new.
     subroutine take_space(self, space)

@@ -7,7 +7,7 @@ module linkdyn_test_numbers
     use linkdyn_vec3, only: vec3, mat3
     implicit none (type, external)
     private
-    public :: random_stream, eps
+    public :: random_stream, random_walk, eps
     public :: stencil, difference_step, difference_error, difference
     public :: condition_number, dense_solution, skew_part, random_vec3, largest_vec3
 
@@ -27,6 +27,24 @@ module linkdyn_test_numbers
     real(wp), parameter :: stencil(-2:2) = [1.0_wp, -8.0_wp, 0.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
 
 contains
+
+    !> From a start on, each number by small steps of changing speed.
+    function random_walk(start, n, reach) result(q)
+        real(wp), intent(in) :: start(:)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: reach                  !! of a step
+        real(wp) :: q(size(start), n)
+        type(random_stream) :: stream
+        real(wp) :: step(size(start))
+        integer :: i
+
+        step = 0
+        q(:, 1) = start
+        do i = 2, n
+            step = 0.95_wp*step + 0.3_wp*reach*stream%vector(size(start))
+            q(:, i) = q(:, i - 1) + step
+        end do
+    end function random_walk
 
     real(wp) function next(self)
         class(random_stream), intent(inout) :: self

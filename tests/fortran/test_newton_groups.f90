@@ -3,20 +3,26 @@
 !> The two share the joints' data only. Between them the scenes have all kinds of joints, free and given, on the frame
 !> and on moving links, and links that share an orientation with what they slide on.
 module test_newton_groups
-    use linkdyn_assembly_trail, only: sample_assembly, settle_samples
+    use linkdyn_assembly_trail, only: sample_assembly, assembly_trail, settle_samples, follow_assembly
     use linkdyn_builder, only: build_model
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
+    use linkdyn_equations, only: choose_poses
+    use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_link_place, only: motion_between
+    use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, step_group
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_scenes, only: dyad_scene
+    use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
+    use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene
-    use linkdyn_status, only: status_type
-    use linkdyn_test_numbers, only: random_stream, eps
+    use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_test_numbers, only: random_stream, random_walk, eps
     use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_vec2, only: lane_of_vec2 => lane_of
@@ -37,7 +43,8 @@ contains
             new_test("CSP group", test_csp), &
             new_test("dyads", test_dyads), &
             new_test("slides parallel to a moving link", test_parallel_slides), &
-            new_test("recorded steps", test_recorded_steps)]
+            new_test("recorded steps", test_recorded_steps), &
+            new_test("strides by recorded steps", test_strides)]
     end subroutine collect_newton_groups
 
     subroutine test_stewart(error)
@@ -209,19 +216,19 @@ contains
             call check(error, closing%is_usable, trim(name(i))//": margins are those of the lanes")
             if (.not. closing%is_usable) return
             associate (group => model%group(1))
-                allocate (correction(1, size(group%unit)), rate(1, size(group%unit)))
-                place = reshape(found%place(:, :, 1), [1, size(found%place, 1), size(found%place, 2)])
+                allocate (correction(size(group%unit), 1), rate(size(group%unit), 1))
+                place = found%place(:, :, :1)
                 shift = 1.0e-6_wp*stream%vector(3)
-                place(1, :3, group%link(2)) = place(1, :3, group%link(2)) + shift
-                call closing%make_step(1, reshape(q(:, 1), [1, model%n_q]), reshape(way, [1, model%n_q]), &
-                                       reshape(model%branch, [1, model%n_branch]), place, correction, rate, margin, is_sure)
+                place(:3, group%link(2), 1) = place(:3, group%link(2), 1) + shift
+                call closing%make_steps(1, q(:, :1), reshape(way, [model%n_q, 1]), reshape(model%branch, [model%n_branch, 1]), &
+                                        place, correction, rate, margin, is_sure)
                 call check(error, is_sure(1), trim(name(i))//": no alarm")
                 do k = 1, size(group%link)
                     l = group%link(k)
                     first = 6*(k - 1)
-                    call check_close(error, rate(1, first + 1:first + 3), (found%place(:3, l, 3) - found%place(:3, l, 2))/(2*h), &
+                    call check_close(error, rate(first + 1:first + 3, 1), (found%place(:3, l, 3) - found%place(:3, l, 2))/(2*h), &
                                      1.0e-4_wp*max(1.0_wp, maxval(abs(rate))), trim(name(i))//": velocities")
-                    call check_close(error, correction(1, first + 1:first + 3), merge(shift, 0*shift, k == 2), 1.0e-9_wp, &
+                    call check_close(error, correction(first + 1:first + 3, 1), merge(shift, 0*shift, k == 2), 1.0e-9_wp, &
                                      trim(name(i))//": shifts taken back")
                 end do
                 deallocate (correction, rate)
@@ -229,6 +236,94 @@ contains
             call closing%free()
         end do
     end subroutine test_recorded_steps
+
+    !> Motions followed by strides of recorded steps and by lanes: the same assemblies, and the same words where one is lost.
+    subroutine test_strides(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(6) = [character(len=18) :: "hexaglide", "rsur", "rusr_parallelogram", &
+                                                  "planar_platform", "excavator", "boom_by_stroke"]
+        integer, parameter :: n = 240, first = 130     ! not whole numbers of strides
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(sample_assembly) :: chosen, by_lanes, by_strides
+        type(recorded_forces), target :: recorded
+        type(closing_programs), target :: closing
+        real(wp), allocatable :: pose(:, :), stand(:, :, :)
+        integer :: i, n_reached, n_lost
+
+        n_reached = 0
+        n_lost = 0
+        do i = 1, size(name)
+            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(status%message))
+            if (.not. status%is_ok()) return
+            if (allocated(stand)) deallocate (stand)
+            allocate (stand(3, 4, 0:model%n_link))
+            call choose_poses(model, spread(model%start_q, 2, 1), pose, chosen, stand)
+            call make_closing_programs(model, pose, chosen%place(:, :, :size(pose, 2)), chosen%margin(:, :size(pose, 2)), closing)
+            if (model%n_branch > 0) call record_forces(model, of_margins, pose, stand, recorded, chosen%place)
+            print *, name(i), closing%is_usable, recorded%is_usable
+            if (closing%is_usable) then
+                call follow_both(0.0005_wp)
+                call follow_both(0.03_wp)
+            end if
+            call closing%free()
+            if (model%n_branch > 0) call free_recorded(recorded)
+        end do
+        call check(error, n_reached > 5*n, "most of the walks are followed")
+        call check(error, n_lost > n/2, "and some lead beyond where the mechanism closes")
+
+    contains
+
+        subroutine follow_both(reach)
+            real(wp), intent(in) :: reach
+            type(assembly_trail) :: trail(2)
+            type(recorded_margins), target :: by_record
+            class(margin_source), pointer :: margins
+            class(group_closer), pointer :: closer
+            real(wp) :: q(model%n_q, n)
+
+            q = random_walk(model%start_q, n, reach)
+            nullify (margins)
+            by_record%record => recorded
+            if (model%n_branch > 0) margins => by_record
+            closer => closing
+            call follow_assembly(model, q, trail(1), by_lanes)
+            call follow_assembly(model, q(:, :first), trail(2), by_strides, margins, closer)
+            call same(1, first)
+            ! A trail goes on with the next samples.
+            call follow_assembly(model, q(:, first + 1:), trail(2), by_strides, margins, closer)
+            call same(first + 1, n)
+        end subroutine follow_both
+
+        !> By the lanes a sample is reached if by strides it is, and so on; places differ by rounding.
+        subroutine same(from, to)
+            integer, intent(in) :: from, to
+            real(wp) :: apart
+            integer :: s, g, k
+
+            call check(error, all(by_strides%status == by_lanes%status(from:to)), trim(name(i))//": outcomes")
+            call check(error, all(by_strides%reached == by_lanes%reached(from:to)), trim(name(i))//": how reached")
+            call check(error, all(by_strides%branch == by_lanes%branch(:, from:to)), trim(name(i))//": branches")
+            do s = 1, to - from + 1
+                if (by_strides%status(s) /= sample_ok) n_lost = n_lost + 1
+                if (by_strides%status(s) /= sample_ok) cycle
+                n_reached = n_reached + 1
+                do g = 1, size(model%group)
+                    apart = 0
+                    do k = 1, size(model%group(g)%link)
+                        associate (l => model%group(g)%link(k))
+                            apart = max(apart, maxval(abs(motion_between(by_lanes%place(:, l, from + s - 1), &
+                                                                         by_strides%place(:, l, s)))))
+                        end associate
+                    end do
+                    call check(error, apart*minval(abs(by_strides%margin(:, s))) <= 1000*eps, trim(name(i))//": places")
+                end do
+            end do
+        end subroutine same
+    end subroutine test_strides
 
     !> The scene with its links' starting positions where a state has them.
     subroutine start_there(model, state, scene, started)

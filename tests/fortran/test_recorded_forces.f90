@@ -19,7 +19,7 @@ module test_recorded_forces
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, sample_ok
-    use linkdyn_test_numbers, only: random_stream
+    use linkdyn_test_numbers, only: random_stream, random_walk
     use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
@@ -130,7 +130,7 @@ contains
             if (.not. recorded%is_usable) cycle
             call check(error, judges_like_lanes(model, margins, pose), trim(name)//": margins as in lanes")
             do scale = 0, 2, 2
-                q = random_walk(model, n, 0.003_wp*6.0_wp**scale)
+                q = random_walk(model%start_q, n, 0.003_wp*6.0_wp**scale)
                 trail = assembly_trail()
                 call follow_assembly(model, q, trail(1), assembly(1))
                 call follow_assembly(model, q(:, :first), trail(2), assembly(2), margins)
@@ -149,24 +149,6 @@ contains
         call check(error, n_lost > 100, "the walks lead to dead points")
         call check(error, n_crossed > 0, "and through change points")
     end subroutine test_following
-
-    !> From the start on, each coordinate by small steps of changing speed.
-    function random_walk(model, n, reach) result(q)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: n
-        real(wp), intent(in) :: reach                  !! of a step [m, rad]
-        real(wp) :: q(model%n_q, n)
-        type(random_stream) :: stream
-        real(wp) :: step(model%n_q)
-        integer :: i
-
-        step = 0
-        q(:, 1) = model%start_q
-        do i = 2, n
-            step = 0.95_wp*step + 0.3_wp*reach*stream%vector(model%n_q)
-            q(:, i) = q(:, i - 1) + step
-        end do
-    end function random_walk
 
     subroutine follow_motion(model, batch)
         type(model_type), intent(in) :: model
