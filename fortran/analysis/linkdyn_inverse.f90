@@ -5,8 +5,8 @@
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, settle_samples, make_room, &
-        place_sample, reached_straight, judges_like_lanes
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
+        reached_straight, judges_like_lanes
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
@@ -39,6 +39,7 @@ module linkdyn_inverse
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
+    use linkdyn_settled_samples, only: settle_samples
     use linkdyn_status, only: status_type, sample_ok, sample_singular, sample_undefined
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count, count_turns

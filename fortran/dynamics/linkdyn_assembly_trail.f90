@@ -9,33 +9,32 @@
 !> it begins anew at the first sample that is reached from the scene's start, as a sample on its own is.
 !>
 !> A sample on its own, outside a motion, has the branches of the start, and its groups are led from the start. Where the
-!> groups have come to is known of the samples of a motion, and of others after `settle_samples`.
+!> groups have come to is known of the samples of a motion, and of others after `settle_samples` (`linkdyn_settled_samples`).
 !>
 !> Where somebody has margins for many places at a time, steps are judged by them as far as they are believed.
 module linkdyn_assembly_trail
     use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_group_stride, only: group_stride, stride_groups
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, velocities_only
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, &
+    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, &
         follows_assembly
-    use linkdyn_link_place, only: motion_between
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
     use linkdyn_newton_group, only: place_rates
     use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_stride, only: stride_type, make_stride, is_close
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_singular, sample_branch_lost
     use linkdyn_threads, only: team_size
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: assembly_trail, sample_assembly, lost_way, follow_assembly, settle_samples, make_room, place_sample, &
-        keep_lane, begin_trail, judges_like_lanes
+    public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, &
+        keep_lane, keep_stride, begin_trail, judges_like_lanes
     public :: reached_straight, reached_crossing, reached_anew, reached_name
 
     ! ---- how a sample was reached
@@ -75,7 +74,6 @@ module linkdyn_assembly_trail
         real(wp), allocatable :: q(:)               !! of the last sample that was (n_q)
         real(wp), allocatable :: branch(:)          !! (n_branch)
         real(wp), allocatable :: place(:, :)        !! (place_size, n_link)
-        real(wp), allocatable :: least_margin(:)    !! (n_map)
         type(kinematic_state) :: state
     end type assembly_trail
 
@@ -137,50 +135,6 @@ contains
         assembly%margin(:, sample) = state%group%margin(lane, :)
     end subroutine keep_lane
 
-    !> Lead the groups to samples on their own, each from the start.
-    subroutine settle_samples(model, threads, q, assembly, closer)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: threads               !! at most
-        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
-        type(sample_assembly), intent(out) :: assembly
-        class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
-        integer :: n_block
-
-        call make_room(model, size(q, 2), assembly)
-        n_block = (size(q, 2) + lanes - 1)/lanes
-        !$omp parallel num_threads(team_size(threads, n_block)) default(shared)
-        call settle_blocks(model, n_block, q, assembly, closer)
-        !$omp end parallel
-    end subroutine settle_samples
-
-    !> Those blocks of samples that this thread takes.
-    subroutine settle_blocks(model, n_block, q, assembly, closer)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: n_block
-        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
-        type(sample_assembly), intent(inout) :: assembly    !! of all threads
-        class(group_closer), pointer, intent(in), optional :: closer
-        type(kinematic_state) :: state
-        integer :: block, first, lane, status(lanes)
-
-        call prepare_kinematics(model, 0, state)
-        if (present(closer)) state%group%closer => closer
-        !$omp do schedule(dynamic)
-        do block = 1, n_block
-            if (is_interrupted()) cycle
-            first = lanes*(block - 1) + 1
-            do lane = 1, lanes
-                state%q(lane, :) = q(:, min(first + lane - 1, size(q, 2)))
-            end do
-            call lead_from_start(model, state, status)
-            do lane = 1, min(lanes, size(q, 2) - first + 1)
-                call keep_lane(model, state, lane, first + lane - 1, assembly)
-                assembly%status(first + lane - 1) = status(lane)
-            end do
-        end do
-        !$omp end do
-    end subroutine settle_blocks
-
     !> Begin at the scene's start.
     subroutine begin_trail(model, trail)
         type(model_type), intent(in) :: model
@@ -192,7 +146,6 @@ contains
         trail%q = model%start_q
         trail%branch = model%branch
         trail%place = start_places(model)
-        trail%least_margin = model%least_margin
         call prepare_kinematics(model, 0, trail%state)
     end subroutine begin_trail
 
@@ -303,83 +256,33 @@ contains
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(inout) :: assembly
         integer, intent(inout) :: n_done             !! samples dealt with
-        class(margin_source), pointer, intent(in) :: margins    !! null: there are no closed forms
-        type(group_stride) :: groups
-        real(wp), allocatable :: at(:, :), way(:, :), margin(:, :), drift(:, :)
-        logical, allocatable :: is_closed(:)
-        logical :: has_groups
-        integer :: n, i, n_branch
+        class(margin_source), pointer, intent(in) :: margins    !! null: closed forms have none
+        type(stride_type) :: stride
+        integer :: n
 
-        n = size(q, 2)
-        has_groups = size(model%group) > 0
-        n_branch = model%n_branch
-        allocate (at(size(q, 1), 0:n), way(size(q, 1), 0:n))
-        allocate (is_closed(0:n), source=.true.)
-        allocate (margin(size(trail%least_margin), 0:n), drift(size(trail%least_margin), 0:n))
-        at(:, 0) = trail%q
-        at(:, 1:) = q
-        way(:, :n - 1) = at(:, 1:) - at(:, :n - 1)
-        way(:, n) = way(:, n - 1)
-        if (has_groups) then
-            call stride_groups(model, trail%state%group%closer, at, way, trail%branch, trail%place, groups)
-            is_closed = groups%is_closed
-            margin(n_branch + 1:, :) = groups%margin
-            drift(n_branch + 1:, :) = groups%drift
-        else
-            allocate (groups%place(0, 0, 0))
-        end if
-        if (associated(margins)) call add_closed_forms()
-        do i = 1, n
-            if (.not. is_step_believed(i)) exit
-            assembly%branch(:, n_done + i) = trail%branch
-            if (.not. has_groups) cycle
-            assembly%q(:, n_done + i) = at(:, i)
-            assembly%place(:, :, n_done + i) = groups%place(:, :, i)
-            assembly%margin(:, n_done + i) = groups%margin(:, i)
-        end do
-        n_done = n_done + i - 1
-        trail%q = at(:, i - 1)
-        if (has_groups) trail%place = groups%place(:, :, i - 1)
-
-    contains
-
-        subroutine add_closed_forms()
-            real(wp), dimension(n_branch, 0:n) :: margin_here, drift_here
-            logical :: is_closed_here(0:n)
-
-            call margins%find(at, way, trail%branch, groups%place, margin_here, drift_here, is_closed_here)
-            is_closed = is_closed .and. is_closed_here
-            margin(:n_branch, :) = margin_here
-            drift(:n_branch, :) = drift_here
-        end subroutine add_closed_forms
-
-        !> By the rule of lanes.
-        pure logical function is_step_believed(i) result(is_believed)
-            integer, intent(in) :: i
-            real(wp) :: back
-
-            is_believed = is_closed(i - 1) .and. is_closed(i)
-            if (.not. is_believed) return
-            back = share_along(way(:, i - 1), way(:, i))
-            is_believed = all(abs(margin(:, i)) > trail%least_margin &
-                              .and. is_step_sound(trail%least_margin, margin(:, i - 1), drift(:, i - 1), margin(:, i), &
-                                                  back*drift(:, i)))
-            if (.not. is_believed .or. .not. allocated(groups%rate)) return
-            is_believed = is_close(model, groups%place(:, :, i - 1), groups%place(:, :, i), &
-                                   (groups%rate(:, :, i - 1) + back*groups%rate(:, :, i))/2, &
-                                   min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
-        end function is_step_believed
+        call make_stride(model, trail%q, q, trail%branch, trail%place, trail%state%group%closer, margins, stride)
+        n = stride%n_believed
+        call keep_stride(model, stride, trail%branch, n, n_done, assembly)
+        n_done = n_done + n
+        trail%q = stride%at(:, n)
+        if (size(model%group) > 0) trail%place = stride%groups%place(:, :, n)
     end subroutine stride_on
 
-    !> The part of a way that leads along another one.
-    pure real(wp) function share_along(way, other) result(share)
-        real(wp), intent(in) :: way(:), other(:)     !! (n_q)
-        real(wp) :: square
+    !> The first samples of a stride are where it has found them.
+    subroutine keep_stride(model, stride, branch, n, n_before, assembly)
+        type(model_type), intent(in) :: model
+        type(stride_type), intent(in) :: stride
+        real(wp), intent(in) :: branch(:)
+        integer, intent(in) :: n                     !! how many of them
+        integer, intent(in) :: n_before              !! samples before these
+        type(sample_assembly), intent(inout) :: assembly
 
-        square = dot_product(other, other)
-        share = 0
-        if (square > 0) share = dot_product(way, other)/square
-    end function share_along
+        assembly%branch(:, n_before + 1:n_before + n) = spread(branch, 2, n)
+        if (size(model%group) == 0) return
+        assembly%q(:, n_before + 1:n_before + n) = stride%at(:, 1:n)
+        assembly%place(:, :, n_before + 1:n_before + n) = stride%groups%place(:, :, 1:n)
+        assembly%margin(:, n_before + 1:n_before + n) = stride%groups%margin(:, 1:n)
+    end subroutine keep_stride
 
     !> Are margins those that the lanes find? Asked once of each source, at representative places on the start's assembly:
     !> a difference would be a defect, and the lanes are believed.
@@ -430,7 +333,7 @@ contains
         type(assembly_trail), intent(inout) :: trail
         logical, intent(out) :: is_closed(lanes)     !! at a lane's place
         logical, intent(out) :: is_believed(lanes)   !! the step to a lane; of the first lane there is none
-        real(wp), dimension(lanes, size(trail%least_margin)) :: margin, drift
+        real(wp), dimension(lanes, size(model%least_margin)) :: margin, drift
         real(wp) :: way(lanes, size(at, 2)), back(lanes), square(lanes)
         real(wp) :: rate(lanes, link_freedom(model), model%n_link)
         integer :: lane, m, k
@@ -450,7 +353,7 @@ contains
         end do
         back = merge(back/max(square, tiny(1.0_wp)), 0.0_wp, square > 0)
         do m = 1, size(margin, 2)
-            associate (least => trail%least_margin(m))
+            associate (least => model%least_margin(m))
                 is_believed(2:) = is_believed(2:) .and. abs(margin(2:, m)) > least &
                                   .and. is_step_sound(least, margin(:lanes - 1, m), drift(:lanes - 1, m), margin(2:, m), &
                                                       back(2:)*drift(2:, m))
@@ -552,31 +455,6 @@ contains
         end associate
         is_believed = is_believed .or. goes
     end subroutine lead_steps
-
-    !> Are the groups' links where they have come from other places by what is explained? What is left open must be small
-    !> against the distance, about the margin, at which another assembly may be.
-    pure logical function is_close(model, from, to, explained, margin)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: from(:, :), to(:, :) !! (place_size, n_link)
-        real(wp), intent(in) :: explained(:, :)      !! shifts and turns (link_freedom, n_link)
-        real(wp), intent(in) :: margin(:)            !! (n_group)
-        real(wp), parameter :: part = 0.125_wp
-        real(wp) :: moved(link_freedom(model)), open
-        integer :: g, i, n
-
-        is_close = .true.
-        n = merge(2, 3, model%is_planar)
-        do g = 1, size(model%group)
-            open = 0
-            do i = 1, size(model%group(g)%link)
-                associate (l => model%group(g)%link(i))
-                    moved = motion_between(from(:, l), to(:, l)) - explained(:, l)
-                    open = max(open, maxval(abs(moved(:n)))/scene_size(model), maxval(abs(moved(n + 1:))))
-                end associate
-            end do
-            is_close = is_close .and. open <= part*margin(g)
-        end do
-    end function is_close
 
     !> Lead the mechanism to one sample.
     subroutine lead_on(model, q, sample, trail, assembly)

@@ -66,14 +66,15 @@ contains
     end subroutine evaluate_kinematics
 
     !> The same, but of motion only where the groups' links are, their margins there, and how leading them came out.
-    subroutine lead_from_start(model, state, status)
+    subroutine lead_from_start(model, state, status, least)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
         integer, intent(out) :: status(lanes)        !! one of `sample_*`
+        real(wp), intent(out) :: least(:, :)         !! the smallest size of a margin on the way (lane, n_group)
         integer :: n_column
 
         n_column = state%n_column
-        call lead_groups(model, state)
+        call lead_groups(model, state, least)
         status = state%way_status
         state%way_status = sample_ok
         state%n_column = velocities_only
@@ -84,9 +85,10 @@ contains
     end subroutine lead_from_start
 
     !> Groups to the coordinates of the state; where that fails the state's `way_status` says so, and they stay.
-    subroutine lead_groups(model, state)
+    subroutine lead_groups(model, state, least)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
+        real(wp), intent(out), optional :: least(:, :)    !! the smallest size of a margin on the way (lane, n_group)
         type(way_report) :: report
         real(wp) :: from(lanes, model%n_q)
         logical :: goes(lanes)
@@ -104,6 +106,10 @@ contains
         if (any(goes)) then
             call lead_mechanism(model, goes, from, .false., state, report)
             where (goes) state%way_status = status_of_way(report%outcome)
+        end if
+        if (present(least)) then
+            least = huge(1.0_wp)
+            if (any(goes)) least = report%least(:, model%n_branch + 1:)
         end if
         state%group%moves = state%way_status == sample_ok
     end subroutine lead_groups

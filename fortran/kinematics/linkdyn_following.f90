@@ -66,6 +66,7 @@ module linkdyn_following
         integer :: n_crossed(lanes) = 0             !! change points passed
         integer :: map(lanes) = 0                   !! at fault where the way was not finished; 0: none in particular
         real(wp) :: reached(lanes) = 0              !! part of the way
+        real(wp), allocatable :: least(:, :)        !! the smallest size of a margin where the mechanism stood (lane, n_map)
     end type way_report
 
     abstract interface
@@ -105,6 +106,7 @@ contains
         integer :: n, lane, most(lanes)
 
         report%outcome = merge(under_way, way_arrived, goes)
+        allocate (report%least(lanes, size(self%least_margin)), source=huge(1.0_wp))
         if (.not. any(goes)) return
         allocate (stands%margin(lanes, size(self%least_margin)), stands%drift(lanes, size(self%least_margin)))
         tried = stands
@@ -115,6 +117,7 @@ contains
         step = min(1.0_wp, stride)
         call self%try(report%reached, is_crossing, stands)
         call self%take(goes)
+        report%least = abs(stands%margin)
         where (goes .and. .not. stands%is_closed) report%outcome = way_ends
         call note_side(side, stands%margin, spread(self%least_margin, 1, lanes), .false.)
         most = spare_tries + 2*ceiling(1/merge(stride, 1.0_wp, goes))
@@ -170,6 +173,7 @@ contains
             if (is_at_limit(lane)) report%n_crossed(lane) = report%n_crossed(lane) + 1
             is_first(lane) = .false.
             stands%margin(lane, :) = tried%margin(lane, :)
+            report%least(lane, :) = min(report%least(lane, :), abs(stands%margin(lane, :)))
             call note_side(side(lane, :), tried%margin(lane, :), self%least_margin, is_crossing(lane, :))
             stands%drift(lane, :) = tried%drift(lane, :)
             report%reached(lane) = target(lane)

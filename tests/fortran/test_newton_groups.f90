@@ -3,7 +3,7 @@
 !> The two share the joints' data only. Between them the scenes have all kinds of joints, free and given, on the frame
 !> and on moving links, and links that share an orientation with what they slide on.
 module test_newton_groups
-    use linkdyn_assembly_trail, only: sample_assembly, assembly_trail, settle_samples, follow_assembly
+    use linkdyn_assembly_trail, only: sample_assembly, assembly_trail, follow_assembly
     use linkdyn_builder, only: build_model
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_equations, only: choose_poses
@@ -21,6 +21,7 @@ module test_newton_groups
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_reader, only: read_scene
+    use linkdyn_settled_samples, only: settle_samples
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_test_numbers, only: random_stream, random_walk, eps
     use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, open_chain_scene
@@ -264,7 +265,6 @@ contains
             call choose_poses(model, spread(model%start_q, 2, 1), pose, chosen, stand)
             call make_closing_programs(model, pose, chosen%place(:, :, :size(pose, 2)), chosen%margin(:, :size(pose, 2)), closing)
             if (model%n_branch > 0) call record_forces(model, of_margins, pose, stand, recorded, chosen%place)
-            print *, name(i), closing%is_usable, recorded%is_usable
             if (closing%is_usable) then
                 call follow_both(0.0005_wp)
                 call follow_both(0.03_wp)
@@ -296,6 +296,10 @@ contains
             ! A trail goes on with the next samples.
             call follow_assembly(model, q(:, first + 1:), trail(2), by_strides, margins, closer)
             call same(first + 1, n)
+            ! Each sample on its own.
+            call settle_samples(model, 1, q, by_lanes)
+            call settle_samples(model, 2, q, by_strides, closer)
+            call same(1, n)
         end subroutine follow_both
 
         !> By the lanes a sample is reached if by strides it is, and so on; places differ by rounding.

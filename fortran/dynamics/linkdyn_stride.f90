@@ -1,0 +1,141 @@
+!> A stride: samples of a motion one after the other, and how far the steps from each to the next are believed.
+!>
+!> The rule is that of `linkdyn_following`: no margin vanishes within a step, neither led on from its beginning nor led back
+!> from its end, and the rates at both ends explain where the groups' links have gone.
+module linkdyn_stride
+    use linkdyn_following, only: is_step_sound
+    use linkdyn_group_motion, only: group_closer
+    use linkdyn_group_stride, only: group_stride, stride_groups
+    use linkdyn_kinds, only: wp
+    use linkdyn_link_place, only: motion_between
+    use linkdyn_margin_source, only: margin_source
+    use linkdyn_model, only: model_type, link_freedom, scene_size
+    implicit none (type, external)
+    private
+    public :: stride_type, make_stride, is_close
+
+    !> The first sample is that from which the stride sets out.
+    type :: stride_type
+        real(wp), allocatable :: at(:, :)            !! coordinates (n_q, 0:n)
+        real(wp), allocatable :: way(:, :)           !! to the next sample (n_q, 0:n)
+        real(wp), allocatable :: margin(:, :)        !! (n_map, 0:n)
+        real(wp), allocatable :: drift(:, :)         !! its rate along the way (n_map, 0:n)
+        logical, allocatable :: is_closed(:)         !! (0:n)
+        type(group_stride) :: groups
+        integer :: n_believed = 0                    !! samples up to which all steps are believed
+    end type stride_type
+
+contains
+
+    subroutine make_stride(model, from, q, branch, place, closer, margins, stride)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: from(:)              !! coordinates where it sets out (n_q)
+        real(wp), intent(in) :: q(:, :)              !! of the samples (n_q, n)
+        real(wp), intent(in) :: branch(:)            !! of the closed forms, all along (n_branch)
+        real(wp), intent(in) :: place(:, :)          !! of the groups' links at the beginning (place_size, n_link)
+        class(group_closer), pointer, intent(in) :: closer      !! null: there are no groups
+        class(margin_source), pointer, intent(in) :: margins    !! of the closed forms; null: these are not judged
+        type(stride_type), intent(out) :: stride
+        integer :: n, i
+
+        n = size(q, 2)
+        allocate (stride%at(size(q, 1), 0:n), stride%way(size(q, 1), 0:n))
+        allocate (stride%margin(size(model%least_margin), 0:n), source=1.0_wp)
+        allocate (stride%drift(size(model%least_margin), 0:n), source=0.0_wp)
+        allocate (stride%is_closed(0:n), source=.true.)
+        associate (at => stride%at, way => stride%way)
+            at(:, 0) = from
+            at(:, 1:) = q
+            way(:, :n - 1) = at(:, 1:) - at(:, :n - 1)
+            way(:, n) = way(:, n - 1)
+        end associate
+        if (size(model%group) > 0) then
+            call stride_groups(model, closer, stride%at, stride%way, branch, place, stride%groups)
+            stride%is_closed = stride%groups%is_closed
+            stride%margin(model%n_branch + 1:, :) = stride%groups%margin
+            stride%drift(model%n_branch + 1:, :) = stride%groups%drift
+        else
+            allocate (stride%groups%place(0, 0, 0))
+        end if
+        if (associated(margins)) call judge_closed_forms(model%n_branch, margins, branch, stride)
+        do i = 1, n
+            if (.not. is_step_believed(model, stride, i)) exit
+        end do
+        stride%n_believed = i - 1
+    end subroutine make_stride
+
+    subroutine judge_closed_forms(n_branch, margins, branch, stride)
+        integer, intent(in) :: n_branch
+        class(margin_source), intent(in) :: margins
+        real(wp), intent(in) :: branch(:)
+        type(stride_type), intent(inout) :: stride
+        real(wp), dimension(n_branch, size(stride%is_closed)) :: margin, drift
+        logical :: is_closed(size(stride%is_closed))
+
+        call margins%find(stride%at, stride%way, branch, stride%groups%place, margin, drift, is_closed)
+        stride%is_closed = stride%is_closed .and. is_closed
+        stride%margin(:n_branch, :) = margin
+        stride%drift(:n_branch, :) = drift
+    end subroutine judge_closed_forms
+
+    !> The step to a sample from the one before.
+    pure logical function is_step_believed(model, stride, i) result(is_believed)
+        type(model_type), intent(in) :: model
+        type(stride_type), intent(in) :: stride
+        integer, intent(in) :: i
+        real(wp) :: back
+        integer :: m
+
+        is_believed = stride%is_closed(i - 1) .and. stride%is_closed(i)
+        if (.not. is_believed) return
+        back = share_along(stride%way(:, i - 1), stride%way(:, i))
+        associate (least => model%least_margin, margin => stride%margin, drift => stride%drift)
+            do m = 1, size(least)
+                is_believed = abs(margin(m, i)) > least(m) &
+                              .and. is_step_sound(least(m), margin(m, i - 1), drift(m, i - 1), margin(m, i), back*drift(m, i))
+                if (.not. is_believed) return
+            end do
+        end associate
+        if (size(model%group) == 0) return
+        associate (groups => stride%groups)
+            is_believed = is_close(model, groups%place(:, :, i - 1), groups%place(:, :, i), &
+                                   (groups%rate(:, :, i - 1) + back*groups%rate(:, :, i))/2, &
+                                   min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
+        end associate
+    end function is_step_believed
+
+    !> The part of a way that leads along another one.
+    pure real(wp) function share_along(way, other) result(share)
+        real(wp), intent(in) :: way(:), other(:)     !! (n_q)
+        real(wp) :: square
+
+        square = dot_product(other, other)
+        share = 0
+        if (square > 0) share = dot_product(way, other)/square
+    end function share_along
+
+    !> Are the groups' links where they have come from other places by what is explained? What is left open must be small
+    !> against the distance, about the margin, at which another assembly may be.
+    pure logical function is_close(model, from, to, explained, margin)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: from(:, :), to(:, :) !! (place_size, n_link)
+        real(wp), intent(in) :: explained(:, :)      !! shifts and turns (link_freedom, n_link)
+        real(wp), intent(in) :: margin(:)            !! (n_group)
+        real(wp), parameter :: part = 0.125_wp
+        real(wp) :: moved(link_freedom(model)), open
+        integer :: g, i, n
+
+        is_close = .true.
+        n = merge(2, 3, model%is_planar)
+        do g = 1, size(model%group)
+            open = 0
+            do i = 1, size(model%group(g)%link)
+                associate (l => model%group(g)%link(i))
+                    moved = motion_between(from(:, l), to(:, l)) - explained(:, l)
+                    open = max(open, maxval(abs(moved(:n)))/scene_size(model), maxval(abs(moved(n + 1:))))
+                end associate
+            end do
+            is_close = is_close .and. open <= part*margin(g)
+        end do
+    end function is_close
+end module linkdyn_stride
