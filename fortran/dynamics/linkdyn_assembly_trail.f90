@@ -335,7 +335,7 @@ contains
         logical, intent(out) :: is_believed(lanes)   !! the step to a lane; of the first lane there is none
         real(wp), dimension(lanes, size(model%least_margin)) :: margin, drift
         real(wp) :: way(lanes, size(at, 2)), back(lanes), square(lanes)
-        real(wp) :: rate(lanes, link_freedom(model), model%n_link)
+        real(wp) :: rate(lanes, link_freedom(model), model%n_link), extent
         integer :: lane, m, k
 
         do lane = 1, lanes
@@ -361,10 +361,12 @@ contains
         end do
         if (size(model%group) == 0) return
         ! The rates at both ends of a step must explain where the groups' links have gone.
+        extent = scene_size(model)
         associate (place => trail%state%group%place)
             do lane = 2, n
                 if (is_believed(lane)) is_believed(lane) = is_close( &
-                    model, place(lane - 1, :, :), place(lane, :, :), (rate(lane - 1, :, :) + back(lane)*rate(lane, :, :))/2, &
+                    model, extent, place(lane - 1, :, :), place(lane, :, :), &
+                    (rate(lane - 1, :, :) + back(lane)*rate(lane, :, :))/2, &
                     minval(abs(margin(lane - 1:lane, model%n_branch + 1:)), dim=1))
             end do
         end associate
@@ -446,8 +448,8 @@ contains
             if (size(model%group) > 0) then
                 nothing = 0
                 do lane = 2, n
-                    if (goes(lane)) goes(lane) = is_close(model, state%group%place(lane, :, :), found(lane, :, :), nothing, &
-                                                          abs(state%group%margin(lane, :)))
+                    if (goes(lane)) goes(lane) = is_close(model, scene_size(model), state%group%place(lane, :, :), &
+                                                          found(lane, :, :), nothing, abs(state%group%margin(lane, :)))
                 end do
                 state%group%place = found
                 state%group%margin = margin

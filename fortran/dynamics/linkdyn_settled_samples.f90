@@ -13,7 +13,7 @@ module linkdyn_settled_samples
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: lead_from_start
     use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, link_freedom
+    use linkdyn_model, only: model_type, link_freedom, scene_size
     use linkdyn_status, only: sample_ok
     use linkdyn_stride, only: stride_type, make_stride, is_close
     use linkdyn_threads, only: team_size
@@ -130,8 +130,8 @@ contains
         if (stride%n_believed < last - first) return
         associate (margin => stride%groups%margin)
             nothing = 0
-            if (.not. is_close(model, stride%groups%place(:, :, last - first), assembly%place(:, :, last), nothing, &
-                               abs(margin(:, last - first)))) return
+            if (.not. is_close(model, scene_size(model), stride%groups%place(:, :, last - first), assembly%place(:, :, last), &
+                               nothing, abs(margin(:, last - first)))) return
             do g = 1, size(model%group)
                 change = maxval(margin(g, :)) - minval(margin(g, :))
                 if (.not. many*change <= minval(least(g, [first, last]))) return

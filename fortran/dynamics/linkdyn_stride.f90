@@ -36,9 +36,11 @@ contains
         class(group_closer), pointer, intent(in) :: closer      !! null: there are no groups
         class(margin_source), pointer, intent(in) :: margins    !! of the closed forms; null: these are not judged
         type(stride_type), intent(out) :: stride
+        real(wp) :: extent
         integer :: n, i
 
         n = size(q, 2)
+        extent = scene_size(model)
         allocate (stride%at(size(q, 1), 0:n), stride%way(size(q, 1), 0:n))
         allocate (stride%margin(size(model%least_margin), 0:n), source=1.0_wp)
         allocate (stride%drift(size(model%least_margin), 0:n), source=0.0_wp)
@@ -59,7 +61,7 @@ contains
         end if
         if (associated(margins)) call judge_closed_forms(model%n_branch, margins, branch, stride)
         do i = 1, n
-            if (.not. is_step_believed(model, stride, i)) exit
+            if (.not. is_step_believed(model, extent, stride, i)) exit
         end do
         stride%n_believed = i - 1
     end subroutine make_stride
@@ -79,8 +81,9 @@ contains
     end subroutine judge_closed_forms
 
     !> The step to a sample from the one before.
-    pure logical function is_step_believed(model, stride, i) result(is_believed)
+    pure logical function is_step_believed(model, extent, stride, i) result(is_believed)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: extent               !! the mechanism's size
         type(stride_type), intent(in) :: stride
         integer, intent(in) :: i
         real(wp) :: back
@@ -98,7 +101,7 @@ contains
         end associate
         if (size(model%group) == 0) return
         associate (groups => stride%groups)
-            is_believed = is_close(model, groups%place(:, :, i - 1), groups%place(:, :, i), &
+            is_believed = is_close(model, extent, groups%place(:, :, i - 1), groups%place(:, :, i), &
                                    (groups%rate(:, :, i - 1) + back*groups%rate(:, :, i))/2, &
                                    min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
         end associate
@@ -116,8 +119,9 @@ contains
 
     !> Are the groups' links where they have come from other places by what is explained? What is left open must be small
     !> against the distance, about the margin, at which another assembly may be.
-    pure logical function is_close(model, from, to, explained, margin)
+    pure logical function is_close(model, extent, from, to, explained, margin)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: extent               !! the mechanism's size
         real(wp), intent(in) :: from(:, :), to(:, :) !! (place_size, n_link)
         real(wp), intent(in) :: explained(:, :)      !! shifts and turns (link_freedom, n_link)
         real(wp), intent(in) :: margin(:)            !! (n_group)
@@ -132,7 +136,7 @@ contains
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
                     moved = motion_between(from(:, l), to(:, l)) - explained(:, l)
-                    open = max(open, maxval(abs(moved(:n)))/scene_size(model), maxval(abs(moved(n + 1:))))
+                    open = max(open, maxval(abs(moved(:n)))/extent, maxval(abs(moved(n + 1:))))
                 end associate
             end do
             is_close = is_close .and. open <= part*margin(g)

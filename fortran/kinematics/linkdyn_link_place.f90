@@ -31,6 +31,7 @@ contains
     pure function motion_between(from, to) result(by)
         real(wp), intent(in) :: from(:), to(:)       !! (place_size)
         real(wp) :: by(merge(3, 6, size(from) == 3)) !! (link_freedom)
+        real(wp), parameter :: small = sqrt(epsilon(1.0_wp))
         real(wp) :: w, turn(3), length
 
         if (size(from) == 3) then
@@ -43,8 +44,12 @@ contains
         turn(1) = from(4)*to(5) - to(4)*from(5) + from(6)*to(7) - from(7)*to(6)
         turn(2) = from(4)*to(6) - to(4)*from(6) - from(5)*to(7) + from(7)*to(5)
         turn(3) = from(4)*to(7) - to(4)*from(7) + from(5)*to(6) - from(6)*to(5)
-        length = norm2(turn)
-        if (length > 0) turn = turn*(sign(2*atan2(length, abs(w)), w)/length)
-        by(4:) = turn
+        length = sqrt(sum(turn**2))
+        ! 2 atan(length/w)/length; of a small turn two thirds of its square are left out
+        if (length <= small*abs(w)) then
+            by(4:) = turn*(2/w)
+        else
+            by(4:) = turn*(sign(2*atan2(length, abs(w)), w)/length)
+        end if
     end function motion_between
 end module linkdyn_link_place
