@@ -151,10 +151,10 @@ contains
             call close_group(model, g, closer, at(:, first:last), way(:, first:last), branch, stride%place(:, :, first:last), &
                              stride%rate(:, :, first:last), stride%margin(g, first:last), stride%is_closed(first:last))
             if (.not. any(stride%is_closed(first:last))) return
-            call find_drift(model, g, closer, at(:, first:last), way(:, first:last), branch, stride%place(:, :, first:last), &
-                            stride%rate(:, :, first:last), stride%margin(g, first:last), stride%drift(g, first:last), &
-                            stride%is_closed(first:last))
         end do
+        call find_drift(model, closer, at(:, first:last), way(:, first:last), branch, stride%place(:, :, first:last), &
+                        stride%rate(:, :, first:last), stride%margin(:, first:last), stride%drift(:, first:last), &
+                        stride%is_closed(first:last))
     end subroutine close_samples
 
     !> Newton's method at some samples; what does not converge as it must is not closed.
@@ -200,41 +200,47 @@ contains
         is_closed = is_closed .and. .not. is_under_way
     end subroutine close_group
 
-    !> The margin's rate along the way, from the margin a little further on, where the links' velocities lead.
-    subroutine find_drift(model, g, closer, at, way, branch, place, rate, margin, drift, is_closed)
+    !> The margins' rates along the way, from the margins a little further on, where the links' velocities lead.
+    subroutine find_drift(model, closer, at, way, branch, place, rate, margin, drift, is_closed)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: g
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, :), way(:, :)
         real(wp), intent(in), contiguous :: branch(:, :)
         real(wp), intent(in) :: place(:, :, :), rate(:, :, :)
-        real(wp), intent(in) :: margin(:)
-        real(wp), intent(out) :: drift(:)
+        real(wp), intent(in) :: margin(:, :)                   !! (n_group, sample)
+        real(wp), intent(out) :: drift(:, :)                   !! (n_group, sample)
         logical, intent(inout) :: is_closed(:)
-        real(wp), dimension(size(model%group(g)%unit), size(at, 2)) :: correction, velocity
+        real(wp), allocatable :: correction(:, :), velocity(:, :)
         real(wp) :: ahead(size(place, 1), size(place, 2), size(place, 3)), q(size(at, 1), size(at, 2))
-        real(wp), dimension(size(at, 2)) :: margin_ahead, speed, step
+        real(wp), dimension(size(at, 2)) :: margin_ahead, step
         logical :: is_sure(size(at, 2))
-        real(wp) :: extent
-        integer :: s, h, i
+        real(wp) :: extent, speed
+        integer :: s, g, i
 
         extent = scene_size(model)
-        ahead = place
         do s = 1, size(at, 2)
-            speed(s) = speed_of(model, model%group(g), extent, rate(:, :, s))
-            step(s) = step_ahead(margin(s), speed(s))
+            step(s) = huge(1.0_wp)
+            do g = 1, size(model%group)
+                speed = speed_of(model, model%group(g), extent, rate(:, :, s))
+                if (speed > 0) step(s) = min(step(s), step_ahead(margin(g, s), speed))
+            end do
+            if (.not. step(s) < huge(1.0_wp)) step(s) = 0     ! nothing moves
             q(:, s) = at(:, s) + step(s)*way(:, s)
-            do h = 1, g
-                do i = 1, size(model%group(h)%link)
-                    associate (l => model%group(h)%link(i))
+            do g = 1, size(model%group)
+                do i = 1, size(model%group(g)%link)
+                    associate (l => model%group(g)%link(i))
                         ahead(:, l, s) = moved_place(place(:, l, s), step(s)*rate(:, l, s))
                     end associate
                 end do
             end do
         end do
-        call closer%make_steps(g, q, way, branch, ahead, correction, velocity, margin_ahead, is_sure)
-        is_closed = is_closed .and. is_sure
-        drift = merge((margin_ahead - margin)/step, 0.0_wp, speed > 0 .and. step > 0)
+        do g = 1, size(model%group)
+            allocate (correction(size(model%group(g)%unit), size(at, 2)), velocity(size(model%group(g)%unit), size(at, 2)))
+            call closer%make_steps(g, q, way, branch, ahead, correction, velocity, margin_ahead, is_sure)
+            is_closed = is_closed .and. is_sure
+            drift(g, :) = merge((margin_ahead - margin(g, :))/max(step, tiny(1.0_wp)), 0.0_wp, step > 0)
+            deallocate (correction, velocity)
+        end do
     end subroutine find_drift
 
     ! ---------------------------------------------------------------- one sample
