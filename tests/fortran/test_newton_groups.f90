@@ -3,7 +3,7 @@
 !> The two share the joints' data only. Between them the scenes have all kinds of joints, free and given, on the frame
 !> and on moving links, and links that share an orientation with what they slide on.
 module test_newton_groups
-    use linkdyn_assembly_trail, only: sample_assembly, assembly_trail, follow_assembly
+    use linkdyn_assembly_trail, only: sample_assembly, assembly_trail, follow_assembly, reached_crossing
     use linkdyn_builder, only: build_model
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_equations, only: choose_poses
@@ -251,9 +251,10 @@ contains
         type(recorded_forces), target :: recorded
         type(closing_programs), target :: closing
         real(wp), allocatable :: pose(:, :), stand(:, :, :)
-        integer :: i, n_reached, n_lost
+        integer :: i, s, n_reached, n_lost, n_crossed
 
         n_reached = 0
+        n_crossed = 0
         n_lost = 0
         do i = 1, size(name)
             call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
@@ -266,26 +267,27 @@ contains
             call make_closing_programs(model, pose, chosen%place(:, :, :size(pose, 2)), chosen%margin(:, :size(pose, 2)), closing)
             if (model%n_branch > 0) call record_forces(model, of_margins, pose, stand, recorded, chosen%place)
             if (closing%is_usable) then
-                call follow_both(0.0005_wp)
-                call follow_both(0.03_wp)
+                call follow_both(random_walk(model%start_q, n, 0.0005_wp))
+                call follow_both(random_walk(model%start_q, n, 0.03_wp))
+                ! More than a turn of a crank leads through change points.
+                if (model%n_q == 1) call follow_both(reshape([(model%start_q + 0.03_wp*s, s=0, n - 1)], [1, n]))
             end if
             call closing%free()
             if (model%n_branch > 0) call free_recorded(recorded)
         end do
         call check(error, n_reached > 5*n, "most of the walks are followed")
+        call check(error, n_crossed > 0, "some through change points")
         call check(error, n_lost > n/2, "and some lead beyond where the mechanism closes")
 
     contains
 
-        subroutine follow_both(reach)
-            real(wp), intent(in) :: reach
+        subroutine follow_both(q)
+            real(wp), intent(in) :: q(:, :)            !! (n_q, n)
             type(assembly_trail) :: trail(2)
             type(recorded_margins), target :: by_record
             class(margin_source), pointer :: margins
             class(group_closer), pointer :: closer
-            real(wp) :: q(model%n_q, n)
 
-            q = random_walk(model%start_q, n, reach)
             nullify (margins)
             by_record%record => recorded
             if (model%n_branch > 0) margins => by_record
@@ -306,11 +308,12 @@ contains
         subroutine same(from, to)
             integer, intent(in) :: from, to
             real(wp) :: apart
-            integer :: s, g, k
+            integer :: g, k
 
             call check(error, all(by_strides%status == by_lanes%status(from:to)), trim(name(i))//": outcomes")
             call check(error, all(by_strides%reached == by_lanes%reached(from:to)), trim(name(i))//": how reached")
             call check(error, all(by_strides%branch == by_lanes%branch(:, from:to)), trim(name(i))//": branches")
+            n_crossed = n_crossed + count(by_strides%reached == reached_crossing)
             do s = 1, to - from + 1
                 if (by_strides%status(s) /= sample_ok) n_lost = n_lost + 1
                 if (by_strides%status(s) /= sample_ok) cycle
