@@ -107,7 +107,7 @@ WAYS = {
     "lanes32": Way(
         "32 lanes, AVX2, without OpenMP",
         (*OPTIMIZED_LITTLE, "-Dlanes=32", "-Dmarch=x86-64-v3", "-Dopenmp=disabled"),
-        ("tests", "-m", "accuracy or lanes"),
+        ("tests", "-m", "(accuracy or lanes) and not long"),
         lacks=lacks_instructions("avx2", "fma"),
     ),
     "mpi": Way(
