@@ -17,18 +17,18 @@ module linkdyn_group_stride
         least_group_margin
     implicit none (type, external)
     private
-    public :: group_stride, stride_groups
+    public :: group_stride, stride_groups, find_tangents, predicted, close_from
 
     integer, parameter :: most_steps = 8            !! of Newton's method, which squares the error
     integer, parameter :: n_behind = 6              !! samples that a curve is laid through
 
-    !> What is found; the first sample is that from which the stride sets out.
+    !> What is found at samples. Of a stride the first one, numbered 0, is that from which it sets out.
     type :: group_stride
-        real(wp), allocatable :: place(:, :, :)     !! of the groups' links (place_size, n_link, 0:n)
-        real(wp), allocatable :: rate(:, :, :)      !! along the way from a sample (link_freedom, n_link, 0:n)
-        real(wp), allocatable :: margin(:, :)       !! (n_group, 0:n)
-        real(wp), allocatable :: drift(:, :)        !! its rate (n_group, 0:n)
-        logical, allocatable :: is_closed(:)        !! (0:n)
+        real(wp), allocatable :: place(:, :, :)     !! of the groups' links (place_size, n_link, sample)
+        real(wp), allocatable :: rate(:, :, :)      !! along the way from a sample (link_freedom, n_link, sample)
+        real(wp), allocatable :: margin(:, :)       !! (n_group, sample)
+        real(wp), allocatable :: drift(:, :)        !! its rate along the way (n_group, sample)
+        logical, allocatable :: is_closed(:)        !! (sample)
     end type group_stride
 
 contains
@@ -48,21 +48,19 @@ contains
         n = ubound(at, 2)
         block = closer%samples_at_once
         of_all(:, 1) = branch
-        allocate (stride%place(place_size(model), model%n_link, 0:n), stride%rate(link_freedom(model), model%n_link, 0:n))
-        allocate (stride%margin(size(model%group), 0:n), stride%drift(size(model%group), 0:n), stride%is_closed(0:n))
-        stride%is_closed = .false.
+        call make_room(model, 0, n, stride)
         stride%place(:, :, 0) = start
-        call close_samples(model, closer, at, way, of_all, 0, 0, stride)
+        call close_samples(model, closer, at(:, :0), way(:, :0), of_all, 0, 0, stride)
         first = 1
         do while (first <= n .and. stride%is_closed(first - 1))
             last = min(n, first + block - 1)
             if (first > block) then
                 call lead_by_curve(model, first, last, block, stride%place)
-                call close_samples(model, closer, at, way, of_all, first, last, stride)
+                call close_samples(model, closer, at(:, first:last), way(:, first:last), of_all, first, last, stride)
             end if
             if (.not. all(stride%is_closed(first:last))) then
-                call lead_by_tangents(model, closer, at, of_all, first, last, stride%place)
-                call close_samples(model, closer, at, way, of_all, first, last, stride)
+                call lead_by_tangents(model, closer, at, branch, first, last, stride%place)
+                call close_samples(model, closer, at(:, first:last), way(:, first:last), of_all, first, last, stride)
             end if
             if (.not. all(stride%is_closed(first:last))) exit
             first = last + 1
@@ -102,59 +100,107 @@ contains
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, 0:)
-        real(wp), intent(in), contiguous :: branch(:, :)
+        real(wp), intent(in) :: branch(:)
         integer, intent(in) :: first, last
         real(wp), intent(inout) :: place(:, :, 0:)
-        real(wp), dimension(size(at, 1), size(at, 1)) :: here, unit
-        real(wp) :: stand(size(place, 1), size(place, 2), size(at, 1)), margin(size(at, 1))
-        real(wp), allocatable :: correction(:, :), tangent(:, :)
-        logical :: is_sure(size(at, 1))
-        integer :: g, i, k, s
+        type(group_stride) :: tangents
+        integer :: s
 
-        here = spread(at(:, first - 1), 2, size(at, 1))
-        stand = spread(place(:, :, first - 1), 3, size(at, 1))
-        unit = 0
-        do k = 1, size(at, 1)
-            unit(k, k) = 1
-        end do
-        do g = 1, size(model%group)
-            associate (group => model%group(g), from => first - 1, freedom => link_freedom(model))
-                allocate (correction(size(group%unit), size(at, 1)), tangent(size(group%unit), size(at, 1)))
-                call closer%make_steps(g, here, unit, branch, stand, correction, tangent, margin, is_sure)
-                do s = first, last
-                    do i = 1, size(group%link)
-                        associate (l => group%link(i))
-                            place(:, l, s) = moved_place(place(:, l, from), &
-                                                         matmul(tangent(freedom*(i - 1) + 1:freedom*i, :), at(:, s) - at(:, from)))
-                        end associate
-                    end do
-                end do
-                deallocate (correction, tangent)
-            end associate
+        call find_tangents(model, closer, at(:, first - 1), branch, place(:, :, first - 1), tangents)
+        do s = first, last
+            place(:, :, s) = predicted(model, place(:, :, first - 1), tangents%rate, at(:, s) - at(:, first - 1))
         end do
     end subroutine lead_by_tangents
 
+    !> Where tangents lead.
+    pure function predicted(model, place, tangent, way) result(ahead)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: place(:, :)                    !! (place_size, n_link)
+        real(wp), intent(in) :: tangent(:, :, :)               !! for each coordinate (link_freedom, n_link, n_q)
+        real(wp), intent(in) :: way(:)                         !! (n_q)
+        real(wp) :: ahead(size(place, 1), size(place, 2))
+        real(wp) :: by(size(tangent, 1))
+        integer :: g, i, k
+
+        ahead = place
+        do g = 1, size(model%group)
+            do i = 1, size(model%group(g)%link)
+                associate (l => model%group(g)%link(i))
+                    by = way(1)*tangent(:, l, 1)
+                    do k = 2, size(way)
+                        by = by + way(k)*tangent(:, l, k)
+                    end do
+                    ahead(:, l) = moved_place(place(:, l), by)
+                end associate
+            end do
+        end do
+    end function predicted
+
+    !> Rates and drifts at a place, one for each coordinate.
+    subroutine find_tangents(model, closer, q, branch, place, tangents)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in) :: q(:)
+        real(wp), intent(in) :: branch(:)
+        real(wp), intent(in) :: place(:, :)
+        type(group_stride), intent(out) :: tangents            !! (..., n_q)
+        real(wp) :: unit(size(q), size(q))
+        integer :: k
+
+        unit = 0
+        do k = 1, size(q)
+            unit(k, k) = 1
+        end do
+        call close_from(model, closer, spread(q, 2, size(q)), unit, branch, spread(place, 3, size(q)), tangents)
+    end subroutine find_tangents
+
     ! ---------------------------------------------------------------- closing
+
+    !> Close the groups at samples that have nothing to do with each other, from places predicted.
+    subroutine close_from(model, closer, at, way, branch, place, found)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! coordinates, ways for rates (n_q, n)
+        real(wp), intent(in) :: branch(:)                      !! of the closed forms (n_branch)
+        real(wp), intent(in) :: place(:, :, :)                 !! predicted (place_size, n_link, n)
+        type(group_stride), intent(out) :: found               !! (..., n)
+        real(wp) :: of_all(size(branch), 1)
+
+        of_all(:, 1) = branch
+        call make_room(model, 1, size(at, 2), found)
+        found%place = place
+        call close_samples(model, closer, at, way, of_all, 1, size(at, 2), found)
+    end subroutine close_from
+
+    subroutine make_room(model, first, last, stride)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first, last                     !! samples
+        type(group_stride), intent(inout) :: stride
+
+        allocate (stride%place(place_size(model), model%n_link, first:last))
+        allocate (stride%rate(link_freedom(model), model%n_link, first:last), source=0.0_wp)
+        allocate (stride%margin(size(model%group), first:last), stride%drift(size(model%group), first:last))
+        allocate (stride%is_closed(first:last), source=.false.)
+    end subroutine make_room
 
     !> One group after the other, from the places predicted.
     subroutine close_samples(model, closer, at, way, branch, first, last, stride)
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
-        real(wp), intent(in), contiguous :: at(:, 0:), way(:, 0:)
-        real(wp), intent(in), contiguous :: branch(:, :)
-        integer, intent(in) :: first, last
+        real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of these samples (n_q, last - first + 1)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! of all (n_branch, 1)
+        integer, intent(in) :: first, last                     !! samples of the stride
         type(group_stride), intent(inout) :: stride
         integer :: g
 
         stride%is_closed(first:last) = .true.
         do g = 1, size(model%group)
-            call close_group(model, g, closer, at(:, first:last), way(:, first:last), branch, stride%place(:, :, first:last), &
-                             stride%rate(:, :, first:last), stride%margin(g, first:last), stride%is_closed(first:last))
+            call close_group(model, g, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
+                             stride%margin(g, first:last), stride%is_closed(first:last))
             if (.not. any(stride%is_closed(first:last))) return
         end do
-        call find_drift(model, closer, at(:, first:last), way(:, first:last), branch, stride%place(:, :, first:last), &
-                        stride%rate(:, :, first:last), stride%margin(:, first:last), stride%drift(:, first:last), &
-                        stride%is_closed(first:last))
+        call find_drift(model, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
+                        stride%margin(:, first:last), stride%drift(:, first:last), stride%is_closed(first:last))
     end subroutine close_samples
 
     !> Newton's method at some samples; what does not converge as it must is not closed.

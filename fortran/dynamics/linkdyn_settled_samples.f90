@@ -1,25 +1,38 @@
 !> Samples on their own, outside a motion: groups closed by iteration are led to each from the scene's start.
 !>
-!> Batches are often paths all the same. With somebody who makes the groups' steps (`group_closer`) only some samples are led
-!> there, and from each of these to the next a stride goes over those between. It is believed where both its ends agree, and
-!> where nothing can lie between their straight ways from the start that would keep a straight way to a sample between from its
-!> place.
+!> With somebody who makes the groups' steps (`group_closer`) they are led to the nodes of a grid in the space of the
+!> coordinates, as far as there are samples about, and samples are closed from the node nearest to them. That is believed where
+!> the step from there is, by the rule of `linkdyn_following`, and where nothing can lie between the straight ways from the
+!> start to the node and to the sample that would end the latter elsewhere. What a sample gives depends on no other one.
 module linkdyn_settled_samples
-    use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane, keep_stride
+    use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
+    use linkdyn_constants, only: pi, two_pi
     use linkdyn_group_motion, only: group_closer
+    use linkdyn_group_stride, only: group_stride, find_tangents, predicted, close_from
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: lead_from_start
-    use linkdyn_margin_source, only: margin_source
-    use linkdyn_model, only: model_type, link_freedom, scene_size
+    use linkdyn_mix, only: counter_bits
+    use linkdyn_model, only: model_type, is_length, scene_size
     use linkdyn_status, only: sample_ok
-    use linkdyn_stride, only: stride_type, make_stride, is_close
+    use linkdyn_stride, only: is_step_believed, is_close
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
     public :: settle_samples
+
+    !> Nodes of the grid that samples are near to.
+    type :: node_list
+        integer :: n = 0
+        real(wp), allocatable :: q(:, :)             !! (n_q, n)
+        integer, allocatable :: of(:)                !! the node of each sample; 0: none (sample)
+        real(wp), allocatable :: least(:, :)         !! sizes of the margins on the way there (n_group, n)
+        type(sample_assembly) :: found               !! at the nodes
+        type(group_stride), allocatable :: tangents(:)    !! there (n)
+    end type node_list
 
 contains
 
@@ -30,28 +43,192 @@ contains
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(sample_assembly), intent(out) :: assembly
         class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
+        integer, parameter :: worth = 4              !! samples a node, on average: leading to it takes some samples' time
         class(group_closer), pointer :: steps
-        real(wp) :: least(size(model%group), size(q, 2))     ! sizes of the margins, on the way to a sample
+        type(node_list) :: node
+        real(wp), allocatable :: least(:, :)
         logical :: is_settled(size(q, 2))
-        integer :: n, i, apart
+        integer :: n, i, at_once
 
         nullify (steps)
         if (present(closer)) steps => closer
         n = size(q, 2)
         call make_room(model, n, assembly)
         is_settled = .false.
-        if (associated(steps)) then
-            apart = steps%samples_at_once
-            call lead_to(model, threads, q, [(i, i=1, n, apart)], steps, assembly, least)
-            is_settled(::apart) = .true.
-            !$omp parallel do num_threads(team_size(threads, n/apart)) schedule(dynamic)
-            do i = 1, n - apart, apart
-                call bridge(model, q, i, i + apart, steps, least, assembly, is_settled(i:i + apart))
+        if (associated(steps)) call find_nodes(model, q, n/worth, node)
+        if (node%n > 0) then
+            call reach_nodes(model, threads, steps, node)
+            at_once = steps%samples_at_once
+            !$omp parallel do num_threads(team_size(threads, n/at_once)) schedule(dynamic)
+            do i = 1, n, at_once
+                associate (last => min(n, i + at_once - 1))
+                    if (.not. is_interrupted()) call settle_from_nodes(model, q, i, last, steps, node, assembly, is_settled(i:last))
+                end associate
             end do
             !$omp end parallel do
         end if
         call lead_to(model, threads, q, pack([(i, i=1, n)], .not. is_settled), steps, assembly, least)
     end subroutine settle_samples
+
+    ! ---------------------------------------------------------------- nodes
+
+    !> The nodes nearest to samples; none, if there are too many.
+    subroutine find_nodes(model, q, most, node)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        integer, intent(in) :: most
+        type(node_list), intent(inout) :: node
+        real(wp), parameter :: part = 0.5_wp         !! of a stride: what a step from a node is at most
+        real(wp) :: from_start(size(q, 1))
+        integer(int64) :: cell(size(q, 1))
+        integer(int64), allocatable :: known(:, :)   ! cells of the nodes
+        integer, allocatable :: table(:)             ! nodes at places that follow from their cells; 0: free
+        logical :: is_angle(size(q, 1))
+        integer :: i, k, place
+
+        is_angle = [(.not. is_length(model, k), k=1, size(q, 1))]
+        allocate (node%q(size(q, 1), most), known(size(q, 1), most), node%of(size(q, 2)), table(0:4*most))
+        table = 0
+        node%of = 0
+        do i = 1, size(q, 2)
+            from_start = way_from_start(model, q(:, i))
+            if (.not. all(abs(from_start)/model%stride <= huge(1))) cycle
+            cell = nint(from_start/(part*model%stride), int64)
+            ! To a node beyond half a turn the shortest way leads round the other side.
+            if (any(is_angle .and. abs(part*model%stride*cell) > pi)) cycle
+            place = int(modulo(hash_of(cell), size(table, kind=int64)))
+            do while (table(place) > 0)
+                if (all(known(:, table(place)) == cell)) exit
+                place = modulo(place + 1, size(table))
+            end do
+            if (table(place) == 0) then
+                if (node%n == most) then
+                    node%n = 0
+                    return
+                end if
+                node%n = node%n + 1
+                table(place) = node%n
+                known(:, node%n) = cell
+                node%q(:, node%n) = model%start_q + part*model%stride*cell
+            end if
+            node%of(i) = table(place)
+        end do
+    end subroutine find_nodes
+
+    !> Along which the mechanism is led: by the shortest of the ways that differ by full turns of angles.
+    pure function way_from_start(model, q) result(way)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:)
+        real(wp) :: way(size(q))
+        integer :: k
+
+        way = q - model%start_q
+        do k = 1, size(q)
+            if (.not. is_length(model, k)) way(k) = way(k) - two_pi*anint(way(k)/two_pi)
+        end do
+    end function way_from_start
+
+    pure integer(int64) function hash_of(cell) result(hash)
+        integer(int64), intent(in) :: cell(:)
+        integer :: k
+
+        hash = 0
+        do k = 1, size(cell)
+            hash = counter_bits(hash, int(k, int64), cell(k))
+        end do
+    end function hash_of
+
+    !> Lead the mechanism to the nodes, and find the tangents there.
+    subroutine reach_nodes(model, threads, closer, node)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: threads
+        class(group_closer), pointer, intent(in) :: closer
+        type(node_list), intent(inout) :: node
+        integer :: i
+
+        call make_room(model, node%n, node%found)
+        call lead_to(model, threads, node%q(:, :node%n), [(i, i=1, node%n)], closer, node%found, node%least)
+        allocate (node%tangents(node%n))
+        do i = 1, node%n
+            if (node%found%status(i) /= sample_ok) cycle
+            call find_tangents(model, closer, node%q(:, i), model%branch, node%found%place(:, :, i), node%tangents(i))
+        end do
+    end subroutine reach_nodes
+
+    !> Close some samples from their nodes, and settle those for which that may be believed.
+    subroutine settle_from_nodes(model, q, first, last, closer, node, assembly, is_settled)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        integer, intent(in) :: first, last
+        class(group_closer), intent(in) :: closer
+        type(node_list), intent(in) :: node
+        type(sample_assembly), intent(inout) :: assembly
+        logical, intent(inout) :: is_settled(first:)
+        real(wp), dimension(size(q, 1), last - first + 1) :: at, way
+        real(wp) :: place(size(assembly%place, 1), size(assembly%place, 2), last - first + 1)
+        type(group_stride) :: found
+        integer :: i, n, sample(last - first + 1)
+
+        n = 0
+        do i = first, last
+            associate (k => node%of(i))
+                if (k == 0) cycle
+                if (node%found%status(k) /= sample_ok) cycle
+                if (.not. all(node%tangents(k)%is_closed)) cycle
+                n = n + 1
+                sample(n) = i
+                at(:, n) = q(:, i)
+                way(:, n) = way_from_start(model, q(:, i)) - (node%q(:, k) - model%start_q)
+                place(:, :, n) = predicted(model, node%found%place(:, :, k), node%tangents(k)%rate, way(:, n))
+            end associate
+        end do
+        if (n == 0) return
+        call close_from(model, closer, at(:, :n), way(:, :n), model%branch, place(:, :, :n), found)
+        do i = 1, n
+            associate (s => sample(i), k => node%of(sample(i)))
+                if (.not. is_like_led(model, node, k, way(:, i), found, i)) cycle
+                assembly%q(:, s) = q(:, s)
+                assembly%place(:, :, s) = found%place(:, :, i)
+                assembly%margin(:, s) = found%margin(:, i)
+                is_settled(s) = .true.
+            end associate
+        end do
+    end subroutine settle_from_nodes
+
+    !> Is what was found from a node where a straight way from the start leads?
+    !>
+    !> The step from the node must be believed. The straight way to the sample lies beside that to the node, as near as the
+    !> sample is, at most. There a margin differs by about what it changes by in the step.
+    pure logical function is_like_led(model, node, k, way, found, i) result(is_like)
+        type(model_type), intent(in) :: model
+        type(node_list), intent(in) :: node
+        integer, intent(in) :: k                     !! the node
+        real(wp), intent(in) :: way(:)               !! from there
+        type(group_stride), intent(in) :: found
+        integer, intent(in) :: i                     !! the sample in it
+        real(wp), parameter :: many = 4              !! times that change, and nothing is left to vanish
+        real(wp) :: rate(size(found%rate, 1), size(found%rate, 2)), drift(size(found%margin, 1))
+        integer :: j
+
+        is_like = found%is_closed(i)
+        if (.not. is_like) return
+        associate (tangents => node%tangents(k), margin => node%tangents(k)%margin(:, 1))
+            rate = 0
+            drift = 0
+            do j = 1, size(way)
+                drift = drift + way(j)*tangents%drift(:, j)
+                rate = rate + way(j)*tangents%rate(:, :, j)
+            end do
+            is_like = is_step_believed(model%least_margin(model%n_branch + 1:), margin, drift, found%margin(:, i), &
+                                       found%drift(:, i)) &
+                      .and. all(many*abs(found%margin(:, i) - margin) <= node%least(:, k))
+            if (.not. is_like) return
+            is_like = is_close(model, scene_size(model), node%found%place(:, :, k), found%place(:, :, i), &
+                               (rate + found%rate(:, :, i))/2, min(abs(margin), abs(found%margin(:, i))))
+        end associate
+    end function is_like_led
+
+    ! ---------------------------------------------------------------- by lanes
 
     !> Lead the mechanism to some samples.
     subroutine lead_to(model, threads, q, which, closer, assembly, least)
@@ -61,10 +238,11 @@ contains
         integer, intent(in) :: which(:)              !! their numbers
         class(group_closer), pointer, intent(in) :: closer
         type(sample_assembly), intent(inout) :: assembly
-        real(wp), intent(inout) :: least(:, :)       !! (n_group, n)
+        real(wp), allocatable, intent(out) :: least(:, :)    !! sizes of the margins on the ways there (n_group, n)
         integer :: n_block
 
         n_block = (size(which) + lanes - 1)/lanes
+        allocate (least(size(model%group), size(q, 2)))
         if (n_block == 0) return
         !$omp parallel num_threads(team_size(threads, n_block)) default(shared)
         call lead_blocks(model, n_block, q, which, closer, assembly, least)
@@ -104,40 +282,4 @@ contains
         end do
         !$omp end do
     end subroutine lead_blocks
-
-    !> Settle the samples between two that are, if a stride from the one comes to where the other is.
-    !>
-    !> The straight ways to those between lie in the triangle of both straight ways from the start, which is as wide as the
-    !> stride at most. There a margin differs from those on its sides by about what it changes by along the stride.
-    subroutine bridge(model, q, first, last, closer, least, assembly, is_settled)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
-        integer, intent(in) :: first, last           !! both settled
-        class(group_closer), pointer, intent(in) :: closer
-        real(wp), intent(in) :: least(:, :)          !! (n_group, n)
-        type(sample_assembly), intent(inout) :: assembly
-        logical, intent(inout) :: is_settled(first:)
-        real(wp), parameter :: many = 4              !! times that change, and nothing is left to vanish
-        class(margin_source), pointer :: nobody
-        type(stride_type) :: stride
-        real(wp) :: nothing(link_freedom(model), model%n_link), change
-        integer :: g
-
-        if (is_interrupted() .or. any(assembly%status([first, last]) /= sample_ok)) return
-        nullify (nobody)
-        call make_stride(model, q(:, first), q(:, first + 1:last), model%branch, assembly%place(:, :, first), closer, &
-                         nobody, stride)
-        if (stride%n_believed < last - first) return
-        associate (margin => stride%groups%margin)
-            nothing = 0
-            if (.not. is_close(model, scene_size(model), stride%groups%place(:, :, last - first), assembly%place(:, :, last), &
-                               nothing, abs(margin(:, last - first)))) return
-            do g = 1, size(model%group)
-                change = maxval(margin(g, :)) - minval(margin(g, :))
-                if (.not. many*change <= minval(least(g, [first, last]))) return
-            end do
-        end associate
-        call keep_stride(model, stride, model%branch, last - first - 1, first, assembly)
-        is_settled(first + 1:last - 1) = .true.
-    end subroutine bridge
 end module linkdyn_settled_samples

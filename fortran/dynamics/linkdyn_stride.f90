@@ -12,7 +12,7 @@ module linkdyn_stride
     use linkdyn_model, only: model_type, link_freedom, scene_size
     implicit none (type, external)
     private
-    public :: stride_type, make_stride, is_close
+    public :: stride_type, make_stride, is_step_believed, is_close
 
     !> The first sample is that from which the stride sets out.
     type :: stride_type
@@ -61,7 +61,7 @@ contains
         end if
         if (associated(margins)) call judge_closed_forms(model%n_branch, margins, branch, stride)
         do i = 1, n
-            if (.not. is_step_believed(model, extent, stride, i)) exit
+            if (.not. is_sample_believed(model, extent, stride, i)) exit
         end do
         stride%n_believed = i - 1
     end subroutine make_stride
@@ -81,30 +81,39 @@ contains
     end subroutine judge_closed_forms
 
     !> The step to a sample from the one before.
-    pure logical function is_step_believed(model, extent, stride, i) result(is_believed)
+    pure logical function is_sample_believed(model, extent, stride, i) result(is_believed)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: extent               !! the mechanism's size
         type(stride_type), intent(in) :: stride
         integer, intent(in) :: i
         real(wp) :: back
-        integer :: m
 
         is_believed = stride%is_closed(i - 1) .and. stride%is_closed(i)
         if (.not. is_believed) return
         back = share_along(stride%way(:, i - 1), stride%way(:, i))
-        associate (least => model%least_margin, margin => stride%margin, drift => stride%drift)
-            do m = 1, size(least)
-                is_believed = abs(margin(m, i)) > least(m) &
-                              .and. is_step_sound(least(m), margin(m, i - 1), drift(m, i - 1), margin(m, i), back*drift(m, i))
-                if (.not. is_believed) return
-            end do
-        end associate
-        if (size(model%group) == 0) return
+        is_believed = is_step_believed(model%least_margin, stride%margin(:, i - 1), stride%drift(:, i - 1), &
+                                       stride%margin(:, i), back*stride%drift(:, i))
+        if (.not. is_believed .or. size(model%group) == 0) return
         associate (groups => stride%groups)
             is_believed = is_close(model, extent, groups%place(:, :, i - 1), groups%place(:, :, i), &
                                    (groups%rate(:, :, i - 1) + back*groups%rate(:, :, i))/2, &
                                    min(abs(groups%margin(:, i - 1)), abs(groups%margin(:, i))))
         end associate
+    end function is_sample_believed
+
+    !> Does no margin vanish within a step, nor at its end?
+    pure logical function is_step_believed(least, margin, drift, margin_there, drift_there) result(is_believed)
+        real(wp), intent(in) :: least(:)             !! that can be told from zero (n_map)
+        real(wp), intent(in) :: margin(:), drift(:)  !! at the beginning; its rate for the whole step
+        real(wp), intent(in) :: margin_there(:), drift_there(:)    !! at the end
+        integer :: m
+
+        is_believed = .true.
+        do m = 1, size(least)
+            is_believed = abs(margin_there(m)) > least(m) &
+                          .and. is_step_sound(least(m), margin(m), drift(m), margin_there(m), drift_there(m))
+            if (.not. is_believed) return
+        end do
     end function is_step_believed
 
     !> The part of a way that leads along another one.
