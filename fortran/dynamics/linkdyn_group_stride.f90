@@ -46,7 +46,7 @@ contains
         integer :: n, block, first, last
 
         n = ubound(at, 2)
-        block = closer%samples_at_once
+        block = max(closer%samples_at_once, n_behind)
         of_all(:, 1) = branch
         call make_room(model, 0, n, stride)
         stride%place(:, :, 0) = start
