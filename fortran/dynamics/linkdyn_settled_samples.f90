@@ -43,42 +43,73 @@ contains
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         type(sample_assembly), intent(out) :: assembly
         class(group_closer), pointer, intent(in), optional :: closer    !! makes the groups' steps; null or absent: nobody else
-        integer, parameter :: worth = 4              !! samples a node, on average: leading to it takes some samples' time
+        real(wp), parameter :: part(2) = [0.5_wp, 0.1_wp]    !! of a stride: how far nodes are apart
         class(group_closer), pointer :: steps
-        type(node_list) :: node
         real(wp), allocatable :: least(:, :)
         logical :: is_settled(size(q, 2))
-        integer :: n, i, at_once
+        integer :: i
 
         nullify (steps)
         if (present(closer)) steps => closer
-        n = size(q, 2)
-        call make_room(model, n, assembly)
+        call make_room(model, size(q, 2), assembly)
         is_settled = .false.
-        if (associated(steps)) call find_nodes(model, q, n/worth, node)
-        if (node%n > 0) then
-            call reach_nodes(model, threads, steps, node)
-            at_once = steps%samples_at_once
-            !$omp parallel do num_threads(team_size(threads, n/at_once)) schedule(dynamic)
-            do i = 1, n, at_once
-                associate (last => min(n, i + at_once - 1))
-                    if (.not. is_interrupted()) call settle_from_nodes(model, q, i, last, steps, node, assembly, is_settled(i:last))
-                end associate
+        if (associated(steps)) then
+            do i = 1, size(part)
+                if (.not. all(is_settled)) call settle_about_nodes(model, threads, q, part(i), steps, assembly, is_settled)
             end do
-            !$omp end parallel do
         end if
-        call lead_to(model, threads, q, pack([(i, i=1, n)], .not. is_settled), steps, assembly, least)
+        call lead_to(model, threads, q, numbers_of(.not. is_settled), steps, assembly, least)
     end subroutine settle_samples
+
+    pure function numbers_of(is_one) result(which)
+        logical, intent(in) :: is_one(:)
+        integer, allocatable :: which(:)
+        integer :: i
+
+        which = pack([(i, i=1, size(is_one))], is_one)
+    end function numbers_of
+
+    !> Settle those of the samples for which a node is near enough.
+    subroutine settle_about_nodes(model, threads, q, part, closer, assembly, is_settled)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: threads
+        real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        real(wp), intent(in) :: part                 !! of a stride: how far nodes are apart
+        class(group_closer), pointer, intent(in) :: closer
+        type(sample_assembly), intent(inout) :: assembly
+        logical, intent(inout) :: is_settled(:)      !! (n)
+        integer, parameter :: worth = 8              !! samples a node, on average: leading to it takes some samples' time
+        type(node_list) :: node
+        integer, allocatable :: which(:)
+        logical, allocatable :: is_now(:)
+        integer :: i, at_once
+
+        which = numbers_of(.not. is_settled)
+        call find_nodes(model, q, which, part, size(which)/worth, node)
+        if (node%n == 0) return
+        call reach_nodes(model, threads, closer, node)
+        allocate (is_now(size(which)), source=.false.)
+        at_once = closer%samples_at_once
+        !$omp parallel do num_threads(team_size(threads, size(which)/at_once)) schedule(dynamic)
+        do i = 1, size(which), at_once
+            associate (last => min(size(which), i + at_once - 1))
+                if (.not. is_interrupted()) call settle_block(model, q, which(i:last), closer, node, assembly, is_now(i:last))
+            end associate
+        end do
+        !$omp end parallel do
+        is_settled(which) = is_now
+    end subroutine settle_about_nodes
 
     ! ---------------------------------------------------------------- nodes
 
     !> The nodes nearest to samples; none, if there are too many.
-    subroutine find_nodes(model, q, most, node)
+    subroutine find_nodes(model, q, which, part, most, node)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
+        integer, intent(in) :: which(:)              !! the samples' numbers
+        real(wp), intent(in) :: part                 !! of a stride: how far nodes are apart
         integer, intent(in) :: most
         type(node_list), intent(inout) :: node
-        real(wp), parameter :: part = 0.5_wp         !! of a stride: what a step from a node is at most
         real(wp) :: from_start(size(q, 1))
         integer(int64) :: cell(size(q, 1))
         integer(int64), allocatable :: known(:, :)   ! cells of the nodes
@@ -90,8 +121,8 @@ contains
         allocate (node%q(size(q, 1), most), known(size(q, 1), most), node%of(size(q, 2)), table(0:4*most))
         table = 0
         node%of = 0
-        do i = 1, size(q, 2)
-            from_start = way_from_start(model, q(:, i))
+        do i = 1, size(which)
+            from_start = way_from_start(model, q(:, which(i)))
             if (.not. all(abs(from_start)/model%stride <= huge(1))) cycle
             cell = nint(from_start/(part*model%stride), int64)
             ! To a node beyond half a turn the shortest way leads round the other side.
@@ -111,7 +142,7 @@ contains
                 known(:, node%n) = cell
                 node%q(:, node%n) = model%start_q + part*model%stride*cell
             end if
-            node%of(i) = table(place)
+            node%of(which(i)) = table(place)
         end do
     end subroutine find_nodes
 
@@ -156,49 +187,49 @@ contains
     end subroutine reach_nodes
 
     !> Close some samples from their nodes, and settle those for which that may be believed.
-    subroutine settle_from_nodes(model, q, first, last, closer, node, assembly, is_settled)
+    subroutine settle_block(model, q, which, closer, node, assembly, is_settled)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
-        integer, intent(in) :: first, last
+        integer, intent(in) :: which(:)              !! the samples' numbers
         class(group_closer), intent(in) :: closer
         type(node_list), intent(in) :: node
         type(sample_assembly), intent(inout) :: assembly
-        logical, intent(inout) :: is_settled(first:)
-        real(wp), dimension(size(q, 1), last - first + 1) :: at, way
-        real(wp) :: place(size(assembly%place, 1), size(assembly%place, 2), last - first + 1)
+        logical, intent(inout) :: is_settled(:)      !! (size(which))
+        real(wp), dimension(size(q, 1), size(which)) :: at, way
+        real(wp) :: place(size(assembly%place, 1), size(assembly%place, 2), size(which))
         type(group_stride) :: found
-        integer :: i, n, sample(last - first + 1)
+        integer :: i, n, of(size(which))
 
         n = 0
-        do i = first, last
-            associate (k => node%of(i))
+        do i = 1, size(which)
+            associate (k => node%of(which(i)))
                 if (k == 0) cycle
                 if (node%found%status(k) /= sample_ok) cycle
                 if (.not. all(node%tangents(k)%is_closed)) cycle
                 n = n + 1
-                sample(n) = i
-                at(:, n) = q(:, i)
-                way(:, n) = way_from_start(model, q(:, i)) - (node%q(:, k) - model%start_q)
+                of(n) = i
+                at(:, n) = q(:, which(i))
+                way(:, n) = way_from_start(model, at(:, n)) - (node%q(:, k) - model%start_q)
                 place(:, :, n) = predicted(model, node%found%place(:, :, k), node%tangents(k)%rate, way(:, n))
             end associate
         end do
         if (n == 0) return
         call close_from(model, closer, at(:, :n), way(:, :n), model%branch, place(:, :, :n), found)
         do i = 1, n
-            associate (s => sample(i), k => node%of(sample(i)))
+            associate (s => which(of(i)), k => node%of(which(of(i))))
                 if (.not. is_like_led(model, node, k, way(:, i), found, i)) cycle
-                assembly%q(:, s) = q(:, s)
+                assembly%q(:, s) = at(:, i)
                 assembly%place(:, :, s) = found%place(:, :, i)
                 assembly%margin(:, s) = found%margin(:, i)
-                is_settled(s) = .true.
+                is_settled(of(i)) = .true.
             end associate
         end do
-    end subroutine settle_from_nodes
+    end subroutine settle_block
 
     !> Is what was found from a node where a straight way from the start leads?
     !>
-    !> The step from the node must be believed. The straight way to the sample lies beside that to the node, as near as the
-    !> sample is, at most. There a margin differs by about what it changes by in the step.
+    !> The step from the node must be believed. The straight way to the sample lies beside that to the node, as far as the step
+    !> leads across it, at most. There a margin differs by about what it changes by across.
     pure logical function is_like_led(model, node, k, way, found, i) result(is_like)
         type(model_type), intent(in) :: model
         type(node_list), intent(in) :: node
@@ -207,26 +238,42 @@ contains
         type(group_stride), intent(in) :: found
         integer, intent(in) :: i                     !! the sample in it
         real(wp), parameter :: many = 4              !! times that change, and nothing is left to vanish
-        real(wp) :: rate(size(found%rate, 1), size(found%rate, 2)), drift(size(found%margin, 1))
+        real(wp) :: rate(size(found%rate, 1), size(found%rate, 2)), across(size(way))
+        real(wp), dimension(size(found%margin, 1)) :: drift, change
         integer :: j
 
         is_like = found%is_closed(i)
         if (.not. is_like) return
+        across = part_across(node%q(:, k) - model%start_q, way, model%stride)
         associate (tangents => node%tangents(k), margin => node%tangents(k)%margin(:, 1))
             rate = 0
             drift = 0
+            change = 0
             do j = 1, size(way)
-                drift = drift + way(j)*tangents%drift(:, j)
                 rate = rate + way(j)*tangents%rate(:, :, j)
+                drift = drift + way(j)*tangents%drift(:, j)
+                change = change + abs(across(j)*tangents%drift(:, j))
             end do
             is_like = is_step_believed(model%least_margin(model%n_branch + 1:), margin, drift, found%margin(:, i), &
                                        found%drift(:, i)) &
-                      .and. all(many*abs(found%margin(:, i) - margin) <= node%least(:, k))
+                      .and. all(many*change <= node%least(:, k))
             if (.not. is_like) return
             is_like = is_close(model, scene_size(model), node%found%place(:, :, k), found%place(:, :, i), &
                                (rate + found%rate(:, :, i))/2, min(abs(margin), abs(found%margin(:, i))))
         end associate
     end function is_like_led
+
+    !> The part of a way that is square to another one, in units of the coordinates. Rounding is no part of it.
+    pure function part_across(along, way, unit) result(across)
+        real(wp), intent(in) :: along(:), way(:), unit(:)    !! (n_q)
+        real(wp) :: across(size(way))
+        real(wp) :: square
+
+        across = way
+        square = sum((along/unit)**2)
+        if (square > 0) across = way - along*(sum((along/unit)*(way/unit))/square)
+        where (abs(across) <= 16*epsilon(1.0_wp)*(abs(along) + abs(way))) across = 0
+    end function part_across
 
     ! ---------------------------------------------------------------- by lanes
 
