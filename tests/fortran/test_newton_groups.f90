@@ -12,11 +12,12 @@ module test_newton_groups
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_link_place, only: motion_between
+    use linkdyn_link_place, only: moved_place, motion_between
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, step_group
     use linkdyn_planar_motion, only: planar_motion
     use linkdyn_planar_scenes, only: dyad_scene
+    use linkdyn_quaternion, only: turned_by
     use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_scene, only: scene_type
@@ -44,6 +45,7 @@ contains
             new_test("CSP group", test_csp), &
             new_test("dyads", test_dyads), &
             new_test("slides parallel to a moving link", test_parallel_slides), &
+            new_test("places of links", test_places), &
             new_test("recorded steps", test_recorded_steps), &
             new_test("strides by recorded steps", test_strides)]
     end subroutine collect_newton_groups
@@ -187,6 +189,28 @@ contains
             call check_close(error, got/scale, expected/scale, 1.0e4_wp*eps, what)
         end subroutine same
     end subroutine compare
+
+    !> A place moved, and what has moved it, against rotations in lanes.
+    subroutine test_places(error)
+        type(test_error), intent(inout) :: error
+        type(random_stream) :: stream
+        real(wp) :: place(7), by(6), moved(7), turned(lanes, 4), angle
+        integer :: k
+
+        do k = 1, 8
+            place = stream%vector(7)
+            place(4:) = place(4:)/norm2(place(4:))
+            by = stream%vector(6)
+            by(4:) = by(4:)*10.0_wp**(-k)
+            angle = norm2(by(4:))
+            moved = moved_place(place, by)
+            turned = turned_by(spread(place(4:), 1, lanes), spread(by(4:), 1, lanes))
+            call check_close(error, moved(:3), place(:3) + by(:3), 4*eps, "shifted")
+            call check_close(error, moved(4:), turned(1, :), angle**3/12 + 8*eps, "turned, but for its third power")
+            call check_close(error, motion_between(place, [moved(:3), turned(1, :)]), by, 8*eps, "and back")
+            call check_close(error, motion_between(place, [moved(:3), -turned(1, :)]), by, 8*eps, "with the opposite quaternion")
+        end do
+    end subroutine test_places
 
     !> Newton's step by a record: velocities are differences of places that the lanes have found, and links that were shifted a
     !> little are brought back.
