@@ -46,18 +46,17 @@ contains
         real(wp), parameter :: part(2) = [0.5_wp, 0.1_wp]    !! of a stride: how far nodes are apart
         class(group_closer), pointer :: steps
         real(wp), allocatable :: least(:, :)
-        logical :: is_settled(size(q, 2))
+        logical, dimension(size(q, 2)) :: is_settled, is_promising
         integer :: i
 
         nullify (steps)
         if (present(closer)) steps => closer
         call make_room(model, size(q, 2), assembly)
         is_settled = .false.
-        if (associated(steps)) then
-            do i = 1, size(part)
-                if (.not. all(is_settled)) call settle_about_nodes(model, threads, q, part(i), steps, assembly, is_settled)
-            end do
-        end if
+        is_promising = associated(steps)
+        do i = 1, size(part)
+            if (any(is_promising)) call settle_about_nodes(model, threads, q, part(i), steps, assembly, is_promising, is_settled)
+        end do
         call lead_to(model, threads, q, numbers_of(.not. is_settled), steps, assembly, least)
     end subroutine settle_samples
 
@@ -69,22 +68,23 @@ contains
         which = pack([(i, i=1, size(is_one))], is_one)
     end function numbers_of
 
-    !> Settle those of the samples for which a node is near enough.
-    subroutine settle_about_nodes(model, threads, q, part, closer, assembly, is_settled)
+    !> Settle those of the promising samples for which a node is near enough. The others of those whose node could be reached
+    !> are promising still.
+    subroutine settle_about_nodes(model, threads, q, part, closer, assembly, is_promising, is_settled)
         type(model_type), intent(in) :: model
         integer, intent(in) :: threads
         real(wp), intent(in) :: q(:, :)              !! (n_q, n)
         real(wp), intent(in) :: part                 !! of a stride: how far nodes are apart
         class(group_closer), pointer, intent(in) :: closer
         type(sample_assembly), intent(inout) :: assembly
-        logical, intent(inout) :: is_settled(:)      !! (n)
+        logical, intent(inout) :: is_promising(:), is_settled(:)    !! (n)
         integer, parameter :: worth = 8              !! samples a node, on average: leading to it takes some samples' time
         type(node_list) :: node
         integer, allocatable :: which(:)
         logical, allocatable :: is_now(:)
         integer :: i, at_once
 
-        which = numbers_of(.not. is_settled)
+        which = numbers_of(is_promising)
         call find_nodes(model, q, which, part, size(which)/worth, node)
         if (node%n == 0) return
         call reach_nodes(model, threads, closer, node)
@@ -98,6 +98,12 @@ contains
         end do
         !$omp end parallel do
         is_settled(which) = is_now
+        do i = 1, size(which)
+            associate (k => node%of(which(i)))
+                is_promising(which(i)) = .false.
+                if (k > 0) is_promising(which(i)) = .not. is_now(i) .and. node%found%status(k) == sample_ok
+            end associate
+        end do
     end subroutine settle_about_nodes
 
     ! ---------------------------------------------------------------- nodes
