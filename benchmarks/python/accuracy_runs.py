@@ -17,8 +17,8 @@ from bench_forward import COLOURS
 from cases import motion_cases
 from estimates import SAFETY
 from linkdyn.cli import executable
-from long_runs import spin, whirl
-from report import ROOT, clear_axis, legend_beside
+from long_runs import moved_start, spin, whirl
+from report import ROOT, clear_axis, legend_beside, processor_line
 from twin import quadruple_run, ratio_to_estimate, run_ratios, run_states, true_errors
 
 EXAMPLES = ROOT / "examples"
@@ -165,11 +165,11 @@ def long_table() -> str:
         run = spin(n)
         lines.append(f"| rotor, 70 rad | rk4 | {8.0 / n:.0e} s | {run.steps} | {time.perf_counter() - start:.2g} "
                      f"| {run.state:.0e} | {run.energy:.0e} |")
-    return "\n".join(lines)
+    return "\n".join([*lines, "", f"Seconds: {processor_line()}."])
 
 
 def draw_long() -> plt.Figure:
-    """How errors grow with the turns."""
+    """How errors grow with the turns, beside what the last place of the start makes of the motion."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained")
     turns = (10, 30, 100, 300, 1000)
     for method, setting, chosen in LONG:
@@ -177,8 +177,13 @@ def draw_long() -> plt.Figure:
         style = "-" if setting == next(s for m, s, _ in LONG if m == method) else "--"
         for axis, values in zip(axes, ([run.state for run in runs], [run.energy for run in runs])):
             axis.plot(turns, values, f"o{style}", color=COLOURS[method], markersize=3, linewidth=1.1, label=f"{method}, {setting}")
+    moved = [moved_start(n) for n in turns]
+    for axis, values in zip(axes, ([run.state for run in moved], [run.energy for run in moved])):
+        axis.plot(turns, values, ":", color="0.4", linewidth=1.1, label="start moved by its last place")
     for axis, title in zip(axes, ("error of the angle [rad]", "change of the energy, relative")):
-        axis.set(xscale="log", yscale="log", xlabel="turns of a pendulum", ylabel=title)
+        axis.set(xscale="log", yscale="log", xlabel="turns of a pendulum", title=title)
+        axis.set_xticks(turns, [f"{n}" for n in turns])
+        axis.minorticks_off()
         clear_axis(axis)
     legend_beside(axes[1])
     return figure

@@ -6,7 +6,8 @@
 !> lead keeps the status that says so.
 !>
 !> After such a stretch the motion goes on from the last sample before it, if a straight way leads on from there. Else
-!> it begins anew at the first sample that is reached from the scene's start, as a sample on its own is.
+!> it begins anew at the first sample that is reached from the scene's start, as a sample on its own is. A way that leads
+!> through where another one ended is not gone (`linkdyn_dead_end`): samples far beyond the end of an assembly cost little.
 !>
 !> A sample on its own, outside a motion, has the branches of the start, and its groups are led from the start. Where the
 !> groups have come to is known of the samples of a motion, and of others after `settle_samples` (`linkdyn_settled_samples`).
@@ -14,6 +15,7 @@
 !> Where somebody has margins for many places at a time, steps are judged by them as far as they are believed.
 module linkdyn_assembly_trail
     use linkdyn_constants, only: golden, least_accuracy
+    use linkdyn_dead_end, only: dead_end, is_end
     use linkdyn_following, only: way_report, is_step_sound, way_arrived
     use linkdyn_group_motion, only: group_closer
     use linkdyn_interrupt, only: is_interrupted
@@ -22,7 +24,7 @@ module linkdyn_assembly_trail
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, velocities_only
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, &
-        follows_assembly
+        follows_assembly, is_way_short, nearest_start
     use linkdyn_margin_source, only: margin_source
     use linkdyn_model, only: model_type, place_size, link_freedom, scene_size
     use linkdyn_newton_group, only: place_rates
@@ -75,6 +77,10 @@ module linkdyn_assembly_trail
         real(wp), allocatable :: branch(:)          !! (n_branch)
         real(wp), allocatable :: place(:, :)        !! (place_size, n_link)
         type(kinematic_state) :: state
+        ! ---- ends of the assembly, while it is lost
+        type(dead_end) :: beyond_last               !! on ways from the last sample that could be reached
+        type(dead_end) :: beyond_start              !! on ways from the scene's start, for groups
+        integer :: n_way = 0                        !! ways gone in search of samples, so far
     end type assembly_trail
 
 contains
@@ -200,6 +206,7 @@ contains
         type(assembly_trail), intent(inout) :: trail
 
         trail%is_lost = .false.
+        trail%beyond_last = dead_end()
         trail%q = q
         if (model%n_branch > 0) trail%branch = trail%state%branch(lane, :)
         if (size(model%group) > 0) trail%place = trail%state%group%place(lane, :, :)
@@ -475,6 +482,7 @@ contains
         call lead_mechanism(model, goes, spread(trail%q, 1, lanes), .true., trail%state, report)
         call take_outcome(model, 1, report, sample, q, trail, assembly)
         trail%is_lost = any(assembly%status(sample) == [sample_unreachable, sample_not_converged, sample_branch_lost])
+        if (trail%is_lost) call note_end(model, 1, report, q - trail%q, trail%state, trail%beyond_last)
         if (assembly%status(sample) == sample_ok .or. assembly%lost%sample > 0) return
         assembly%lost = lost_way(sample, assembly%status(sample), report%map(1), report%reached(1), trail%q, q, trail%branch, &
                                  trail%place)
@@ -517,8 +525,8 @@ contains
         call prepare_kinematics(model, 0, on_its_own)
         on_its_own%group%closer => trail%state%group%closer
         on_its_own%q = trail%state%q
-        call lead_mechanism(model, spread(.true., 1, lanes), spread(trail%q, 1, lanes), .true., trail%state, report)
-        call evaluate_kinematics(model, on_its_own)
+        call search_from_last(model, trail, report)
+        call search_from_start(model, trail, on_its_own)
         do lane = 1, n
             n_done = n_done + 1
             call take_outcome(model, lane, report, n_done, q(:, n_done), trail, assembly)
@@ -533,4 +541,87 @@ contains
             return
         end do
     end subroutine search_on
+
+    !> Ways from the last sample that could be reached to those of the trail's state.
+    subroutine search_from_last(model, trail, report)
+        type(model_type), intent(in) :: model
+        type(assembly_trail), intent(inout) :: trail
+        type(way_report), intent(out) :: report
+        real(wp) :: way(lanes, model%n_q)
+        logical :: goes(lanes)
+        integer :: lane
+
+        way = trail%state%q - spread(trail%q, 1, lanes)
+        do lane = 1, lanes
+            goes(lane) = .not. is_beyond(model, trail%beyond_last, way(lane, :), trail%state%q(lane, :))
+        end do
+        trail%n_way = trail%n_way + count(goes)
+        if (any(goes)) call lead_mechanism(model, goes, spread(trail%q, 1, lanes), .true., trail%state, report)
+        do lane = 1, lanes
+            if (goes(lane)) cycle
+            associate (known => trail%beyond_last)
+                report%outcome(lane) = known%outcome
+                report%n_crossed(lane) = known%n_crossed
+                if (model%n_branch > 0) trail%state%branch(lane, :) = known%branch
+                if (size(model%group) == 0) cycle
+                trail%state%group%place(lane, :, :) = known%place
+                trail%state%group%margin(lane, :) = known%margin
+            end associate
+        end do
+        do lane = 1, lanes
+            if (goes(lane)) call note_end(model, lane, report, way(lane, :), trail%state, trail%beyond_last)
+        end do
+    end subroutine search_from_last
+
+    !> Samples as on their own, groups led from the scene's start.
+    subroutine search_from_start(model, trail, state)
+        type(model_type), intent(in) :: model
+        type(assembly_trail), intent(inout) :: trail
+        type(kinematic_state), intent(inout) :: state
+        type(way_report) :: report
+        real(wp) :: way(lanes, model%n_q)
+        integer :: lane
+
+        if (size(model%group) == 0) then
+            call evaluate_kinematics(model, state)
+            return
+        end if
+        way = state%q - nearest_start(model, state)
+        do lane = 1, lanes
+            if (is_beyond(model, trail%beyond_start, way(lane, :), state%q(lane, :))) &
+                state%way_status(lane) = status_of_way(trail%beyond_start%outcome)
+        end do
+        trail%n_way = trail%n_way + count(state%way_status == sample_ok)
+        call evaluate_kinematics(model, state, report)
+        do lane = 1, lanes
+            call note_end(model, lane, report, way(lane, :), state, trail%beyond_start)
+        end do
+    end subroutine search_from_start
+
+    !> Does a way lead through the end of another one from the same place? It has to be one that would be gone.
+    pure logical function is_beyond(model, known, way, q)
+        type(model_type), intent(in) :: model
+        type(dead_end), intent(in) :: known
+        real(wp), intent(in) :: way(:), q(:)         !! q: to which it leads (n_q)
+
+        is_beyond = known%lies_before(way, abs(q) + abs(q - way), model%stride)
+        if (is_beyond) is_beyond = is_way_short(model, way)
+    end function is_beyond
+
+    !> Remember the end of a way, if it has come to one.
+    pure subroutine note_end(model, lane, report, way, state, known)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: lane
+        type(way_report), intent(in) :: report
+        real(wp), intent(in) :: way(:)               !! (n_q)
+        type(kinematic_state), intent(in) :: state   !! where it ended
+        type(dead_end), intent(inout) :: known
+
+        if (.not. is_end(report%outcome(lane))) return
+        call known%note(way, report%outcome(lane), report%reached(lane), report%n_crossed(lane))
+        if (model%n_branch > 0) known%branch = state%branch(lane, :)
+        if (size(model%group) == 0) return
+        known%place = state%group%place(lane, :, :)
+        known%margin = state%group%margin(lane, :)
+    end subroutine note_end
 end module linkdyn_assembly_trail

@@ -23,7 +23,7 @@ module linkdyn_led_mechanism
     implicit none (type, external)
     private
     public :: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, n_map, span_of
-    public :: follows_assembly
+    public :: follows_assembly, is_way_short, nearest_start
 
     real(wp), parameter :: most_strides = 1000       !! of a way
     integer, parameter :: patience = 300, haste = 4  !! tries of a way beside those for its strides
@@ -50,9 +50,11 @@ contains
     !> Positions and all rates of the block whose coordinates are in the state. Groups closed by iteration are led there
     !> from the assembly that the state sets out from, by the shortest of the straight ways that differ by full turns of
     !> angles.
-    subroutine evaluate_kinematics(model, state)
+    subroutine evaluate_kinematics(model, state, report)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
+        type(way_report), intent(out), optional :: report    !! of the groups' ways
+        type(way_report) :: ways
         integer :: told(lanes)
 
         if (size(model%group) == 0) then
@@ -60,9 +62,10 @@ contains
             return
         end if
         told = state%way_status
-        call lead_groups(model, state)
+        call lead_groups(model, state, ways)
         call run_program(model, state)
         state%way_status = told
+        if (present(report)) report = ways
     end subroutine evaluate_kinematics
 
     !> The same, but of motion only where the groups' links are, their margins there, and how leading them came out.
@@ -71,10 +74,13 @@ contains
         type(kinematic_state), intent(inout) :: state
         integer, intent(out) :: status(lanes)        !! one of `sample_*`
         real(wp), intent(out) :: least(:, :)         !! the smallest size of a margin on the way (lane, n_group)
+        type(way_report) :: ways
         integer :: n_column
 
         n_column = state%n_column
-        call lead_groups(model, state, least)
+        call lead_groups(model, state, ways)
+        least = huge(1.0_wp)
+        if (allocated(ways%least)) least = ways%least(:, model%n_branch + 1:)
         status = state%way_status
         state%way_status = sample_ok
         state%n_column = velocities_only
@@ -85,34 +91,49 @@ contains
     end subroutine lead_from_start
 
     !> Groups to the coordinates of the state; where that fails the state's `way_status` says so, and they stay.
-    subroutine lead_groups(model, state, least)
+    subroutine lead_groups(model, state, report)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
-        real(wp), intent(out), optional :: least(:, :)    !! the smallest size of a margin on the way (lane, n_group)
-        type(way_report) :: report
+        type(way_report), intent(out) :: report
         real(wp) :: from(lanes, model%n_q)
         logical :: goes(lanes)
         integer :: k
 
         state%group%place = state%group%start_place
-        from = state%group%start_q
+        from = nearest_start(model, state)
         do k = 1, model%n_q
-            if (is_length(model, k)) cycle
-            from(:, k) = from(:, k) + two_pi*anint((state%q(:, k) - from(:, k))/two_pi)
             ! To an angle of so many turns rounding leaves no way.
-            where (spacing(state%q(:, k)) > sqrt(epsilon(1.0_wp))) state%way_status = sample_not_converged
+            if (.not. is_length(model, k)) where (spacing(state%q(:, k)) > sqrt(epsilon(1.0_wp))) &
+                state%way_status = sample_not_converged
         end do
         goes = any(from /= state%q, dim=2) .and. state%way_status == sample_ok
         if (any(goes)) then
             call lead_mechanism(model, goes, from, .false., state, report)
             where (goes) state%way_status = status_of_way(report%outcome)
         end if
-        if (present(least)) then
-            least = huge(1.0_wp)
-            if (any(goes)) least = report%least(:, model%n_branch + 1:)
-        end if
         state%group%moves = state%way_status == sample_ok
     end subroutine lead_groups
+
+    !> Where the groups' ways begin: at the start, by as many full turns of angles on as is nearest.
+    pure function nearest_start(model, state) result(from)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: from(lanes, model%n_q)
+        integer :: k
+
+        from = state%group%start_q
+        do k = 1, model%n_q
+            if (.not. is_length(model, k)) from(:, k) = from(:, k) + two_pi*anint((state%q(:, k) - from(:, k))/two_pi)
+        end do
+    end function nearest_start
+
+    !> Is a way one of no more strides than are gone?
+    pure logical function is_way_short(model, way)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: way(:)               !! (n_q)
+
+        is_way_short = all(abs(way) <= most_strides*model%stride)
+    end function is_way_short
 
     !> The outcome of a way as the status of the sample at its end.
     elemental integer function status_of_way(outcome) result(status)

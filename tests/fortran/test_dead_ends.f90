@@ -1,0 +1,65 @@
+!> Motions that go on beyond where a mechanism can be closed, and come back: what a sample there costs, counted in ways gone.
+module test_dead_ends
+    use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly
+    use linkdyn_builder, only: build_model
+    use linkdyn_constants, only: pi
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: scene_type
+    use linkdyn_scene_reader, only: read_scene
+    use linkdyn_status, only: status_type, sample_ok
+    use linkdyn_testing, only: test_error, unit_test, new_test, check
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: collect_dead_ends
+
+contains
+
+    subroutine collect_dead_ends(tests)
+        type(unit_test), allocatable, intent(out) :: tests(:)
+
+        tests = [new_test("groups driven beyond their reach and back", test_groups)]
+    end subroutine collect_dead_ends
+
+    !> A coordinate goes out of reach on either side and comes back, the others rest. Every sample comes out as it does to one
+    !> who goes to it straight from the last good one, and few of the ways are gone: those that no other one has shown to be in
+    !> vain are the first of each stretch, and those that end next to where the assembly does.
+    subroutine test_groups(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(*) = [character(len=17) :: "boom_by_stroke", "scissor_by_stroke", "excavator", "rsur"]
+        real(wp), parameter :: reach(size(name)) = [3.0_wp, 1.5_wp, 2.0_wp, 2.5_wp]    ! [m, rad] of the coordinate
+        integer, parameter :: n = 2000
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(assembly_trail) :: trail, last, straight
+        type(sample_assembly) :: assembly, alone
+        real(wp), allocatable :: q(:, :)
+        integer :: i, sample, n_lost, n_stretch
+
+        do i = 1, size(name)
+            call read_scene("tests/scenes/"//trim(name(i))//".toml", scene, status)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(name(i))//": "//trim(status%message))
+            if (allocated(error%message)) return
+            q = spread(model%start_q, 2, n)
+            q(1, :) = q(1, :) + reach(i)*sin([(3*pi*sample/n, sample=1, n)])
+            trail = assembly_trail()
+            call follow_assembly(model, q, trail, assembly)
+            n_lost = count(assembly%status /= sample_ok)
+            n_stretch = count(assembly%status(2:) /= sample_ok .and. assembly%status(:n - 1) == sample_ok)
+            call check(error, n_lost > n/4, trim(name(i))//": is driven out of reach")
+            call check(error, trail%n_way <= 3*lanes*(n_stretch + 1), trim(name(i))//": "//to_text(trail%n_way) &
+                       //" ways for "//to_text(n_lost)//" samples out of reach")
+            last = assembly_trail()
+            do sample = 1, n
+                straight = last
+                call follow_assembly(model, q(:, sample:sample), straight, alone)
+                call check(error, alone%status(1) == assembly%status(sample), trim(name(i))//": status of sample "//to_text(sample))
+                if (alone%status(1) == sample_ok) last = straight
+            end do
+        end do
+    end subroutine test_groups
+end module test_dead_ends
