@@ -255,13 +255,12 @@ contains
         arrays%of(in_branch)%x => space%branch
         arrays%of(in_place)%x => space%place
         associate (program => self%of(g)%program)
+            to = [goes_to(out_correction, space%correction), goes_to(out_rate, space%rate), goes_to(out_response, space%response), &
+                  goes_to(out_determinant, space%determinant), goes_to(out_alarm, space%alarm)]
             do first = 1, n_lane, block_lanes()
                 count = min(block_lanes(), n_lane - first + 1)
                 call load_samples(program, arrays, first, count, space%slots(g))
-                to = [goes_to(out_correction, space%correction, first), goes_to(out_rate, space%rate, first), &
-                      goes_to(out_response, space%response, first), goes_to(out_determinant, space%determinant, first), &
-                      goes_to(out_alarm, space%alarm, first)]
-                call run_samples(program, space%slots(g), count, to)
+                call run_samples(program, space%slots(g), first, count, to)
             end do
         end associate
         do i = 1, self%of(g)%n

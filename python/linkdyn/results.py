@@ -120,8 +120,8 @@ class RunTemplate:
             labels["component"] = ("component", list(components))
             labels["component_unit"] = ("component", list(components.values()))
         self._coordinates: xr.Coordinates = xr.Dataset(coords=labels).coords
-        for name in labels:
-            self._coordinates[name].variable.values.flags.writeable = False  # all runs share them
+        for name in set(labels) - set(self._coordinates.xindexes):
+            self._coordinates[name].values.flags.writeable = False  # all runs share them; indexes cannot be written to
         self._variables: list[tuple[str, list[str], dict[str, Any]]] = []
         for variable in schema["variables"]:
             attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
@@ -167,8 +167,10 @@ class RunTemplate:
 
 def flag_attributes(flags: list[str]) -> dict[str, Any]:
     """Attributes of a variable whose values 0, 1, ... have the names given."""
+    values = np.arange(len(flags), dtype=np.intc)
+    values.flags.writeable = False  # all runs of one kind share them
     return {
-        "flag_values": np.arange(len(flags), dtype=np.intc),
+        "flag_values": values,
         "flag_meanings": " ".join(flag.replace(" ", "_") for flag in flags),
     }
 
