@@ -42,6 +42,8 @@ _OUTPUTS = tuple(name for group in _GROUPS for name in group)
 _NOTHING = np.zeros(1)
 _NO_FLAGS = np.zeros(1, dtype=np.intc)
 _TEXT_ROOM = 65536
+MOST_KEPT = 32 << 20
+"""Bytes of the largest block that glibc keeps (DEFAULT_MMAP_THRESHOLD_MAX)."""
 LOAD_WIDTH = 6
 """Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
 
@@ -194,6 +196,17 @@ def loads(handle: int, t: Floats, n_load: int) -> Floats:
     load = np.empty((len(t), n_load, LOAD_WIDTH))
     check(*_api.api_loads(handle, t, _flat(load)))
     return load
+
+
+def keep_memory(n_bytes: int) -> None:
+    """Have the C library keep so much memory for the next call, once this one's results are forgotten.
+
+    glibc gives free memory back to the system when it is more than twice the largest block that was freed before, and getting it
+    again page by page takes longer than the forces of a closed form. A block as large as all results together, freed untouched,
+    tells it how much is used at a time. What is above its limit is given back in any case.
+    """
+    if n_bytes <= MOST_KEPT:
+        np.empty(n_bytes, dtype=np.uint8)
 
 
 class Inverse:

@@ -52,6 +52,8 @@ class _Job:
     engine: _bind.Inverse
     shapes: dict[str, tuple[tuple[int, ...], type]]
     """Shape of one sample and dtype of every result."""
+    sample_bytes: int
+    """Memory of all results of a sample."""
     load: NDArray[np.float64]
     """(1, n_load, 6) loads of the scene at the instant 0."""
     template: Callable[[], RunTemplate]
@@ -661,9 +663,10 @@ class Scene:
             handle, n_load = self._with_loads(markers)
             schema = _bind.describe_results(handle, solver, wanted, along_motion, error=has_errors)
             shapes = result_shapes(schema)
+            n_bytes = sum(math.prod(shape) * np.dtype(dtype).itemsize for shape, dtype in shapes.values())
             load = _bind.loads(handle, np.zeros(1), n_load)
             template = cache(lambda: RunTemplate(schema, self.description, self.text, solver, markers))
-            job = _Job(handle, n_load, _bind.Inverse(handle, solver, shapes), shapes, load, template)
+            job = _Job(handle, n_load, _bind.Inverse(handle, solver, shapes), shapes, n_bytes, load, template)
             self._jobs[key] = job
         return job
 
@@ -698,6 +701,7 @@ class Scene:
         Results by name, the roads that samples took, and why the assembly was lost along a motion, if it was.
         """
         n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
+        _bind.keep_memory(n * job.sample_bytes)
         outputs: dict[str, NDArray[Any]] = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         in_order = "time" in given
         # A motion that may change its assembly on the way is one piece.
