@@ -177,7 +177,7 @@ contains
         integer, intent(out) :: n_left
         integer, allocatable, intent(out) :: left(:)           !! absent if there are none
         type(idle_space), pointer :: own
-        integer :: lanes, n_block, n_thread, share, i
+        integer :: lanes, n_block, n_thread, share, n_taken, i
 
         lanes = block_lanes()
         n_block = (n + lanes - 1)/lanes
@@ -188,6 +188,7 @@ contains
             deallocate (own%is_left)
             allocate (own%is_left(n))
         end if
+        n_taken = 0
         if (n_thread > 1) then
             !$omp parallel num_threads(n_thread)
             call run_blocks()
@@ -201,11 +202,11 @@ contains
 
     contains
 
-        !> One thread's share of the blocks.
+        !> One thread's share of the blocks: it takes some, and comes again.
         subroutine run_blocks()
             type(idle_space), pointer :: space
             type(output_target) :: to(size(results%of) + 2)
-            integer :: block, first, last, k
+            integer :: done, block, first, last, k
 
             call take_space(recorded%pool, lanes, space)
             to(1) = goes_to(out_alarm, space%alarm, is_of_block=.true.)
@@ -213,16 +214,21 @@ contains
             do k = 1, results%n
                 to(k + 2) = goes_to(results%id(k), results%of(k)%x)
             end do
-            !$omp do schedule(dynamic, share)
-            do block = 1, n_block
-                first = lanes*(block - 1) + 1
-                last = min(n, first + lanes - 1)
-                own%is_left(first:last) = .true.
-                if (is_interrupted()) cycle
-                call run_one_block(recorded, first, last - first + 1, arrays, way_status, to(:results%n + 2), results%status, &
-                                   space, own%is_left(first:last))
+            do
+                !$omp atomic capture
+                done = n_taken
+                n_taken = n_taken + share
+                !$omp end atomic
+                if (done >= n_block) exit
+                do block = done + 1, min(n_block, done + share)
+                    first = lanes*(block - 1) + 1
+                    last = min(n, first + lanes - 1)
+                    own%is_left(first:last) = .true.
+                    if (is_interrupted()) cycle
+                    call run_one_block(recorded, first, last - first + 1, arrays, way_status, to(:results%n + 2), results%status, &
+                                       space, own%is_left(first:last))
+                end do
             end do
-            !$omp end do
             call return_space(recorded%pool, space)
         end subroutine run_blocks
     end subroutine run_recorded
