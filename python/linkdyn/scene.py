@@ -10,7 +10,7 @@ import weakref
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -665,7 +665,7 @@ class Scene:
             shapes = result_shapes(schema)
             n_bytes = sum(math.prod(shape) * np.dtype(dtype).itemsize for shape, dtype in shapes.values())
             load = _bind.loads(handle, np.zeros(1), n_load)
-            template = cache(lambda: RunTemplate(schema, self.description, self.text, solver, markers))
+            template = cache(partial(RunTemplate, schema, self.description, self.text, solver, markers))
             job = _Job(handle, n_load, _bind.Inverse(handle, solver, shapes), shapes, n_bytes, load, template)
             self._jobs[key] = job
         return job
