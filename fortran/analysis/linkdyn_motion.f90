@@ -68,22 +68,21 @@ contains
         real(wp), intent(in) :: t(:)             !! [s] (n)
         real(wp), intent(out) :: load(:, :, :)   !! (6, n_load, n)
         type(law_instants) :: instants
-        real(wp) :: at_rest(6, size(load, 2))    ! what does not change; zero in place of what does
         integer :: first, last, i, j, k
 
-        do j = 1, model%n_load
-            associate (spec => model%scene%load(j))
-                do k = 1, 3
-                    at_rest(k, j) = constant_value(spec%force(k))
-                    at_rest(3 + k, j) = constant_value(spec%moment(k))
-                end do
-            end associate
-        end do
         do first = 1, size(t), most_instants
             last = min(size(t), first + most_instants - 1)
             call set_instants(instants, t(first:last))
-            do i = first, last
-                load(:, :, i) = at_rest
+            do j = 1, model%n_load
+                associate (spec => model%scene%load(j))
+                    do k = 1, 3
+                        load(k, j, first) = constant_value(spec%force(k))
+                        load(3 + k, j, first) = constant_value(spec%moment(k))
+                    end do
+                end associate
+            end do
+            do i = first + 1, last
+                load(:, :, i) = load(:, :, first)
             end do
             do j = 1, model%n_load
                 associate (spec => model%scene%load(j))

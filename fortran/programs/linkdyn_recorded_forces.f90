@@ -13,7 +13,7 @@ module linkdyn_recorded_forces
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_planner, only: plan_steps
-    use linkdyn_samples, only: sample_arrays, result_list
+    use linkdyn_samples, only: sample_arrays, result_list, most_results
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, output_target, goes_to, &
         free_scene_program, free_program_space
     use linkdyn_status, only: status_type, sample_ok
@@ -205,7 +205,7 @@ contains
         !> One thread's share of the blocks: it takes some, and comes again.
         subroutine run_blocks()
             type(idle_space), pointer :: space
-            type(output_target) :: to(size(results%of) + 2)
+            type(output_target) :: to(most_results + 2)
             integer :: done, block, first, last, k
 
             call take_space(recorded%pool, lanes, space)
