@@ -154,6 +154,10 @@ static inline void turn_tile(__m512d r[8])
 
 static void gather(const double *source, long ld, int count, int n, double *slot)
 {
+    if (n == 1 && ld == 1 && count == LANES) {     /* one number a sample: nothing to turn */
+        memcpy(slot, source, LANES*sizeof(double));
+        return;
+    }
     for (int k = 0; k < n; k += TILE) {
         const int m = n - k < TILE ? n - k : TILE;
         const __mmask8 mask = (__mmask8)((1u << m) - 1);
@@ -169,8 +173,24 @@ static void gather(const double *source, long ld, int count, int n, double *slot
     }
 }
 
+/* one number a sample: nothing to turn */
+static uint64_t scatter_column(const double *slot, int32_t sign, double *target, int count)
+{
+    const __m512d flip = _mm512_set1_pd(sign < 0 ? -0.0 : 0.0);
+    uint64_t bad = 0;
+    for (int lane = 0; lane < count; lane += TILE) {
+        const int last = count - lane < TILE ? count - lane : TILE;
+        const __mmask8 mask = (__mmask8)((1u << last) - 1);
+        const __m512d r = _mm512_xor_pd(_mm512_load_pd(slot + lane), flip), zero = _mm512_sub_pd(r, r);
+        _mm512_mask_storeu_pd(target + lane, mask, r);
+        bad |= (uint64_t)_mm512_mask_cmp_pd_mask(mask, zero, zero, _CMP_UNORD_Q) << lane;
+    }
+    return bad;
+}
+
 static uint64_t scatter(const double *slot, const int32_t *which, const int32_t *sign, int n, double *target, long ld, int count)
 {
+    if (n == 1 && ld == 1) return scatter_column(slot + (long)which[0]*LANES, sign[0], target, count);
     const __m512d zero = _mm512_setzero_pd();
     uint64_t bad = 0;
     for (int lane = 0; lane < count; lane += TILE) {

@@ -29,14 +29,14 @@ static void watch_forks(void)
 
 int linkdyn_team_size(int wanted, int n_task)
 {
-    long most = each_processor * sysconf(_SC_NPROCESSORS_ONLN);
     int size = wanted < n_task ? wanted : n_task;
 
-    if (most < always_granted) {
-        most = always_granted;
-    }
-    if (size > most) {
-        size = (int)most;
+    /* only for many: to count processors, the system opens a file, which takes as long as a sample's forces */
+    if (size > always_granted) {
+        const long most = each_processor * sysconf(_SC_NPROCESSORS_ONLN);
+        if (size > most) {
+            size = most < always_granted ? always_granted : (int)most;
+        }
     }
     if (size <= 1 || is_orphan) {
         return 1;

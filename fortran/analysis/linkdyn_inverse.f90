@@ -197,14 +197,13 @@ contains
         type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
         real(wp), intent(in), optional :: quaternion(:, :, :)   !! (4, n_attitude, n), 0 where an attitude is given by its angles;
                                                                 !! the others' rates are angular velocities
-        type(thread_space), pointer :: space
         type(sample_assembly) :: assembly
         type(recorded_forces), pointer :: recorded
         type(recorded_margins), target :: by_record
         class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
-        integer :: n, n_left, n_block, n_thread, share, block, n_dense
+        integer :: n, n_left, n_dense
         logical :: wants_rates, wants_world, has_stand_ins, is_on_way
 
         n = size(q, 2)
@@ -244,25 +243,7 @@ contains
                 call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left)
             end if
         end if
-        n_block = (n_left + lanes - 1)/lanes
-        n_thread = team_size(threads, n_block)
-        share = max(1, min(largest_share, n_block/(2*n_thread)))
-
-        call hold_blas_threads()
-        !$omp parallel num_threads(n_thread) default(shared) private(space)
-        call take_space(model, solver, space)
-        space%workspace%state%world_rates = wants_world
-        !$omp do schedule(dynamic, share) reduction(+:n_dense)
-        do block = 1, n_block
-            if (is_interrupted()) cycle
-            call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition, &
-                           space%singularity)
-            n_dense = n_dense + count(space%workspace%fell_back(:min(lanes, n_left - (block - 1)*lanes)))
-        end do
-        !$omp end do
-        call return_space(solver, space)
-        !$omp end parallel
-        call release_blas_threads()
+        if (n_left > 0) call run_on_lanes()
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
         if (associated(results%assembly)) then
             results%assembly = reached_straight
@@ -283,6 +264,31 @@ contains
         end if
 
     contains
+
+        !> Those that are left, in blocks shared out to threads.
+        subroutine run_on_lanes()
+            type(thread_space), pointer :: space
+            integer :: n_block, n_thread, share, block
+
+            n_block = (n_left + lanes - 1)/lanes
+            n_thread = team_size(threads, n_block)
+            share = max(1, min(largest_share, n_block/(2*n_thread)))
+            call hold_blas_threads()
+            !$omp parallel num_threads(n_thread) default(shared) private(space)
+            call take_space(model, solver, space)
+            space%workspace%state%world_rates = wants_world
+            !$omp do schedule(dynamic, share) reduction(+:n_dense)
+            do block = 1, n_block
+                if (is_interrupted()) cycle
+                call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition, &
+                               space%singularity)
+                n_dense = n_dense + count(space%workspace%fell_back(:min(lanes, n_left - (block - 1)*lanes)))
+            end do
+            !$omp end do
+            call return_space(solver, space)
+            !$omp end parallel
+            call release_blas_threads()
+        end subroutine run_on_lanes
 
         !> Do links of groups have to be placed before the record runs?
         logical function needs_places(recorded)

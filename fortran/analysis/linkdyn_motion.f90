@@ -1,9 +1,9 @@
 !> The scene's own motion: coordinates and loads at given times.
 module linkdyn_motion
     use linkdyn_kinds, only: wp
-    use linkdyn_laws, only: evaluate_law
+    use linkdyn_laws, only: law_instants, most_instants, set_instants, evaluate_at_instants
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: law_none
+    use linkdyn_scene, only: law_spec, law_none, law_constant
     implicit none (type, external)
     private
     public :: evaluate_motion, evaluate_loads, sample_count, sample_times
@@ -40,17 +40,21 @@ contains
         real(wp), intent(out) :: q(:, :)         !! (n_q, n)
         real(wp), intent(out) :: qd(:, :), qdd(:, :)
         real(wp), intent(out) :: load(:, :, :)   !! (6, n_load, n)
-        integer :: i, k
+        type(law_instants) :: instants
+        integer :: first, last, k
 
-        do i = 1, size(t)
+        do first = 1, size(t), most_instants
+            last = min(size(t), first + most_instants - 1)
+            call set_instants(instants, t(first:last))
             do k = 1, model%n_q
                 associate (coordinate => model%scene%coordinate(k))
                     if (coordinate%motion%kind == law_none) then
-                        q(k, i) = coordinate%start_position
-                        qd(k, i) = 0
-                        qdd(k, i) = 0
+                        q(k, first:last) = coordinate%start_position
+                        qd(k, first:last) = 0
+                        qdd(k, first:last) = 0
                     else
-                        call evaluate_law(coordinate%motion, t(i), q(k, i), qd(k, i), qdd(k, i))
+                        call evaluate_at_instants(coordinate%motion, instants, q(k, first:last), qd(k, first:last), &
+                                                  qdd(k, first:last))
                     end if
                 end associate
             end do
@@ -63,20 +67,47 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(:)             !! [s] (n)
         real(wp), intent(out) :: load(:, :, :)   !! (6, n_load, n)
-        real(wp) :: rate, rate2
-        integer :: i, j, k
+        type(law_instants) :: instants
+        integer :: first, last, i, j, k
 
-        load = 0
-        do i = 1, size(t)
+        do first = 1, size(t), most_instants
+            last = min(size(t), first + most_instants - 1)
+            call set_instants(instants, t(first:last))
             do j = 1, model%n_load
-                do k = 1, 3
-                    associate (spec => model%scene%load(j))
-                        if (spec%force(k)%kind /= law_none) call evaluate_law(spec%force(k), t(i), load(k, j, i), rate, rate2)
-                        if (spec%moment(k)%kind /= law_none) &
-                            call evaluate_law(spec%moment(k), t(i), load(3 + k, j, i), rate, rate2)
-                    end associate
-                end do
+                associate (spec => model%scene%load(j))
+                    do k = 1, 3
+                        load(k, j, first) = constant_value(spec%force(k))
+                        load(3 + k, j, first) = constant_value(spec%moment(k))
+                    end do
+                end associate
+            end do
+            do i = first + 1, last
+                load(:, :, i) = load(:, :, first)
+            end do
+            do j = 1, model%n_load
+                associate (spec => model%scene%load(j))
+                    do k = 1, 3
+                        if (.not. is_constant(spec%force(k))) &
+                            call evaluate_at_instants(spec%force(k), instants, load(k, j, first:last))
+                        if (.not. is_constant(spec%moment(k))) &
+                            call evaluate_at_instants(spec%moment(k), instants, load(3 + k, j, first:last))
+                    end do
+                end associate
             end do
         end do
     end subroutine evaluate_loads
+
+    pure logical function is_constant(law)
+        type(law_spec), intent(in) :: law
+
+        is_constant = law%kind == law_none .or. law%kind == law_constant
+    end function is_constant
+
+    !> Zero for a law that is not constant.
+    pure real(wp) function constant_value(law)
+        type(law_spec), intent(in) :: law
+
+        constant_value = 0
+        if (law%kind == law_constant) constant_value = law%value(1)
+    end function constant_value
 end module linkdyn_motion

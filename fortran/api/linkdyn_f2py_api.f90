@@ -20,7 +20,7 @@ module linkdyn_f2py_api
     use linkdyn_inverse, only: inverse_options, choose_solver
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, &
         check_finite
-    use linkdyn_motion, only: evaluate_motion
+    use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
     use linkdyn_open_scene, only: open_scene, open_scene_text, open_with_loads, take_scene, leave_scene, layout_of
     use linkdyn_open_sweep, only: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, kept_width, copy_numbers
@@ -37,7 +37,7 @@ module linkdyn_f2py_api
     implicit none
     private
     public :: api_version, api_default_method, api_open, api_add_loads, api_close, api_sizes, api_describe_scene
-    public :: api_describe_results, api_explain, api_motion, api_inverse, api_forward, api_advance, api_finish, api_poses
+    public :: api_describe_results, api_explain, api_motion, api_loads, api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_ensemble
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
 
@@ -243,6 +243,30 @@ contains
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_motion
+
+    !> The loads of the scene alone.
+    subroutine api_loads(handle, n, t, n_load_values, load, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: handle
+        integer(c_int), intent(in) :: n, n_load_values
+        real(c_double), intent(in) :: t(n)                                 ! [s]
+        real(c_double), intent(inout), target :: load(n_load_values)       ! (6, n_load, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        real(c_double), pointer :: load3(:, :, :)
+
+        call take_scene(handle, scene, status)
+        if (status%code == 0) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
+                                               6*scene%model%n_load, n, status)
+        if (status%code == 0) then
+            load3(1:6, 1:scene%model%n_load, 1:n) => load
+            call evaluate_loads(scene%model, t, load3)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_loads
 
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &

@@ -4,6 +4,7 @@ module linkdyn_inverse_call
     use, intrinsic :: iso_fortran_env, only: int64
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_assembly_trail, only: assembly_trail
+    use linkdyn_finite, only: all_are_finite
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, run_prepared
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
@@ -146,6 +147,7 @@ contains
             call view(result_driving_speed, n_actuator, unwanted, speed2)
             call view(result_driving_power, n_actuator, unwanted, power2)
             call find_driving_power(scene%layout, results%driving_force, results%joint_rate, speed2, power2)
+            if (all_are_finite(size(power2, kind=int64), power2)) return
             where (sample_status == sample_ok .and. .not. all(abs(power2) <= huge(1.0_c_double), dim=1)) &
                 sample_status = sample_undefined
         end subroutine give_power
@@ -153,7 +155,7 @@ contains
         subroutine view(id, n_actuator, unwanted, values)
             integer, intent(in) :: id, n_actuator
             real(c_double), allocatable, intent(in), target :: unwanted(:)
-            real(c_double), pointer, intent(out) :: values(:, :)
+            real(c_double), pointer, contiguous, intent(out) :: values(:, :)
 
             if (is_wanted(id)) then
                 values(1:n_actuator, 1:n) => room(findloc(room_id, id, dim=1))%real
@@ -277,6 +279,7 @@ contains
         type(status_type), intent(inout) :: status
         integer :: i, k
 
+        if (all_are_finite(size(values, kind=int64), values)) return
         do i = 1, n
             if (all(ieee_is_finite(values(:, i)))) cycle
             do k = 1, model%n_q
@@ -295,6 +298,7 @@ contains
         type(status_type), intent(inout) :: status
         integer :: i, k
 
+        if (all_are_finite(size(values, kind=int64), values)) return
         do i = 1, n
             if (all(ieee_is_finite(values(:, :, i)))) cycle
             do k = 1, model%n_load

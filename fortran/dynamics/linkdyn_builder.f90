@@ -7,7 +7,8 @@ module linkdyn_builder
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
-    use linkdyn_scene, only: scene_type, link_spec, marker_spec, joint_n_variable, joint_prismatic, frame_link
+    use linkdyn_scene, only: scene_type, link_spec, marker_spec, law_spec, law_table, joint_n_variable, joint_prismatic, &
+        frame_link
     use linkdyn_spatial_start, only: assemble_in_space
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
@@ -51,6 +52,7 @@ contains
             model%joint(i)%first_variable = model%n_variable
             model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
+        call number_tables(model%scene)
         call list_joints_of_links(model)
         call share_orientations(model)
         call plan_steps(model, status, closed_forms)
@@ -61,6 +63,44 @@ contains
         call assemble_start(model, status)
         call assemble_in_space(model, status)
     end subroutine build_model
+
+    !> Motions and loads from tables with the same knots get the same number: one search serves them all.
+    subroutine number_tables(scene)
+        type(scene_type), intent(inout), target :: scene
+        type :: law_pointer
+            type(law_spec), pointer :: law
+        end type law_pointer
+        type(law_pointer) :: found(size(scene%coordinate) + 6*size(scene%load))    ! the first law of each number
+        integer :: n_found, i, k
+
+        n_found = 0
+        do i = 1, size(scene%coordinate)
+            call number_table(scene%coordinate(i)%motion)
+        end do
+        do i = 1, size(scene%load)
+            do k = 1, 3
+                call number_table(scene%load(i)%force(k))
+                call number_table(scene%load(i)%moment(k))
+            end do
+        end do
+
+    contains
+
+        subroutine number_table(law)
+            type(law_spec), intent(inout), target :: law
+            integer :: j
+
+            if (law%kind /= law_table) return
+            do j = 1, n_found
+                if (size(found(j)%law%time) /= size(law%time)) cycle
+                if (all(found(j)%law%time == law%time)) exit
+            end do
+            law%table = j
+            if (j <= n_found) return
+            n_found = j
+            found(n_found)%law => law
+        end subroutine number_table
+    end subroutine number_tables
 
     !> A `branch` where there is none to be chosen.
     subroutine refuse_idle_branches(model, status)

@@ -5,7 +5,7 @@ module linkdyn_scene_laws
     use linkdyn_text, only: to_text, quoted
     use linkdyn_scene, only: law_spec, table_spec, path_len, law_constant, law_constant_rate, &
         law_cycloidal_start, law_cycloidal, law_polynomial_345, law_harmonic, law_table
-    use linkdyn_laws, only: fit_spline
+    use linkdyn_table, only: fit_spline
     use linkdyn_toml, only: toml_node, toml_table
     use linkdyn_units, only: quantity_type, per_second, unit_factor, time_span, angle, angular_rate
     use linkdyn_input, only: path_in_folder

@@ -8,9 +8,22 @@ module linkdyn_laws
     use linkdyn_constants, only: pi, two_pi
     use linkdyn_scene, only: law_spec, law_none, law_constant, law_constant_rate, law_cycloidal_start, &
         law_cycloidal, law_polynomial_345, law_harmonic, law_table
+    use linkdyn_table, only: table_place, find_places, evaluate_table, interval_of
     implicit none (type, external)
     private
-    public :: evaluate_law, fit_spline, law_end, law_kinks
+    public :: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, law_end, law_kinks
+
+    integer, parameter :: most_instants = 64   !! some kilobytes of places: they stay in the first cache
+
+    !> Instants for one law after the other: tables with the same knots share the search among these.
+    type :: law_instants
+        private
+        integer :: n = 0
+        real(wp) :: t(most_instants)           !! [s]
+        integer :: table = 0                   !! of the laws among whose knots `place` is; 0: of none
+        integer :: near = 1                    !! the interval found last
+        type(table_place) :: place(most_instants)
+    end type law_instants
 
 contains
 
@@ -21,7 +34,9 @@ contains
         real(wp), intent(out) :: value         !! in the unit of the quantity (m, rad, N, N m)
         real(wp), intent(out) :: rate          !! unit/s
         real(wp), intent(out) :: acceleration  !! unit/s2
-        real(wp) :: phase
+        real(wp) :: phase, at_place(3, 1)
+        type(table_place) :: place(1)
+        integer :: near
 
         value = law%value(1)
         rate = 0
@@ -43,9 +58,51 @@ contains
             rate = law%value(2)*law%value(3)*cos(phase)
             acceleration = -law%value(2)*law%value(3)**2*sin(phase)
         case (law_table)
-            call evaluate_table(law, t, value, rate, acceleration)
+            near = 1
+            call find_places(law%time, [t], near, place)
+            call evaluate_table(law, place, at_place(1, :), at_place(2, :), at_place(3, :))
+            value = at_place(1, 1)
+            rate = at_place(2, 1)
+            acceleration = at_place(3, 1)
         end select
     end subroutine evaluate_law
+
+    !> Have laws evaluated at these instants.
+    pure subroutine set_instants(instants, t)
+        type(law_instants), intent(inout) :: instants
+        real(wp), intent(in) :: t(:)           !! [s] (n), n <= most_instants
+
+        instants%n = size(t)
+        instants%t(:instants%n) = t
+        instants%table = 0
+    end subroutine set_instants
+
+    !> As `evaluate_law`, at all these instants.
+    pure subroutine evaluate_at_instants(law, instants, value, rate, acceleration)
+        type(law_spec), intent(in) :: law
+        type(law_instants), intent(inout) :: instants
+        real(wp), intent(out) :: value(:)      !! (n)
+        real(wp), intent(out), optional :: rate(:), acceleration(:)    !! (n), both or none
+        real(wp) :: other_rate, other_acceleration
+        integer :: i
+
+        associate (n => instants%n)
+            if (law%kind == law_table) then
+                if (law%table == 0 .or. law%table /= instants%table) &
+                    call find_places(law%time, instants%t(:n), instants%near, instants%place(:n))
+                instants%table = law%table
+                call evaluate_table(law, instants%place(:n), value, rate, acceleration)
+            else if (present(rate)) then
+                do i = 1, n
+                    call evaluate_law(law, instants%t(i), value(i), rate(i), acceleration(i))
+                end do
+            else
+                do i = 1, n
+                    call evaluate_law(law, instants%t(i), value(i), other_rate, other_acceleration)
+                end do
+            end if
+        end associate
+    end subroutine evaluate_at_instants
 
     !> Cycloidal start-up: the rate climbs as speed*(u - sin(2 pi u)/(2 pi)), u = t/duration, then stays.
     pure subroutine evaluate_start(speed, duration, t, value, rate, acceleration)
@@ -90,7 +147,7 @@ contains
             value = law%knot(n)
             return
         end if
-        i = interval_of(law%time, t)
+        i = interval_of(law%time, t, 1)
         duration = law%time(i + 1) - law%time(i)
         stroke = law%knot(i + 1) - law%knot(i)
         ! Both shapes are point-symmetric: the second half is the first one seen from the end, so that
@@ -115,91 +172,6 @@ contains
             acceleration = stroke*shape(2)/duration**2
         end if
     end subroutine evaluate_rest_to_rest
-
-    !> Cubic spline or straight lines through the knots.
-    pure subroutine evaluate_table(law, t, value, rate, acceleration)
-        type(law_spec), intent(in) :: law
-        real(wp), intent(in) :: t              !! [s]
-        real(wp), intent(out) :: value, rate, acceleration
-        real(wp) :: h, a, b, instant
-        integer :: i, n
-
-        n = size(law%time)
-        rate = 0
-        acceleration = 0
-        ! An instant that misses the end by rounding alone (0.1*20 for 2) is the end, in motion.
-        instant = t
-        if (t < law%time(1) .and. t >= law%time(1) - slack(law%time)) instant = law%time(1)
-        if (t > law%time(n) .and. t <= law%time(n) + slack(law%time)) instant = law%time(n)
-        if (n == 1 .or. instant < law%time(1)) then
-            value = law%knot(1)
-            return
-        else if (instant > law%time(n)) then
-            value = law%knot(n)
-            return
-        end if
-        i = interval_of(law%time, instant)
-        h = law%time(i + 1) - law%time(i)
-        a = (law%time(i + 1) - instant)/h
-        b = (instant - law%time(i))/h
-        value = a*law%knot(i) + b*law%knot(i + 1)
-        rate = (law%knot(i + 1) - law%knot(i))/h
-        if (.not. allocated(law%curvature)) return
-        value = value + ((a**3 - a)*law%curvature(i) + (b**3 - b)*law%curvature(i + 1))*h**2/6
-        rate = rate + ((3*b**2 - 1)*law%curvature(i + 1) - (3*a**2 - 1)*law%curvature(i))*h/6
-        acceleration = a*law%curvature(i) + b*law%curvature(i + 1)
-    end subroutine evaluate_table
-
-    !> Second derivatives at the knots of the C2 cubic spline with not-a-knot ends.
-    !>
-    !> Three points give the parabola, two the straight line. The tridiagonal matrix is diagonally
-    !> dominant whatever the spacing, so that it is eliminated without pivoting.
-    !>
-    !> **Source**: C. de Boor, A Practical Guide to Splines, rev. ed., Springer 2001, ch. IV.
-    pure subroutine fit_spline(time, knot, curvature)
-        real(wp), intent(in) :: time(:)        !! knots [s] (n), increasing
-        real(wp), intent(in) :: knot(:)        !! values (n)
-        real(wp), intent(out) :: curvature(:)  !! second derivatives (n)
-        real(wp), allocatable :: h(:), slope(:), diagonal(:), upper(:)
-        real(wp) :: lower
-        integer :: i, n
-
-        n = size(time)
-        curvature = 0
-        if (n < 3) return
-        allocate (h(n - 1), slope(n - 1), diagonal(n), upper(n))
-        h = time(2:) - time(:n - 1)
-        slope = (knot(2:) - knot(:n - 1))/h
-        if (n == 3) then
-            curvature = 2*(slope(2) - slope(1))/(h(1) + h(2))
-            return
-        end if
-        do i = 2, n - 1
-            lower = h(i - 1)
-            diagonal(i) = 2*(h(i - 1) + h(i))
-            upper(i) = h(i)
-            curvature(i) = 6*(slope(i) - slope(i - 1))
-            ! The end curvatures continue the line through their two neighbours: put them in here.
-            if (i == 2) then
-                diagonal(i) = diagonal(i) + h(1)*(h(1) + h(2))/h(2)
-                upper(i) = (h(2) - h(1))*(h(2) + h(1))/h(2)
-            end if
-            if (i == n - 1) then
-                diagonal(i) = diagonal(i) + h(n - 1)*(h(n - 1) + h(n - 2))/h(n - 2)
-                lower = (h(n - 2) - h(n - 1))*(h(n - 2) + h(n - 1))/h(n - 2)
-            end if
-            if (i > 2) then
-                diagonal(i) = diagonal(i) - lower*upper(i - 1)/diagonal(i - 1)
-                curvature(i) = curvature(i) - lower*curvature(i - 1)/diagonal(i - 1)
-            end if
-        end do
-        curvature(n - 1) = curvature(n - 1)/diagonal(n - 1)
-        do i = n - 2, 2, -1
-            curvature(i) = (curvature(i) - upper(i)*curvature(i + 1))/diagonal(i)
-        end do
-        curvature(1) = curvature(2) + (curvature(2) - curvature(3))*h(1)/h(2)
-        curvature(n) = curvature(n - 1) + (curvature(n - 1) - curvature(n - 2))*h(n - 1)/h(n - 2)
-    end subroutine fit_spline
 
     !> The instant after which a law does nothing new: end of its knots or its start-up, one period of
     !> a harmonic; 0 if it is the same for ever.
@@ -239,31 +211,6 @@ contains
             allocate (kinks(0))
         end select
     end subroutine law_kinks
-
-    !> The i with time(i) <= t < time(i + 1), kept within 1 .. n - 1.
-    pure integer function interval_of(time, t) result(low)
-        real(wp), intent(in) :: time(:)        !! increasing (n), n > 1
-        real(wp), intent(in) :: t
-        integer :: high, middle
-
-        low = 1
-        high = size(time)
-        do while (high - low > 1)
-            middle = low + (high - low)/2
-            if (t >= time(middle)) then
-                low = middle
-            else
-                high = middle
-            end if
-        end do
-    end function interval_of
-
-    !> By how much an instant may miss the range of a table and still be its end: some roundings.
-    pure real(wp) function slack(time)
-        real(wp), intent(in) :: time(:)
-
-        slack = 16*epsilon(slack)*max(abs(time(1)), abs(time(size(time))))
-    end function slack
 
     !> sin(pi u), with its zero at u = 1 as sharp as the one at 0.
     pure elemental real(wp) function sin_half_turn(u)

@@ -102,6 +102,7 @@ module linkdyn_scene
     type :: law_spec
         integer :: kind = law_none
         real(wp) :: value(4) = 0                  !! see the `law_*` constants
+        integer :: table = 0                      !! laws of a model with the same number have the same knots; 0: nobody has looked
         real(wp), allocatable :: time(:)          !! knots [s] (n), increasing
         real(wp), allocatable :: knot(:)          !! value at the knots (n)
         real(wp), allocatable :: curvature(:)     !! second derivative at the knots (n); absent: straight lines

@@ -257,13 +257,12 @@ contains
         arrays%of(in_qd)%x => qd
         arrays%of(in_branch)%x => branch
         arrays%of(in_place)%x => place
+        to = [goes_to(out_correction, correction), goes_to(out_rate, rate), goes_to(out_response, response), &
+              goes_to(out_determinant, determinant), goes_to(out_alarm, alarm)]
         do first = 1, n, block_lanes()
             count = min(block_lanes(), n - first + 1)
             call load_samples(closing%program, arrays, first, count, slots)
-            to = [goes_to(out_correction, correction, first), goes_to(out_rate, rate, first), &
-                  goes_to(out_response, response, first), goes_to(out_determinant, determinant, first), &
-                  goes_to(out_alarm, alarm, first)]
-            call run_samples(closing%program, slots, count, to)
+            call run_samples(closing%program, slots, first, count, to)
         end do
         ! A direction of n has the n-th part of a unit vector's square, on average.
         margin = sign(sqrt(n_probe/(closing%n*response(1, :))), closing%sense*determinant(1, :))

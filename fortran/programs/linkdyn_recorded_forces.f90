@@ -4,14 +4,16 @@
 !> for every sample, by whoever has closed it by iteration. A sample at which the record raises its alarm, near a dead point
 !> or where a pivot fails, or that is not finite, is left to whoever solves with pivots of its own.
 module linkdyn_recorded_forces
+    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_block, only: block_lanes
     use linkdyn_force_program, only: make_force_program, out_alarm, out_reach
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_branch, in_place
     use linkdyn_interrupt, only: is_interrupted
+    use linkdyn_finite, only: all_are_finite
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_planner, only: plan_steps
-    use linkdyn_samples, only: sample_arrays, result_list
+    use linkdyn_samples, only: sample_arrays, result_list, most_results
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, output_target, goes_to, &
         free_scene_program, free_program_space
     use linkdyn_status, only: status_type, sample_ok
@@ -174,8 +176,8 @@ contains
         type(result_list), intent(in) :: results
         integer, intent(out) :: n_left
         integer, allocatable, intent(out) :: left(:)           !! absent if there are none
-        type(idle_space), pointer :: own, space
-        integer :: lanes, n_block, n_thread, share, block, first, last, i
+        type(idle_space), pointer :: own
+        integer :: lanes, n_block, n_thread, share, n_taken, i
 
         lanes = block_lanes()
         n_block = (n + lanes - 1)/lanes
@@ -186,34 +188,61 @@ contains
             deallocate (own%is_left)
             allocate (own%is_left(n))
         end if
-        !$omp parallel num_threads(n_thread) default(shared) private(space, first, last)
-        call take_space(recorded%pool, lanes, space)
-        !$omp do schedule(dynamic, share)
-        do block = 1, n_block
-            first = lanes*(block - 1) + 1
-            last = min(n, first + lanes - 1)
-            own%is_left(first:last) = .true.
-            if (is_interrupted()) cycle
-            call run_one_block(recorded, first, last - first + 1, arrays, way_status, results, space, own%is_left(first:last))
-        end do
-        !$omp end do
-        call return_space(recorded%pool, space)
-        !$omp end parallel
+        n_taken = 0
+        if (n_thread > 1) then
+            !$omp parallel num_threads(n_thread)
+            call run_blocks()
+            !$omp end parallel
+        else
+            call run_blocks()                  ! without a team, whose making takes as long as a block
+        end if
         n_left = count(own%is_left(:n))
         if (n_left > 0) left = pack([(i, i=1, n)], own%is_left(:n))
         call return_space(recorded%pool, own)
+
+    contains
+
+        !> One thread's share of the blocks: it takes some, and comes again.
+        subroutine run_blocks()
+            type(idle_space), pointer :: space
+            type(output_target) :: to(most_results + 2)
+            integer :: done, block, first, last, k
+
+            call take_space(recorded%pool, lanes, space)
+            to(1) = goes_to(out_alarm, space%alarm, is_of_block=.true.)
+            to(2) = goes_to(out_reach, space%reach, is_of_block=.true.)
+            do k = 1, results%n
+                to(k + 2) = goes_to(results%id(k), results%of(k)%x)
+            end do
+            do
+                !$omp atomic capture
+                done = n_taken
+                n_taken = n_taken + share
+                !$omp end atomic
+                if (done >= n_block) exit
+                do block = done + 1, min(n_block, done + share)
+                    first = lanes*(block - 1) + 1
+                    last = min(n, first + lanes - 1)
+                    own%is_left(first:last) = .true.
+                    if (is_interrupted()) cycle
+                    call run_one_block(recorded, first, last - first + 1, arrays, way_status, to(:results%n + 2), results%status, &
+                                       space, own%is_left(first:last))
+                end do
+            end do
+            call return_space(recorded%pool, space)
+        end subroutine run_blocks
     end subroutine run_recorded
 
     !> Samples first, ..., first + count - 1.
-    subroutine run_one_block(recorded, first, count, arrays, way_status, results, space, is_left)
+    subroutine run_one_block(recorded, first, count, arrays, way_status, to, status, space, is_left)
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: first, count
         type(sample_arrays), intent(in) :: arrays
         integer, intent(in) :: way_status(:)
-        type(result_list), intent(in) :: results
-        type(idle_space), intent(inout), target :: space
-        logical, intent(out) :: is_left(:)                     !! (count)
-        type(output_target) :: to(size(results%of) + 2)
+        type(output_target), intent(in) :: to(:)
+        integer, pointer, contiguous, intent(in) :: status(:)  !! (sample)
+        type(idle_space), intent(inout) :: space
+        logical, intent(out) :: is_left(count)
         integer :: i
 
         if (size(way_status) == 1) then
@@ -226,15 +255,15 @@ contains
         call leave_what_is_no_number(in_qdd)
         if (all(is_left)) return
         call load_samples(recorded%program, arrays, first, count, space%slots)
-        to(1) = goes_to(out_alarm, space%alarm)
-        to(2) = goes_to(out_reach, space%reach)
-        do i = 1, results%n
-            to(i + 2) = goes_to(results%id(i), results%of(i)%x, first)
+        call run_samples(recorded%program, space%slots, first, count, to, is_left)
+        do i = 1, count
+            ! Written so that what is no number counts as an alarm.
+            if (.not. (space%alarm(1, i) <= 1 .and. space%reach(1, i) > 0)) is_left(i) = .true.
         end do
-        call run_samples(recorded%program, space%slots, count, to(:results%n + 2), is_left)
-        ! Written so that what is no number counts as an alarm.
-        is_left = is_left .or. .not. (space%alarm(1, :count) <= 1 .and. space%reach(1, :count) > 0)
-        if (associated(results%status)) where (.not. is_left) results%status(first:first + count - 1) = sample_ok
+        if (.not. associated(status)) return
+        do i = 1, count
+            if (.not. is_left(i)) status(first + i - 1) = sample_ok
+        end do
 
     contains
 
@@ -243,21 +272,15 @@ contains
             integer, intent(in) :: block                       !! one of `in_*`
 
             if (.not. associated(arrays%of(block)%x)) return
-            associate (x => arrays%of(block)%x(:, first:first + count - 1))
-                if (sum(abs(x)) <= huge(1.0_wp)) return        ! all at once, as nearly always
+            associate (x => arrays%of(block)%x)
+                if (size(x) == 0) return
+                if (all_are_finite(size(x, 1, int64)*count, x(1, first))) return       ! all at once, as nearly always
                 do i = 1, count
-                    is_left(i) = is_left(i) .or. .not. is_finite(x(:, i))
+                    is_left(i) = is_left(i) .or. .not. all_are_finite(size(x, 1, int64), x(1, first + i - 1))
                 end do
             end associate
         end subroutine leave_what_is_no_number
     end subroutine run_one_block
-
-    !> Written so that what is no number is not.
-    pure logical function is_finite(x)
-        real(wp), intent(in) :: x(:)
-
-        is_finite = sum(abs(x)) <= huge(1.0_wp)
-    end function is_finite
 
     !> Idle slots, or new.
     subroutine take_space(pool, lanes, space)

@@ -118,11 +118,11 @@ contains
         if (n == 1) then
             call run_one_sample(recorded%program, samples%arrays, samples%one, samples%found(:, 1))
         else
+            to(1) = goes_to(out_rates, samples%found)
             do first = 1, n, block_lanes()
                 count = min(block_lanes(), n - first + 1)
                 call load_samples(recorded%program, samples%arrays, first, count, samples%block)
-                to(1) = goes_to(out_rates, samples%found, first)
-                call run_samples(recorded%program, samples%block, count, to)
+                call run_samples(recorded%program, samples%block, first, count, to)
             end do
         end if
         ! Written so that what is no number counts as an alarm.

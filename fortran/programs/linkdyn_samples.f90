@@ -4,7 +4,7 @@ module linkdyn_samples
     use linkdyn_scene_program, only: sample_arrays
     implicit none (type, external)
     private
-    public :: sample_arrays, result_target, result_list, add_target, set_block
+    public :: sample_arrays, result_target, result_list, most_results, add_target, set_block
 
     integer, parameter :: most_results = 16
 

@@ -51,7 +51,7 @@ module linkdyn_scene_program
     type :: output_target
         integer :: id = 0
         real(wp), pointer, contiguous :: x(:, :) => null()    !! (value, sample)
-        integer :: first = 1                           !! column of the first sample of the block
+        logical :: is_of_block = .false.               !! a block's samples begin at the first column; false: all samples have one
     end type output_target
 
     !> Slots of one thread for one program.
@@ -174,45 +174,46 @@ contains
     end function has_output
 
     !> Where one output goes, by its id.
-    function goes_to(id, x, first) result(target)
+    function goes_to(id, x, is_of_block) result(target)
         integer, intent(in) :: id
         real(wp), intent(in), target, contiguous :: x(:, :)    !! (value, sample)
-        integer, intent(in), optional :: first                 !! column of the first sample of the block; absent: 1
+        logical, intent(in), optional :: is_of_block           !! scratch of one block; absent: of all samples
         type(output_target) :: target
 
         target%id = id
         target%x => x
-        if (present(first)) target%first = first
+        if (present(is_of_block)) target%is_of_block = is_of_block
     end function goes_to
 
-    !> Run the loaded samples; outputs go where they are wanted as soon as they are there. Says in which samples one of these
-    !> is not finite.
-    subroutine run_samples(program, space, count, target, is_bad)
+    !> Run the loaded samples first, ..., first + count - 1; outputs go where they are wanted as soon as they are there. Says in
+    !> which samples one of these is not finite.
+    subroutine run_samples(program, space, first, count, target, is_bad)
         type(scene_program), intent(in) :: program
         type(program_space), intent(in) :: space
-        integer, intent(in) :: count
+        integer, intent(in) :: first, count
         type(output_target), intent(in) :: target(:)   !! those of other programs do not matter
         logical, intent(inout), optional :: is_bad(:)  !! (count) set where a number is not finite
         logical :: not_finite(most_lanes)
-        integer :: g, k, t, first, n
+        integer :: g, k, t, begin, n
 
-        not_finite = .false.
+        not_finite(:count) = .false.
         k = 1
-        first = 1
+        begin = 1
         do g = 1, size(program%program%group_end)
             call run_block(program%program, g, space%block)
-            do while (program%first(k) + program%n(k) <= first)
+            do while (program%first(k) + program%n(k) <= begin)
                 k = k + 1
             end do
-            n = program%program%group_end(g) - first + 1
-            t = findloc(target%id, program%id(k), dim=1)
-            if (t > 0) then
-                associate (x => target(t)%x, column => target(t)%first)
-                    call scatter(program%program, space%block, first, n, x(first - program%first(k) + 1, column), size(x, 1), &
+            n = program%program%group_end(g) - begin + 1
+            do t = 1, size(target)
+                if (target(t)%id /= program%id(k)) cycle
+                associate (x => target(t)%x, column => merge(1, first, target(t)%is_of_block))
+                    call scatter(program%program, space%block, begin, n, x(begin - program%first(k) + 1, column), size(x, 1), &
                                  count, not_finite)
                 end associate
-            end if
-            first = first + n
+                exit
+            end do
+            begin = begin + n
         end do
         if (present(is_bad)) is_bad(:count) = is_bad(:count) .or. not_finite(:count)
     end subroutine run_samples

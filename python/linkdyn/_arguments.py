@@ -20,6 +20,9 @@ LONGEST = 60
 """Characters of a wrong value that a message quotes."""
 LONGEST_NAME = 200
 """Characters of one of the engine's own names, or of several in one text."""
+FLOATS = np.dtype(np.float64)
+MOST = int(np.iinfo(np.intc).max)
+"""The largest of the engine's integers."""
 
 
 def quoted(value: Any) -> str:
@@ -39,7 +42,7 @@ def dimensions(name: str, values: ArrayLike, says: str) -> int:
         raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from None
 
 
-def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str) -> NDArray[np.float64]:
+def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says: str = "") -> NDArray[np.float64]:
     """Values as a C-ordered float64 array; no copy if they are one already.
 
     Parameters
@@ -51,7 +54,7 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     shape
         Expected shape; None stands for any length.
     says
-        The expected shape in words, e.g. "(N, 6)".
+        What is expected, in words, where it is more than this shape: "(N, 6) or (6,)".
 
     Raises
     ------
@@ -61,16 +64,27 @@ def as_floats(name: str, values: ArrayLike, shape: tuple[int | None, ...], says:
     try:
         array = np.asarray(values)
     except ValueError:
+        says = says or _shape_text(shape)
         raise InputError(f"{name}: expected an array of numbers of shape {says}, got rows of unequal length") from None
-    if array.dtype.kind not in "fiu" or array.dtype.itemsize > np.dtype(np.float64).itemsize:
+    if array.dtype != FLOATS and (array.dtype.kind not in "fiu" or array.dtype.itemsize > FLOATS.itemsize):
         raise InputError(f"{name}: expected real numbers (float64), got dtype {array.dtype}")
-    if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape)):
-        raise InputError(f"{name}: expected shape {says}, got {_shape_text(array.shape)}")
-    return np.ascontiguousarray(array, dtype=np.float64)
+    if array.shape != shape and not _fits(array.shape, shape):
+        raise InputError(f"{name}: expected shape {says or _shape_text(shape)}, got {_shape_text(array.shape)}")
+    return np.ascontiguousarray(array, dtype=FLOATS)
 
 
-def _shape_text(shape: tuple[int, ...]) -> str:
-    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+def _fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    if len(shape) != len(expected):
+        return False
+    for n, wanted in zip(shape, expected):
+        if wanted is not None and n != wanted:
+            return False
+    return True
+
+
+def _shape_text(shape: tuple[int | None, ...]) -> str:
+    lengths = ("N" if n is None else str(n) for n in shape)
+    return f"({', '.join(lengths)}{',' if len(shape) == 1 else ''})"
 
 
 def as_real(name: str, value: Any) -> float:
@@ -93,7 +107,7 @@ def as_count(name: str, value: Any, first: int = 1) -> int:
     """A whole number from the first on; the largest that the engine's integers hold is taken for anything above."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < first:
         raise InputError(f"{name}: expected a whole number from {first} on, got {quoted(value)}")
-    return min(int(value), np.iinfo(np.intc).max)
+    return min(int(value), MOST)
 
 
 def as_flag(name: str, value: Any) -> bool:

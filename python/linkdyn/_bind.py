@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +42,8 @@ _OUTPUTS = tuple(name for group in _GROUPS for name in group)
 _NOTHING = np.zeros(1)
 _NO_FLAGS = np.zeros(1, dtype=np.intc)
 _TEXT_ROOM = 65536
+MOST_KEPT = 32 << 20
+"""Bytes of the largest block that glibc keeps (DEFAULT_MMAP_THRESHOLD_MAX)."""
 LOAD_WIDTH = 6
 """Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
 
@@ -184,45 +186,78 @@ def motion(handle: int, t: Floats, n_q: int, n_load: int) -> tuple[Floats, Float
         (n, n_load, 6) [N, N m].
     """
     q, qd, qdd = (np.empty((len(t), n_q)) for _ in range(3))
-    load = np.zeros((len(t), n_load, LOAD_WIDTH))
+    load = np.empty((len(t), n_load, LOAD_WIDTH))
     check(*_api.api_motion(handle, t, _flat(q), _flat(qd), _flat(qdd), _flat(load)))
     return q, qd, qdd, load
 
 
-def inverse(
-    handle: int,
-    solver: str,
-    threads: int,
-    first: int,
-    in_order: bool,
-    inputs: tuple[Floats, Floats, Floats, Floats],
-    outputs: dict[str, NDArray[Any]],
-) -> tuple[NDArray[np.intc], int, str]:
-    """Inverse dynamics of some samples, into the arrays given.
+def loads(handle: int, t: Floats, n_load: int) -> Floats:
+    """The scene's own loads (n, n_load, 6) [N, N m]."""
+    load = np.empty((len(t), n_load, LOAD_WIDTH))
+    check(*_api.api_loads(handle, t, _flat(load)))
+    return load
+
+
+def keep_memory(n_bytes: int) -> None:
+    """Have the C library keep so much memory for the next call, once this one's results are forgotten.
+
+    glibc gives free memory back to the system when it is more than twice the largest block that was freed before, and getting it
+    again page by page takes longer than the forces of a closed form. A block as large as all results together, freed untouched,
+    tells it how much is used at a time. What is above its limit is given back in any case.
+    """
+    if n_bytes <= MOST_KEPT:
+        np.empty(n_bytes, dtype=np.uint8)
+
+
+class Inverse:
+    """Inverse dynamics of one kind: made ready once, run for many batches.
 
     Parameters
     ----------
-    first
-        Number of the first sample, for messages.
-    in_order
-        The samples follow each other: the assembly is followed by continuity.
-    inputs
-        q, qd, qdd (n, n_q) and load (n, n_load, 6).
-    outputs
-        Result arrays by name, C-ordered, sample first; what is not there is not computed. "status" must be.
-
-    Returns
-    -------
-    roads
-        Samples whose links were placed in closed form, by iteration; that the dense solver took over.
-    lost, why
-        The first sample to which the assembly could not be followed, from 1, and why; 0 and "" if there is none.
+    handle
+        Of the scene.
+    names
+        Results wanted; what is not among them is not computed.
     """
-    wanted = np.array([group[0] in outputs for group in _GROUPS], dtype=np.intc)
-    arrays = [_flat(outputs[name]) if name in outputs else _NO_FLAGS if name == "assembly" else _NOTHING for name in _OUTPUTS]
-    settings = (handle, solver, threads, first, int(in_order), wanted)
-    roads, lost, why = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
-    return roads, int(lost), why.decode("utf-8", errors="replace").strip()
+
+    def __init__(self, handle: int, solver: str, names: Iterable[str]) -> None:
+        names = set(names)
+        self._handle, self._solver = handle, solver
+        self._wanted = np.array([group[0] in names for group in _GROUPS], dtype=np.intc)
+        self._places = tuple((name, _NO_FLAGS if name == "assembly" else _NOTHING) for name in _OUTPUTS)
+
+    def run(
+        self,
+        threads: int,
+        first: int,
+        in_order: bool,
+        inputs: tuple[Floats, Floats, Floats, Floats],
+        outputs: dict[str, NDArray[Any]],
+    ) -> tuple[NDArray[np.intc], int, str]:
+        """Some samples, into the arrays given.
+
+        Parameters
+        ----------
+        first
+            Number of the first sample, for messages.
+        in_order
+            The samples follow each other: the assembly is followed by continuity.
+        inputs
+            q, qd, qdd (n, n_q) and load (n, n_load, 6).
+        outputs
+            Arrays of the results wanted by name, C-ordered, sample first, and "status".
+
+        Returns
+        -------
+        roads
+            Samples whose links were placed in closed form, by iteration; that the dense solver took over.
+        lost, why
+            The first sample to which the assembly could not be followed, from 1, and why; 0 and "" if there is none.
+        """
+        settings = (self._handle, self._solver, threads, first, int(in_order), self._wanted)
+        arrays = [_flat(outputs[name]) if name in outputs else nothing for name, nothing in self._places]
+        roads, lost, why = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
+        return roads, lost, why.decode("utf-8", errors="replace").strip() if lost else ""
 
 
 class _Row:

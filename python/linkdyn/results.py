@@ -20,7 +20,7 @@ from . import _accessor, _bind  # noqa: F401  (run.linkdyn)
 from ._arguments import as_path
 from .errors import FileError
 
-__all__ = ["ensemble_dataset", "read", "result_shapes", "run_attributes", "to_dataset"]
+__all__ = ["RunTemplate", "ensemble_dataset", "read", "result_shapes", "run_attributes"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
@@ -66,6 +66,13 @@ def _by_time(run: xr.Dataset) -> xr.Dataset:
     return run.set_xindex("time") if "time" in run.coords and "time" not in run.indexes else run
 
 
+def _time_axis(dims: list[str], instants: NDArray[np.float64], attributes: dict[str, Any]) -> xr.Coordinates:
+    """The same for a new run."""
+    time = {"time": xr.Variable(dims, instants, attributes)}
+    index = xr.indexes.PandasIndex.from_variables(time, options={})
+    return xr.Coordinates(index.create_variables(time), {"time": index})
+
+
 def result_shapes(schema: dict[str, Any], with_inputs: bool = False) -> dict[str, tuple[tuple[int, ...], type]]:
     """Shape of one sample and dtype of everything that is computed, by name; or of all, what may be given included."""
     sizes = {dimension["name"]: len(dimension.get("labels", ())) for dimension in schema["dimensions"]}
@@ -79,71 +86,91 @@ def result_shapes(schema: dict[str, Any], with_inputs: bool = False) -> dict[str
     }
 
 
-def to_dataset(
-    schema: dict[str, Any],
-    arrays: dict[str, NDArray[Any]],
-    scene: dict[str, Any],
-    scene_text: str,
-    solver: str,
-    roads: NDArray[np.intc],
-    wrench: Mapping[str, NDArray[np.float64]] | None = None,
-) -> xr.Dataset:
-    """The Dataset of a run.
+class RunTemplate:
+    """What the Datasets of all runs of one kind have in common: names, dimensions and units, their indexes made once.
 
     Parameters
     ----------
     schema
         Dimensions and variables, from the engine.
-    arrays
-        Values by name, sample first; not copied.
     scene
         The scene's description, from the engine.
     scene_text
         The scene file, kept as an attribute.
     solver
         Name of the solver used.
-    roads
-        Samples whose links were placed in closed form, by iteration; that the dense solver took over.
-    wrench
-        Marker ("platform.tool") to (N, component) loads that were given beside those of the scene, world axes.
+    markers
+        ("platform.tool", ...) where loads are given beside those of the scene.
     """
-    used = {name for variable in schema["variables"] for name in variable["dims"]}
-    coordinates: dict[str, Any] = {}
-    for dimension in schema["dimensions"]:
-        name = dimension["name"]
-        if name in used and "labels" in dimension:
-            coordinates[name] = (name, dimension["labels"])
-            if "units" in dimension:
-                coordinates[f"{name}_unit"] = (name, dimension["units"])
-    variables: dict[str, Any] = {}
-    for variable in schema["variables"]:
-        attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
-        if "length" in variable:
-            attributes["length"] = variable["length"]
-        if variable["is_integer"]:
-            attributes |= flag_attributes(variable["flags"])
-        target = coordinates if variable["name"] == "time" else variables
-        target[variable["name"]] = (variable["dims"], arrays[variable["name"]], attributes)
-    if wrench:
-        components = COMPONENTS[2 if scene["planar"] else 3]
-        variables["wrench"] = (("sample", "loaded_marker", "component"), np.stack(list(wrench.values()), axis=1), {
-            "long_name": "wrench given in the call, at the marker, world axes", "units": "N, N m"})
-        coordinates["loaded_marker"] = ("loaded_marker", list(wrench))
-        coordinates["component"] = ("component", list(components))
-        coordinates["component_unit"] = ("component", list(components.values()))
-    attributes = run_attributes(scene, scene_text, solver) | dict(zip(ROADS, map(int, roads)))
-    data = _by_time(xr.Dataset(variables, coordinates, attributes))
-    if "assembly" in data:
-        found = data["assembly"].values[data["status"].values == 0]
-        data.attrs["change_points_passed"] = int(np.count_nonzero(found == CHANGE_POINT))
-        data.attrs["assemblies_found_anew"] = int(np.count_nonzero(found == ANEW))
-    return data
+
+    def __init__(
+        self, schema: dict[str, Any], scene: dict[str, Any], scene_text: str, solver: str, markers: tuple[str, ...] = ()
+    ) -> None:
+        used = {name for variable in schema["variables"] for name in variable["dims"]}
+        labels: dict[str, tuple[str, list[str]]] = {}
+        for dimension in schema["dimensions"]:
+            name = dimension["name"]
+            if name in used and "labels" in dimension:
+                labels[name] = (name, dimension["labels"])
+                if "units" in dimension:
+                    labels[f"{name}_unit"] = (name, dimension["units"])
+        if markers:
+            components = COMPONENTS[2 if scene["planar"] else 3]
+            labels["loaded_marker"] = ("loaded_marker", list(markers))
+            labels["component"] = ("component", list(components))
+            labels["component_unit"] = ("component", list(components.values()))
+        self._coordinates: xr.Coordinates = xr.Dataset(coords=labels).coords
+        for name in set(labels) - set(self._coordinates.xindexes):
+            self._coordinates[name].values.flags.writeable = False  # all runs share them; indexes cannot be written to
+        self._variables: list[tuple[str, list[str], dict[str, Any]]] = []
+        for variable in schema["variables"]:
+            attributes: dict[str, Any] = {"long_name": variable["long_name"], "units": variable["units"]}
+            if "length" in variable:
+                attributes["length"] = variable["length"]
+            if variable["is_integer"]:
+                attributes |= flag_attributes(variable["flags"])
+            self._variables.append((variable["name"], variable["dims"], attributes))
+        self._scene, self._scene_text, self._solver = scene, scene_text, solver
+
+    def fill(
+        self,
+        arrays: Mapping[str, NDArray[Any]],
+        roads: NDArray[np.intc],
+        wrench: Mapping[str, NDArray[np.float64]] | None = None,
+    ) -> xr.Dataset:
+        """The Dataset of a run.
+
+        Parameters
+        ----------
+        arrays
+            Values by name, sample first; not copied.
+        roads
+            Samples whose links were placed in closed form, by iteration; that the dense solver took over.
+        wrench
+            (N, component) loads that were given, by their markers, world axes.
+        """
+        variables: dict[str, Any] = {name: (dims, arrays[name], attributes) for name, dims, attributes in self._variables}
+        coordinates: xr.Coordinates = self._coordinates
+        if "time" in variables:
+            coordinates = coordinates | _time_axis(*variables.pop("time"))
+        if wrench:
+            variables["wrench"] = (("sample", "loaded_marker", "component"), np.stack(list(wrench.values()), axis=1), {
+                "long_name": "wrench given in the call, at the marker, world axes", "units": "N, N m"})
+        attributes = run_attributes(self._scene, self._scene_text, self._solver) | dict(zip(ROADS, map(int, roads)))
+        data = xr.Dataset(variables, coordinates, attributes)
+        if "assembly" in data:
+            found = data["assembly"].values[data["status"].values == 0]
+            data.attrs["change_points_passed"] = int(np.count_nonzero(found == CHANGE_POINT))
+            data.attrs["assemblies_found_anew"] = int(np.count_nonzero(found == ANEW))
+        return data
 
 
 def flag_attributes(flags: list[str]) -> dict[str, Any]:
     """Attributes of a variable whose values 0, 1, ... have the names given."""
+    values = np.arange(len(flags), dtype=np.intc)
+    values.flags.writeable = False  # all runs of one kind share them
     return {
-        "flag_values": np.arange(len(flags), dtype=np.intc),
+        "flag_values": values,
         "flag_meanings": " ".join(flag.replace(" ", "_") for flag in flags),
     }
 

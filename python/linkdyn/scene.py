@@ -8,8 +8,9 @@ import os
 import tomllib
 import weakref
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,7 @@ from ._changes import changed
 from ._keys import told_by_keys
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, SceneError
-from .results import ensemble_dataset, result_shapes, to_dataset
+from .results import RunTemplate, ensemble_dataset, result_shapes
 from .study import run_study
 from .sweep import run_sweep
 
@@ -48,12 +49,15 @@ class _Job:
     handle: int
     """Of the scene with the loads of ``wrench``."""
     n_load: int
-    solver: str
-    schema: dict[str, Any]
+    engine: _bind.Inverse
     shapes: dict[str, tuple[tuple[int, ...], type]]
     """Shape of one sample and dtype of every result."""
+    sample_bytes: int
+    """Memory of all results of a sample."""
     load: NDArray[np.float64]
     """(1, n_load, 6) loads of the scene at the instant 0."""
+    template: Callable[[], RunTemplate]
+    """Of the Datasets, made when it is wanted first."""
 
 
 @dataclass(frozen=True)
@@ -228,7 +232,7 @@ class Scene:
             (N,) instants [s]; default: `times`.
         """
         instants = self.times() if t is None else self._instants(t)
-        return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[3]
+        return _bind.loads(self._handle, instants, len(self.loads))
 
     def poses(
         self,
@@ -255,7 +259,7 @@ class Scene:
                 raise InputError("q, joint_variable: give one of them")
             schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False, is_forward=True)
             (width,), _ = result_shapes(schema)["joint_variable"]
-            variables = as_floats("joint_variable", joint_variable, (None, width), f"(N, {width})")
+            variables = as_floats("joint_variable", joint_variable, (None, width))
             return Poses(*_bind.poses(self._handle, variables, len(self.links), False, by_joints=True))
         follows = q is None if in_order is None else as_flag("in_order", in_order)
         if q is None:
@@ -331,7 +335,7 @@ class Scene:
         extra = self._wrenches(wrench, len(given["q"]))
         outputs, roads, failure = self._run(job, threads, given, load, extra)
         told = self._told(extra, len(given["q"]))
-        data = to_dataset(job.schema, given | outputs, self.description, self.text, job.solver, roads, told)
+        data = job.template().fill(given | outputs, roads, told)
         if "assembly" in data:
             data.attrs["failure"] = failure
         return data
@@ -429,7 +433,7 @@ class Scene:
 
         def result() -> xr.Dataset:
             arrays = {name: values[:n_done] for name, values in found.items()}
-            data = to_dataset(schema, arrays, self.description, self.text, solver, run.roads)
+            data = RunTemplate(schema, self.description, self.text, solver).fill(arrays, run.roads)
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
             data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}
@@ -658,8 +662,11 @@ class Scene:
         if job is None:
             handle, n_load = self._with_loads(markers)
             schema = _bind.describe_results(handle, solver, wanted, along_motion, error=has_errors)
-            load = _bind.motion(handle, np.zeros(1), len(self.coordinates), n_load)[3]
-            job = _Job(handle, n_load, solver, schema, result_shapes(schema), load)
+            shapes = result_shapes(schema)
+            n_bytes = sum(math.prod(shape) * np.dtype(dtype).itemsize for shape, dtype in shapes.values())
+            load = _bind.loads(handle, np.zeros(1), n_load)
+            template = cache(partial(RunTemplate, schema, self.description, self.text, solver, markers))
+            job = _Job(handle, n_load, _bind.Inverse(handle, solver, shapes), shapes, n_bytes, load, template)
             self._jobs[key] = job
         return job
 
@@ -677,8 +684,8 @@ class Scene:
         n = len(values)
         return {
             "q": values,
-            "qd": np.zeros_like(values) if qd is None else self._batch("qd", qd, n),
-            "qdd": np.zeros_like(values) if qdd is None else self._batch("qdd", qdd, n),
+            "qd": np.zeros(values.shape) if qd is None else self._batch("qd", qd, n),
+            "qdd": np.zeros(values.shape) if qdd is None else self._batch("qdd", qdd, n),
         }
 
     def _run(
@@ -694,6 +701,7 @@ class Scene:
         Results by name, the roads that samples took, and why the assembly was lost along a motion, if it was.
         """
         n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
+        _bind.keep_memory(n * job.sample_bytes)
         outputs: dict[str, NDArray[Any]] = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         in_order = "time" in given
         # A motion that may change its assembly on the way is one piece.
@@ -701,15 +709,9 @@ class Scene:
         failure = ""
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
-            taken, lost, why = _bind.inverse(
-                job.handle,
-                job.solver,
-                threads,
-                first,
-                in_order,
-                (given["q"][block], given["qd"][block], given["qdd"][block], _spread(load, list(wrench.values()), block, n)),
-                {name: values[block] for name, values in outputs.items()},
-            )
+            inputs = (given["q"][block], given["qd"][block], given["qdd"][block], _spread(load, list(wrench.values()), block, n))
+            places = outputs if n <= length else {name: values[block] for name, values in outputs.items()}
+            taken, lost, why = job.engine.run(threads, first, in_order, inputs, places)
             roads += taken
             if lost:
                 failure = f"t = {given['time'][lost - 1]:.6g} s: {why}"
@@ -722,15 +724,15 @@ class Scene:
         instants = self._instants(t)
         if len(instants) not in (1, n):
             raise InputError(f"t: expected one instant or shape ({n},), got ({len(instants)},)")
-        return _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)[3]
+        return _bind.loads(job.handle, instants, job.n_load)
 
     def _batch(self, name: str, values: ArrayLike, n: int | None, one: bool = False) -> NDArray[np.float64]:
         """Values of the coordinates (N, n), or of one sample (n,) where that will do."""
         columns = len(self.coordinates)
-        says = f"({'N' if n is None else n}, {columns})"
+        says = f"({'N' if n is None else n}, {columns})" if one else ""
         if one and dimensions(name, values, says) == 1:
             return as_floats(name, values, (columns,), f"{says} or ({columns},)")[np.newaxis]
-        return as_floats(name, values, (n, columns), says)
+        return as_floats(name, values, (n, columns))
 
     def _increasing(self, t: ArrayLike) -> NDArray[np.float64]:
         instants = self._instants(t)

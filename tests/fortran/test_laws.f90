@@ -1,11 +1,13 @@
 !> linkdyn_laws: values, exact derivatives, splines.
 module test_laws
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: pi, two_pi
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_scene, only: law_spec, law_none, law_constant, law_constant_rate, law_cycloidal_start, &
         law_cycloidal, law_polynomial_345, law_harmonic, law_table
-    use linkdyn_laws, only: evaluate_law, fit_spline, law_end, law_kinks
+    use linkdyn_laws, only: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, law_end, law_kinks
+    use linkdyn_table, only: fit_spline, interval_of
     implicit none (type, external)
     private
     public :: collect_laws
@@ -26,6 +28,8 @@ contains
             new_test("few points", test_few_points), &
             new_test("outside a table", test_outside), &
             new_test("straight lines", test_lines), &
+            new_test("intervals found from anywhere", test_intervals), &
+            new_test("laws at many instants", test_many_instants), &
             new_test("ends and kinks", test_ends)]
     end subroutine collect_laws
 
@@ -226,6 +230,73 @@ contains
         call evaluate_law(law, 1.25_wp, value, rate, acceleration)
         call check_close(error, [value, rate, acceleration], [3.5_wp, -2.0_wp, 0.0_wp], 8*epsilon(value), "second line")
     end subroutine test_lines
+
+    !> From any guess, also one outside the table, the search ends where plain counting does.
+    subroutine test_intervals(error)
+        type(test_error), intent(inout) :: error
+        real(wp) :: time(40), t
+        integer :: i, near, n
+
+        time = [(real(i, wp)**1.5_wp, i=1, size(time))]
+        do n = 2, size(time)
+            do i = 0, 3*n
+                t = time(1) + (time(n) - time(1))*(real(i, wp)/n - 1)
+                if (modulo(i, 3) == 0) t = time(1 + modulo(7*i, n))
+                do near = -1, n + 1
+                    call check(error, interval_of(time(:n), t, near) == max(1, min(n - 1, count(time(:n) <= t))), "the interval")
+                end do
+            end do
+        end do
+    end subroutine test_intervals
+
+    !> Law after law at the same instants gives what each gives alone, to the last bit: instants in any order, repeated, in
+    !> knots, outside, beside the ends by a rounding, no numbers at all; tables that share their knots and others between them.
+    subroutine test_many_instants(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = most_instants
+        type(law_spec) :: law(7)
+        type(law_instants) :: instants
+        real(wp) :: t(n), value(n), rate(n), acceleration(n), expected(3), nan
+        integer :: i, k, turn
+
+        law = sample_law(law_table)
+        law(1)%table = 1
+        law(2)%table = 1
+        law(2)%knot = 3*law(2)%knot
+        deallocate (law(2)%curvature)                 ! straight lines share with splines
+        law(3) = table_of([-2.0_wp, 0.1_wp, 9.0_wp, 9.5_wp], [1.0_wp, -2.0_wp, 0.5_wp, 0.0_wp])
+        law(3)%table = 2
+        law(4) = table_of([1.0_wp], [4.0_wp])         ! nobody has looked at the knots of two
+        law(5) = table_of([0.0_wp, 3.0_wp], [1.0_wp, 2.0_wp])
+        law(6) = sample_law(law_harmonic)
+        law(7)%table = 1                              ! first and last, at other instants
+        nan = ieee_value(nan, ieee_quiet_nan)
+        do turn = 1, 3
+            do i = 1, n
+                t(i) = 4*modulo(i*0.6180339887_wp, 1.0_wp) - 0.5_wp
+                if (turn == 2) t(i) = -1 + 5*real(i, wp)/n
+            end do
+            if (turn == 3) t(:15) = [law(1)%time, law(1)%time(5:1:-1), law(1)%time(5)*(1 + epsilon(t)), -99.0_wp, nan, &
+                                     0.55_wp, 0.55_wp]
+            call set_instants(instants, t(:n - turn))
+            do k = 1, size(law)
+                call evaluate_at_instants(law(k), instants, value(:n - turn), rate(:n - turn), acceleration(:n - turn))
+                do i = 1, n - turn
+                    call evaluate_law(law(k), t(i), expected(1), expected(2), expected(3))
+                    call check(error, all(are_same([value(i), rate(i), acceleration(i)], expected)), "as alone")
+                end do
+                call evaluate_at_instants(law(k), instants, acceleration(:n - turn))
+                call check(error, all(are_same(acceleration(:n - turn), value(:n - turn))), "values alone")
+            end do
+        end do
+    end subroutine test_many_instants
+
+    !> Equal, or both no numbers.
+    elemental logical function are_same(a, b)
+        real(wp), intent(in) :: a, b
+
+        are_same = a == b .or. (a /= a .and. b /= b)
+    end function are_same
 
     subroutine test_ends(error)
         type(test_error), intent(inout) :: error

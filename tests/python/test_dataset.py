@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -74,3 +75,29 @@ def test_compressed_file_holds_the_same(tsai_file, tmp_path):
     with xr.open_dataset(tmp_path / "plain.nc") as plain, xr.open_dataset(tmp_path / "small.nc") as small:
         xr.testing.assert_equal(plain, small)
         assert small.reaction.encoding["zlib"] and not plain.reaction.encoding["zlib"]
+
+
+def test_runs_share_nothing_that_can_be_changed(tsai_file):
+    scene = linkdyn.load(tsai_file)
+    q, qd, qdd = scene.motion([0.0, 0.5])
+    wrench = {"platform.P1": np.ones(6)}
+    first, untouched = scene.inverse(q, qd, qdd, wrench=wrench), scene.inverse(q, qd, qdd, wrench=wrench)
+    first["joint"].attrs["note"] = first["status"].attrs["note"] = first.attrs["note"] = "mine"
+    with pytest.raises(ValueError):
+        first["status"].attrs["flag_values"][:] = 7
+    first.coords["joint"] = range(first.sizes["joint"])
+    first["driving_force"][:] = 0.0
+    for name in set(untouched.coords) - set(untouched.indexes):
+        with pytest.raises(ValueError):
+            untouched[name].values[:] = "mine"
+    for name in untouched.indexes:
+        with suppress(ValueError):                                 # or it goes to a copy
+            first[name].values[:] = first[name].values[0]
+    again = scene.inverse(q, qd, qdd, wrench=wrench)
+    for run in (untouched, again):
+        run.attrs.pop("history")
+    assert again.identical(untouched)
+    assert again.sel(joint=again["joint"].values[2], component="Fz")["reaction"].shape == (2,)
+    along = scene.inverse()
+    assert along.sel(time=0.5, method="nearest")["driving_force"].shape == (6,)
+    assert along["time"].attrs["units"] == "s"

@@ -1,0 +1,104 @@
+"""Samples give the same bits however they come: cut into batches of any size, strided, in any order; so do loads at instants."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkdyn
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+@pytest.fixture(scope="module", params=["fourbar", "stewart_drilling", "sixbar_slider"])
+def batch(request):
+    """A scene, a motion of more than two blocks of lanes, and its results."""
+    scene = linkdyn.load(EXAMPLES / request.param / "scene.toml")
+    time = scene.description["time"]
+    t = np.linspace(time["first"], time["last"], 75)
+    motion = scene.motion(t)
+    return scene, t, motion, scene.solve(*motion, t=t, want=None)
+
+
+def assert_same(found, whole, rows):
+    assert found.keys() == whole.keys()
+    for name, values in found.items():
+        np.testing.assert_array_equal(values, whole[name][rows], err_msg=name)
+        assert values.tobytes() == whole[name][rows].tobytes(), name
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 8, 9, 15, 16, 17, 31, 32, 33, 63, 64, 65, 74])
+def test_batches_of_any_length(batch, n):
+    scene, t, motion, whole = batch
+    rows = slice(3, 3 + n) if n < 70 else slice(0, n)
+    assert_same(scene.solve(*(x[rows] for x in motion), t=t[rows], want=None), whole, rows)
+
+
+@pytest.mark.parametrize("want", ["driving_force", "reaction", "joint_variable", "power", "checks"])
+def test_some_results_alone(batch, want):
+    scene, t, motion, _ = batch
+    whole = scene.solve(*motion, t=t, want=want)
+    for n in (1, 13, 24):
+        assert_same(scene.solve(*(x[:n] for x in motion), t=t[:n], want=want), whole, slice(0, n))
+
+
+def test_strided_reversed_and_transposed(batch):
+    scene, t, motion, whole = batch
+    for rows in (slice(None, None, 3), slice(None, None, -1), slice(70, 2, -7)):
+        assert_same(scene.solve(*(x[rows] for x in motion), t=t[rows], want=None), whole, rows)
+    columns = [np.asfortranarray(x) for x in motion]
+    assert_same(scene.solve(*columns, t=t, want=None), whole, slice(None))
+
+
+def test_threads(batch):
+    scene, t, motion, whole = batch
+    assert_same(scene.solve(*motion, t=t, want=None, threads=2), whole, slice(None))
+
+
+@pytest.fixture
+def tables(tmp_path, tsai_file):
+    """A scene's text with a load by two tables, a harmonic and a constant, one between the other."""
+    (tmp_path / "a.csv").write_text("t [s],x [N],y [N]\n" + "".join(f"{k**1.5},{k % 7},{k % 3 - 1}\n" for k in range(90)))
+    (tmp_path / "b.csv").write_text("t [s],z [N]\n-1,4\n0.1,5\n0.2,-3\n400,2\n")
+    content = linkdyn.load(tsai_file).text + """
+[[load]]
+on = "platform.center"
+force = [{ law = "table", table = "a.csv", column = "x", interpolation = "linear" }, { law = "table", table = "b.csv", column = "z" },
+         { law = "table", table = "a.csv", column = "y" }]
+moment = [0, { law = "harmonic", amplitude = 2.0, frequency = "1 rad/s" }, 3.0]
+"""
+    return content
+
+
+def test_loads_at_instants_in_any_order(tables, tmp_path):
+    scene = linkdyn.Scene(tables, folder=tmp_path)
+    knots = np.arange(90) ** 1.5
+    t = np.concatenate([np.linspace(-5, 900, 333), knots, knots[::-1], [0.1, 0.1, 1e9, -1e9], np.random.default_rng(4).uniform(-2, 900, 200)])
+    together = scene.load_values(t)
+    alone = np.stack([scene.load_values(instant)[0] for instant in t])
+    np.testing.assert_array_equal(together, alone)
+    order = np.random.default_rng(5).permutation(len(t))
+    np.testing.assert_array_equal(scene.load_values(t[order]), together[order])
+    load = together[:, -1]
+    np.testing.assert_allclose(load[:, 0], np.interp(t, knots, np.arange(90) % 7), rtol=0, atol=1e-12)
+    at_knots = slice(333, 423)
+    np.testing.assert_allclose(load[at_knots, 2], np.arange(90) % 3 - 1, rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(load[:, 5], 3.0)
+    np.testing.assert_allclose(load[t > 400.0, 1], 2.0, rtol=0, atol=0)
+
+
+@pytest.mark.parametrize("place", [0, 1, 7, 8, 15, 16, 40, 74])
+def test_one_result_beyond_all_numbers(batch, place):
+    """It is told of that sample alone, also where a result is one number a sample."""
+    scene, t, motion, _ = batch
+    for want in ("driving_force", "power", None):
+        whole = scene.solve(*motion, t=t, want=want)
+        q, qd, qdd = (x.copy() for x in motion)
+        qdd[place] = 1e308
+        found = scene.solve(q, qd, qdd, t=t, want=want)
+        assert found["status"][place] != 0
+        assert all(np.isnan(values[place]).all() for name, values in found.items() if values.dtype.kind == "f")
+        others = np.arange(len(t)) != place
+        assert_same({name: values[others] for name, values in found.items()}, {name: values[others] for name, values in whole.items()}, slice(None))
