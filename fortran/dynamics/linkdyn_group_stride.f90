@@ -126,8 +126,8 @@ contains
         do g = 1, size(model%group)
             do i = 1, size(model%group(g)%link)
                 associate (l => model%group(g)%link(i))
-                    by = way(1)*tangent(:, l, 1)
-                    do k = 2, size(way)
+                    by = 0
+                    do k = 1, size(way)
                         by = by + way(k)*tangent(:, l, k)
                     end do
                     ahead(:, l) = moved_place(place(:, l), by)

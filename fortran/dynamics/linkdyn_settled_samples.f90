@@ -16,7 +16,7 @@ module linkdyn_settled_samples
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: lead_from_start
     use linkdyn_mix, only: counter_bits
-    use linkdyn_model, only: model_type, is_length, scene_size
+    use linkdyn_model, only: model_type, is_length, link_freedom, scene_size
     use linkdyn_status, only: sample_ok
     use linkdyn_stride, only: is_step_believed, is_close
     use linkdyn_threads, only: team_size
@@ -79,13 +79,15 @@ contains
         type(sample_assembly), intent(inout) :: assembly
         logical, intent(inout) :: is_promising(:), is_settled(:)    !! (n)
         integer, parameter :: worth = 8              !! samples a node, on average: leading to it takes some samples' time
+        integer, parameter :: room = 4000000         !! numbers of tangents that are kept
         type(node_list) :: node
         integer, allocatable :: which(:)
         logical, allocatable :: is_now(:)
         integer :: i, at_once
 
         which = numbers_of(is_promising)
-        call find_nodes(model, q, which, part, size(which)/worth, node)
+        call find_nodes(model, q, which, part, &
+                        min(size(which)/worth, room/(link_freedom(model)*model%n_link*max(1, model%n_q))), node)
         if (node%n == 0) return
         call reach_nodes(model, threads, closer, node)
         allocate (is_now(size(which)), source=.false.)
@@ -130,6 +132,8 @@ contains
         do i = 1, size(which)
             from_start = way_from_start(model, q(:, which(i)))
             if (.not. all(abs(from_start)/model%stride <= huge(1))) cycle
+            ! To an angle of so many turns rounding leaves no way: lanes say so.
+            if (any(is_angle .and. spacing(q(:, which(i))) > sqrt(epsilon(1.0_wp)))) cycle
             cell = nint(from_start/(part*model%stride), int64)
             ! To a node beyond half a turn the shortest way leads round the other side.
             if (any(is_angle .and. abs(part*model%stride*cell) > pi)) cycle
