@@ -178,7 +178,9 @@ contains
         strides = (associated(forms) .or. model%n_branch == 0) .and. &
                   (associated(trail%state%group%closer) .or. size(model%group) == 0)
         n_done = 0
-        longest = max(shortest, room/(model%n_q + model%n_branch + size(assembly%place(:, :, :min(1, size(model%group))))))
+        n = model%n_q + model%n_branch
+        if (size(model%group) > 0) n = n + place_size(model)*model%n_link
+        longest = max(shortest, room/max(1, n))
         stride = longest
         do while (n_done < size(q, 2))
             if (trail%is_lost) then
