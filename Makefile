@@ -65,7 +65,9 @@ fuzz: $(PACKAGE)
 
 bench: real128
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_inverse_real64
+	@$(VENV)/bin/meson compile -C $(BUILD) hexapod_by_hand
 	$(VENV)/bin/python benchmarks/python/bench_inverse.py
+	$(VENV)/bin/python benchmarks/python/bench_hand.py
 	$(VENV)/bin/python benchmarks/python/planar_against_spatial.py
 
 bench-forward: $(PACKAGE)
