@@ -30,8 +30,8 @@ contains
         type(test_error), intent(inout) :: error
         character(len=*), parameter :: name(*) = [character(len=17) :: "boom_by_stroke", "scissor_by_stroke", "excavator", "rsur"]
         real(wp), parameter :: reach(size(name)) = [3.0_wp, 1.5_wp, 2.0_wp, 2.5_wp]    ! [m, rad] of the coordinate
-        integer, parameter :: n = 2000
-        integer, parameter :: apart = 25                ! samples out of reach that somebody goes to straight: each takes long
+        integer, parameter :: n = 1000
+        integer, parameter :: apart = 50                ! samples out of reach that somebody goes to straight: each takes long
         type(scene_type) :: scene
         type(status_type) :: status
         type(model_type) :: model
