@@ -4,7 +4,6 @@
 #include "hexapod.h"
 
 #include <math.h>
-#include <string.h>
 
 typedef struct {
     wide x, y, z;

@@ -138,7 +138,8 @@ class ByHand:
 
     def __init__(self, name: str, library: ctypes.CDLL) -> None:
         file = ROOT / "examples" / f"stewart_{name}" / "scene.toml"
-        self.scene, self.samples = linkdyn.load(file), samples_of(linkdyn.load(file))
+        self.scene = linkdyn.load(file)
+        self.samples = samples_of(self.scene)
         self._library, self._machine = library, machine_of(tomllib.loads(file.read_text()))
         self._given, self._unknown = aligned((N // LANES, GIVEN, LANES)), aligned((N // LANES, UNKNOWNS, LANES))
         self._given[:] = into_lanes(np.hstack([*self.samples, np.zeros((N, 6))]))

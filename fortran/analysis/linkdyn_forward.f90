@@ -40,6 +40,7 @@ module linkdyn_forward
     use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count
+    use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
@@ -160,7 +161,7 @@ contains
             associate (c => run%own%scene%coordinate(k))
                 if (c%motion%kind == law_none) cycle
                 apart = abs(q(k) - on_q(k, 1))
-                if (c%unit == "rad") apart = abs(apart - two_pi*anint(apart/two_pi))
+                if (c%unit == "rad") apart = abs(least_angle(apart))
                 where = ""
                 if (apart > fit*max(1.0_wp, abs(q(k)))) then
                     where = "at "//to_text(q(k))//" "//trim(c%unit)//", its motion at "//to_text(on_q(k, 1))//" "//trim(c%unit)

@@ -8,7 +8,6 @@
 !> docs/theory.md gives the reasoning, docs/accuracy.md how well the estimates hold.
 module linkdyn_watched_run
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf, ieee_is_nan
-    use linkdyn_constants, only: two_pi
     use linkdyn_forward, only: forward_options, forward_run, start_forward, interrupt_forward, finish_forward
     use linkdyn_forward_block, only: advance_block
     use linkdyn_kinds, only: wp
@@ -19,6 +18,7 @@ module linkdyn_watched_run
     use linkdyn_roads, only: road_counts
     use linkdyn_similar_model, only: make_similar
     use linkdyn_status, only: status_type
+    use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
     public :: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, time_reached
@@ -259,7 +259,7 @@ contains
         n_lost = 0
         do i = 1, size(other, 2)
             difference = other(:, i) - value
-            where (is_angle) difference = difference - two_pi*anint(difference/two_pi)
+            where (is_angle) difference = least_angle(difference)
             where (abs(difference) <= huge(1.0_wp))
                 error = max(error, abs(difference))
             elsewhere

@@ -6,7 +6,6 @@ module linkdyn_open_run
     use, intrinsic :: iso_c_binding, only: c_intptr_t
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_builder, only: build_model
-    use linkdyn_constants, only: two_pi
     use linkdyn_forward, only: forward_options
     use linkdyn_handles, only: held_thing, make_handle, take, give_back
     use linkdyn_joint_motion, only: is_slide
@@ -20,6 +19,7 @@ module linkdyn_open_run
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_status_name
     use linkdyn_text, only: to_text, quoted
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, finish_watched
+    use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
     public :: open_run, start_run, take_run, leave_run, go_to_instant, read_state, set_state, status_stopped, status_no_result
@@ -271,7 +271,7 @@ contains
         real(wp) :: apart
 
         apart = abs(wanted - found)
-        if (.not. is_length) apart = abs(apart - two_pi*anint(apart/two_pi))
+        if (.not. is_length) apart = abs(least_angle(apart))
         is_at = apart <= fit*max(1.0_wp, abs(wanted))
     end function is_at
 

@@ -8,7 +8,7 @@ module linkdyn_whole_turns
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: whole_turns, take_off, with_turns
+    public :: whole_turns, take_off, with_turns, least_angle, has_vague_turn
 
     !> A turn in pieces of 30 bits, more than twice the digits of any kind of real.
     integer, parameter :: piece(0:7) = [6, 304067908, 280256794, 412666961, 470212838, 575800476, 71644134, 243286391]
@@ -17,6 +17,20 @@ module linkdyn_whole_turns
     real(wp), parameter :: most = 2.0_wp**22
 
 contains
+
+    !> What is left of an angle, or of a difference of two, without whole turns: within half a turn of zero.
+    elemental real(wp) function least_angle(angle) result(least)
+        real(wp), intent(in) :: angle      !! [rad]
+
+        least = angle - two_pi*anint(angle/two_pi)
+    end function least_angle
+
+    !> Has an angle so many turns that rounding leaves less than half of the digits of its rest?
+    elemental logical function has_vague_turn(angle)
+        real(wp), intent(in) :: angle      !! [rad]
+
+        has_vague_turn = spacing(angle) > sqrt(epsilon(1.0_wp))
+    end function has_vague_turn
 
     !> Turns without which an angle is within half a turn of zero.
     elemental real(wp) function whole_turns(angle) result(turns)

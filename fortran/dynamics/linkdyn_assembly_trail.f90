@@ -36,7 +36,7 @@ module linkdyn_assembly_trail
     implicit none (type, external)
     private
     public :: assembly_trail, sample_assembly, lost_way, follow_assembly, make_room, place_sample, &
-        keep_lane, keep_stride, begin_trail, judges_like_lanes
+        keep_lane, begin_trail, judges_like_lanes
     public :: reached_straight, reached_crossing, reached_anew, reached_name
 
     ! ---- how a sample was reached
@@ -265,33 +265,22 @@ contains
         type(assembly_trail), intent(inout) :: trail
         type(sample_assembly), intent(inout) :: assembly
         integer, intent(inout) :: n_done             !! samples dealt with
-        class(margin_source), pointer, intent(in) :: margins    !! null: closed forms have none
+        class(margin_source), pointer, intent(in) :: margins    !! null: there are no closed forms
         type(stride_type) :: stride
         integer :: n
 
         call make_stride(model, trail%q, q, trail%branch, trail%place, trail%state%group%closer, margins, stride)
         n = stride%n_believed
-        call keep_stride(model, stride, trail%branch, n, n_done, assembly)
+        assembly%branch(:, n_done + 1:n_done + n) = spread(trail%branch, 2, n)
+        if (size(model%group) > 0) then
+            assembly%q(:, n_done + 1:n_done + n) = stride%at(:, 1:n)
+            assembly%place(:, :, n_done + 1:n_done + n) = stride%groups%place(:, :, 1:n)
+            assembly%margin(:, n_done + 1:n_done + n) = stride%groups%margin(:, 1:n)
+            trail%place = stride%groups%place(:, :, n)
+        end if
         n_done = n_done + n
         trail%q = stride%at(:, n)
-        if (size(model%group) > 0) trail%place = stride%groups%place(:, :, n)
     end subroutine stride_on
-
-    !> The first samples of a stride are where it has found them.
-    subroutine keep_stride(model, stride, branch, n, n_before, assembly)
-        type(model_type), intent(in) :: model
-        type(stride_type), intent(in) :: stride
-        real(wp), intent(in) :: branch(:)
-        integer, intent(in) :: n                     !! how many of them
-        integer, intent(in) :: n_before              !! samples before these
-        type(sample_assembly), intent(inout) :: assembly
-
-        assembly%branch(:, n_before + 1:n_before + n) = spread(branch, 2, n)
-        if (size(model%group) == 0) return
-        assembly%q(:, n_before + 1:n_before + n) = stride%at(:, 1:n)
-        assembly%place(:, :, n_before + 1:n_before + n) = stride%groups%place(:, :, 1:n)
-        assembly%margin(:, n_before + 1:n_before + n) = stride%groups%margin(:, 1:n)
-    end subroutine keep_stride
 
     !> Are margins those that the lanes find? Asked once of each source, at representative places on the start's assembly:
     !> a difference would be a defect, and the lanes are believed.

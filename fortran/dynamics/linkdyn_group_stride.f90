@@ -42,25 +42,23 @@ contains
         real(wp), intent(in) :: branch(:)                      !! of the closed forms (n_branch)
         real(wp), intent(in) :: start(:, :)                    !! places at the first sample (place_size, n_link)
         type(group_stride), intent(out) :: stride
-        real(wp) :: of_all(size(branch), 1)
         integer :: n, block, first, last
 
         n = ubound(at, 2)
         block = max(closer%samples_at_once, n_behind)
-        of_all(:, 1) = branch
         call make_room(model, 0, n, stride)
         stride%place(:, :, 0) = start
-        call close_samples(model, closer, at(:, :0), way(:, :0), of_all, 0, 0, stride)
+        call close_samples(model, closer, at(:, :0), way(:, :0), branch, 0, 0, stride)
         first = 1
         do while (first <= n .and. stride%is_closed(first - 1))
             last = min(n, first + block - 1)
             if (first > block) then
                 call lead_by_curve(model, first, last, block, stride%place)
-                call close_samples(model, closer, at(:, first:last), way(:, first:last), of_all, first, last, stride)
+                call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, last, stride)
             end if
             if (.not. all(stride%is_closed(first:last))) then
                 call lead_by_tangents(model, closer, at, branch, first, last, stride%place)
-                call close_samples(model, closer, at(:, first:last), way(:, first:last), of_all, first, last, stride)
+                call close_samples(model, closer, at(:, first:last), way(:, first:last), branch, first, last, stride)
             end if
             if (.not. all(stride%is_closed(first:last))) exit
             first = last + 1
@@ -164,12 +162,10 @@ contains
         real(wp), intent(in) :: branch(:)                      !! of the closed forms (n_branch)
         real(wp), intent(in) :: place(:, :, :)                 !! predicted (place_size, n_link, n)
         type(group_stride), intent(out) :: found               !! (..., n)
-        real(wp) :: of_all(size(branch), 1)
 
-        of_all(:, 1) = branch
         call make_room(model, 1, size(at, 2), found)
         found%place = place
-        call close_samples(model, closer, at, way, of_all, 1, size(at, 2), found)
+        call close_samples(model, closer, at, way, branch, 1, size(at, 2), found)
     end subroutine close_from
 
     subroutine make_room(model, first, last, stride)
@@ -188,18 +184,20 @@ contains
         type(model_type), intent(in) :: model
         class(group_closer), intent(in) :: closer
         real(wp), intent(in), contiguous :: at(:, :), way(:, :)    !! of these samples (n_q, last - first + 1)
-        real(wp), intent(in), contiguous :: branch(:, :)       !! of all (n_branch, 1)
+        real(wp), intent(in) :: branch(:)                      !! of the closed forms (n_branch)
         integer, intent(in) :: first, last                     !! samples of the stride
         type(group_stride), intent(inout) :: stride
+        real(wp) :: of_all(size(branch), 1)
         integer :: g
 
+        of_all(:, 1) = branch
         stride%is_closed(first:last) = .true.
         do g = 1, size(model%group)
-            call close_group(model, g, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
+            call close_group(model, g, closer, at, way, of_all, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
                              stride%margin(g, first:last), stride%is_closed(first:last))
             if (.not. any(stride%is_closed(first:last))) return
         end do
-        call find_drift(model, closer, at, way, branch, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
+        call find_drift(model, closer, at, way, of_all, stride%place(:, :, first:last), stride%rate(:, :, first:last), &
                         stride%margin(:, first:last), stride%drift(:, first:last), stride%is_closed(first:last))
     end subroutine close_samples
 
@@ -239,7 +237,8 @@ contains
                 before(s) = largest
                 if (.not. is_closed(s)) cycle
                 call move_links(model, model%group(g), -correction(:, s), place(:, :, s))
-                if (.not. is_under_way(s)) call take_rates(model, model%group(g), velocity(:, s), rate(:, :, s))
+                if (.not. is_under_way(s)) &
+                    rate(:, model%group(g)%link, s) = reshape(velocity(:, s), [size(rate, 1), size(model%group(g)%link)])
             end do
             if (.not. any(is_under_way)) return
         end do
@@ -334,18 +333,4 @@ contains
             end associate
         end do
     end subroutine move_links
-
-    pure subroutine take_rates(model, group, velocity, rate)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        real(wp), intent(in) :: velocity(:)                    !! (row)
-        real(wp), intent(inout) :: rate(:, :)
-        integer :: i
-
-        do i = 1, size(group%link)
-            associate (freedom => link_freedom(model))
-                rate(:, group%link(i)) = velocity(freedom*(i - 1) + 1:freedom*i)
-            end associate
-        end do
-    end subroutine take_rates
 end module linkdyn_group_stride

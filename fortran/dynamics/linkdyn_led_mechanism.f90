@@ -20,6 +20,7 @@ module linkdyn_led_mechanism
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
+    use linkdyn_whole_turns, only: has_vague_turn
     implicit none (type, external)
     private
     public :: evaluate_kinematics, lead_from_start, lead_mechanism, status_of_way, measure_margins, n_map, span_of
@@ -103,7 +104,7 @@ contains
         from = nearest_start(model, state)
         do k = 1, model%n_q
             ! To an angle of so many turns rounding leaves no way.
-            if (.not. is_length(model, k)) where (spacing(state%q(:, k)) > sqrt(epsilon(1.0_wp))) &
+            if (.not. is_length(model, k)) where (has_vague_turn(state%q(:, k))) &
                 state%way_status = sample_not_converged
         end do
         goes = any(from /= state%q, dim=2) .and. state%way_status == sample_ok

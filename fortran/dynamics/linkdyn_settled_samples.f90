@@ -7,7 +7,7 @@
 module linkdyn_settled_samples
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
-    use linkdyn_constants, only: pi, two_pi
+    use linkdyn_constants, only: pi
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_stride, only: group_stride, find_tangents, predicted, close_from
     use linkdyn_interrupt, only: is_interrupted
@@ -20,6 +20,7 @@ module linkdyn_settled_samples
     use linkdyn_status, only: sample_ok
     use linkdyn_stride, only: is_step_believed, is_close
     use linkdyn_threads, only: team_size
+    use linkdyn_whole_turns, only: least_angle, has_vague_turn
     implicit none (type, external)
     private
     public :: settle_samples
@@ -133,7 +134,7 @@ contains
             from_start = way_from_start(model, q(:, which(i)))
             if (.not. all(abs(from_start)/model%stride <= huge(1))) cycle
             ! To an angle of so many turns rounding leaves no way: lanes say so.
-            if (any(is_angle .and. spacing(q(:, which(i))) > sqrt(epsilon(1.0_wp)))) cycle
+            if (any(is_angle .and. has_vague_turn(q(:, which(i))))) cycle
             cell = nint(from_start/(part*model%stride), int64)
             ! To a node beyond half a turn the shortest way leads round the other side.
             if (any(is_angle .and. abs(part*model%stride*cell) > pi)) cycle
@@ -165,7 +166,7 @@ contains
 
         way = q - model%start_q
         do k = 1, size(q)
-            if (.not. is_length(model, k)) way(k) = way(k) - two_pi*anint(way(k)/two_pi)
+            if (.not. is_length(model, k)) way(k) = least_angle(way(k))
         end do
     end function way_from_start
 
@@ -190,10 +191,12 @@ contains
         call make_room(model, node%n, node%found)
         call lead_to(model, threads, node%q(:, :node%n), [(i, i=1, node%n)], closer, node%found, node%least)
         allocate (node%tangents(node%n))
+        !$omp parallel do num_threads(team_size(threads, node%n)) schedule(dynamic)
         do i = 1, node%n
             if (node%found%status(i) /= sample_ok) cycle
             call find_tangents(model, closer, node%q(:, i), model%branch, node%found%place(:, :, i), node%tangents(i))
         end do
+        !$omp end parallel do
     end subroutine reach_nodes
 
     !> Close some samples from their nodes, and settle those for which that may be believed.
@@ -208,6 +211,7 @@ contains
         real(wp), dimension(size(q, 1), size(which)) :: at, way
         real(wp) :: place(size(assembly%place, 1), size(assembly%place, 2), size(which))
         type(group_stride) :: found
+        real(wp) :: extent
         integer :: i, n, of(size(which))
 
         n = 0
@@ -225,9 +229,10 @@ contains
         end do
         if (n == 0) return
         call close_from(model, closer, at(:, :n), way(:, :n), model%branch, place(:, :, :n), found)
+        extent = scene_size(model)
         do i = 1, n
             associate (s => which(of(i)), k => node%of(which(of(i))))
-                if (.not. is_like_led(model, node, k, way(:, i), found, i)) cycle
+                if (.not. is_like_led(model, extent, node, k, way(:, i), found, i)) cycle
                 assembly%q(:, s) = at(:, i)
                 assembly%place(:, :, s) = found%place(:, :, i)
                 assembly%margin(:, s) = found%margin(:, i)
@@ -240,8 +245,9 @@ contains
     !>
     !> The step from the node must be believed. The straight way to the sample lies beside that to the node, as far as the step
     !> leads across it, at most. There a margin differs by about what it changes by across.
-    pure logical function is_like_led(model, node, k, way, found, i) result(is_like)
+    pure logical function is_like_led(model, extent, node, k, way, found, i) result(is_like)
         type(model_type), intent(in) :: model
+        real(wp), intent(in) :: extent               !! the mechanism's size
         type(node_list), intent(in) :: node
         integer, intent(in) :: k                     !! the node
         real(wp), intent(in) :: way(:)               !! from there
@@ -268,7 +274,7 @@ contains
                                        found%drift(:, i)) &
                       .and. all(many*change <= node%least(:, k))
             if (.not. is_like) return
-            is_like = is_close(model, scene_size(model), node%found%place(:, :, k), found%place(:, :, i), &
+            is_like = is_close(model, extent, node%found%place(:, :, k), found%place(:, :, i), &
                                (rate + found%rate(:, :, i))/2, min(abs(margin), abs(found%margin(:, i))))
         end associate
     end function is_like_led

@@ -4,7 +4,6 @@
 !> part of the mechanism's size; a link that of its origin from its `start`, likewise, and of the angle between both
 !> attitudes. First counts what has a `start`. Only where that does not tell assemblies apart the other joints do, from zero.
 module linkdyn_start_distance
-    use linkdyn_constants, only: two_pi
     use linkdyn_joint_motion, only: is_slide
     use linkdyn_joint_rates, only: measure_one_joint
     use linkdyn_kinds, only: wp
@@ -13,6 +12,7 @@ module linkdyn_start_distance
     use linkdyn_model, only: model_type, orientation_of, scene_size
     use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, turn_between
     use linkdyn_scene, only: joint_n_variable
+    use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
     public :: start_distance, measure_distance, is_nearer, has_start
@@ -98,7 +98,7 @@ contains
                 if (is_slide(spec%kind, v)) then
                     off = off/scene_size(model)
                 else
-                    off = off - two_pi*anint(off/two_pi)
+                    off = least_angle(off)
                 end if
                 square = square + off**2
             end do

@@ -34,7 +34,7 @@ contains
         real(wp), intent(in) :: branch(:)            !! of the closed forms, all along (n_branch)
         real(wp), intent(in) :: place(:, :)          !! of the groups' links at the beginning (place_size, n_link)
         class(group_closer), pointer, intent(in) :: closer      !! null: there are no groups
-        class(margin_source), pointer, intent(in) :: margins    !! of the closed forms; null: these are not judged
+        class(margin_source), pointer, intent(in) :: margins    !! of the closed forms; null: there are none
         type(stride_type), intent(out) :: stride
         real(wp) :: extent
         integer :: n, i
