@@ -1,8 +1,14 @@
-/* Kernels in compact form: packing, and the choice of the machine that runs them. */
+/* Kernels ready to run: as instructions for an interpreter, and as machine code where the processor and the system allow it. */
 #include "linkdyn_lanes.h"
 
+#include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "linkdyn_code.h"
+#include "linkdyn_code_choice.h"
+#include "linkdyn_line.h"
 
 extern const struct lane_machine linkdyn_machine_baseline;
 #if defined(__x86_64__)
@@ -36,207 +42,204 @@ const char *linkdyn_machine_name(void) { return machine()->name; }
 /* ---------------------------------------------------------------- packing */
 
 struct packed {
+    struct lane_line line;
     void *step;               /* instruction16 or instruction32, groups of them, each with an end */
     int *group;               /* where each group begins */
     int is_wide;
-    int n_slot, n_constant, first_constant;
     double *constant;
+    struct code *block, *one; /* machine code; NULL: none yet, or none at all */
+    char block_is_settled, one_is_settled;
 };
 
-/* Instructions as the schedule numbers them: the operations of a record, then those that join two. */
-enum { OP_ADD = 4, OP_SUBTRACT, OP_MULTIPLY, OP_RECIPROCAL, OP_ROOT, OP_SINE, OP_COSINE, OP_ARCTANGENT, OP_MINIMUM, OP_MAXIMUM,
-       OP_ABSOLUTE, OP_SELECT, OP_WHOLE, OP_MULTIPLY_ADD, OP_MULTIPLY_SUBTRACT, OP_SUBTRACT_PRODUCT };
-
-struct step { int32_t kind, result, operand[3]; };
-
-static int is_constant(const struct packed *p, int slot)
+static void put_instruction(struct packed *p, int n, struct instruction32 c)
 {
-    return slot >= p->first_constant && slot < p->first_constant + p->n_constant;
+    if (p->is_wide) ((struct instruction32 *)p->step)[n] = c;
+    else ((struct instruction16 *)p->step)[n] = (struct instruction16){c.code, c.out, c.a, c.b, c.c};
 }
 
-/* The operands x, b, c of a lane instruction; of two that may change places, a constant becomes x and the last result c. */
-struct lane_step { int kind, x, b, c; };
-enum { NO_SLOT = -1 };
-
-static void swap(int *a, int *b)
+/* The last result was for the next step alone: it need not be stored. */
+static void keep_in_accumulator(struct packed *p, int n)
 {
-    const int t = *a;
-    *a = *b;
-    *b = t;
+    if (p->is_wide) ((struct instruction32 *)p->step)[n].code -= FORM_STORE;
+    else ((struct instruction16 *)p->step)[n].code -= FORM_STORE;
 }
 
-static struct lane_step lane_step_of(const struct packed *p, const struct step *s, int last)
+/* The instructions of the interpreter. `reads`: how often each result is read. */
+static void pack_instructions(struct packed *p, const int *reads)
 {
-    const int *o = s->operand;
-    switch (s->kind) {
-    case OP_MULTIPLY_ADD: case OP_MULTIPLY_SUBTRACT: case OP_SUBTRACT_PRODUCT: {
-        struct lane_step r = {s->kind == OP_MULTIPLY_ADD ? LANE_MULTIPLY_ADD : s->kind == OP_MULTIPLY_SUBTRACT
-                              ? LANE_MULTIPLY_SUBTRACT : LANE_SUBTRACT_PRODUCT, o[0], o[1], o[2]};
-        if (is_constant(p, r.b)) swap(&r.x, &r.b);
-        return r;
-    }
-    case OP_ADD: case OP_MULTIPLY: {
-        struct lane_step r = {s->kind == OP_ADD ? LANE_ADD : LANE_MULTIPLY, o[0], 0, o[1]};
-        if (r.x == last || is_constant(p, r.c)) swap(&r.x, &r.c);
-        if (is_constant(p, r.c) && !is_constant(p, r.x)) swap(&r.x, &r.c);
-        return r;
-    }
-    case OP_SUBTRACT: {
-        /* o[0] - o[1] */
-        if (o[1] == last || (o[0] != last && is_constant(p, o[0]))) return (struct lane_step){LANE_SUBTRACT_FROM, o[0], 0, o[1]};
-        return (struct lane_step){LANE_SUBTRACT, o[1], 0, o[0]};
-    }
-    case OP_MINIMUM: return (struct lane_step){LANE_MINIMUM, o[0], 0, o[1]};
-    case OP_MAXIMUM: return (struct lane_step){LANE_MAXIMUM, o[0], 0, o[1]};
-    case OP_ARCTANGENT: return (struct lane_step){LANE_ARCTANGENT, o[0], 0, o[1]};
-    case OP_SELECT: return (struct lane_step){LANE_SELECT, o[0], o[1], o[2]};
-    case OP_RECIPROCAL: return (struct lane_step){LANE_RECIPROCAL, NO_SLOT, 0, o[0]};
-    case OP_ROOT: return (struct lane_step){LANE_ROOT, NO_SLOT, 0, o[0]};
-    case OP_ABSOLUTE: return (struct lane_step){LANE_ABSOLUTE, NO_SLOT, 0, o[0]};
-    case OP_WHOLE: return (struct lane_step){LANE_WHOLE, NO_SLOT, 0, o[0]};
-    default: return (struct lane_step){LANE_SINE_COSINE, NO_SLOT, 0, o[0]};
-    }
-}
-
-/* Groups of outputs: the outputs up to `output_end` are taken after the steps up to `step_end`. */
-struct groups { int n; const int32_t *output_end, *step_end; };
-
-/* How often each result is read before its slot is written again. */
-static int *count_reads(const struct step *step, int n_step, const int32_t *output, const struct groups *groups, int n_slot)
-{
-    int *reads = calloc(n_step + 1, sizeof *reads), *writer = calloc(n_slot, sizeof *writer);
-    if (!reads || !writer) {
-        free(reads);
-        free(writer);
-        return NULL;
-    }
-    for (int k = 0; k < n_slot; k++) writer[k] = n_step;
-    int g = 0, taken = 0;
-    for (int k = 0; k <= n_step; k++) {
-        for (; g < groups->n && groups->step_end[g] <= k; g++)
-            for (; taken < groups->output_end[g]; taken++) reads[writer[output[taken]]] += 2;
-        if (k == n_step) break;
-        for (int i = 0; i < 3; i++)
-            if (step[k].operand[i] >= 0) reads[writer[step[k].operand[i]]]++;
-        writer[step[k].result] = k;
-    }
-    free(writer);
-    return reads;
-}
-
-/* Slots are counted from 0 here; an operand that is not there is -1. NULL: no memory. */
-struct packed *linkdyn_pack(int n_step, const struct step *step, const int32_t *output, int n_group, const int32_t *output_end,
-                            const int32_t *step_end, int n_slot, int first_constant, int n_constant, const double *constant)
-{
-    const struct groups groups = {n_group, output_end, step_end};
-    struct packed *p = calloc(1, sizeof *p);
-    if (!p) return NULL;
-    p->n_slot = n_slot;
-    p->first_constant = first_constant;
-    p->n_constant = n_constant;
-    p->is_wide = n_slot > UINT16_MAX || n_constant > UINT16_MAX;
-    p->constant = malloc(sizeof(double)*(n_constant + 1));
-    p->group = malloc(sizeof(int)*(n_group + 1));
-    p->step = calloc(n_step + n_group + 1, p->is_wide ? sizeof(struct instruction32) : sizeof(struct instruction16));
-    int *reads = count_reads(step, n_step, output, &groups, n_slot);
-    if (!p->constant || !p->step || !p->group || !reads) {
-        free(p->constant);
-        free(p->step);
-        free(p->group);
-        free(reads);
-        free(p);
-        return NULL;
-    }
-    memcpy(p->constant, constant, sizeof(double)*n_constant);
-
-    int n = 0, last = -1, last_index = -1;    /* slot and index of the step whose result is in the accumulator */
-    int g = 0;
-    p->group[0] = 0;
-    for (int k = 0; k <= n_step; k++) {
-        for (; g < n_group && step_end[g] <= k; g++) {
-            if (p->is_wide) ((struct instruction32 *)p->step)[n++].code = LANE_END*8;
-            else ((struct instruction16 *)p->step)[n++].code = LANE_END*8;
-            p->group[g + 1] = n;
-            last = last_index = -1;
-        }
-        if (k == n_step) break;
-        struct instruction32 c = {0};
-        const struct lane_step s = lane_step_of(p, &step[k], last);
-        if (s.kind == LANE_SINE_COSINE) {
-            /* the schedule puts sine and cosine of one angle side by side, the sine first */
-            const int has_accumulator = s.c == last;
-            int sine = step[k].result, cosine = n_slot;          /* slot n_slot is for what nobody wants */
-            if (step[k].kind == OP_COSINE) {
-                cosine = sine;
-                sine = n_slot;
-            } else if (k + 1 < n_step && (g >= n_group || step_end[g] > k + 1) && step[k + 1].kind == OP_COSINE && step[k + 1].operand[0] == step[k].operand[0]) {
-                cosine = step[++k].result;
+    const struct lane_line *line = &p->line;
+    int n = 0, k = 0;
+    for (int g = 0; g < line->n_group; g++) {
+        int last = -1;                                /* the step whose result is in the accumulator */
+        p->group[g] = n;
+        for (; k < line->step_end[g]; k++) {
+            const struct lane_step *s = &line->step[k];
+            const int has_accumulator = last >= 0 && s->c == line->step[last].out && s->x != s->c && s->b != s->c;
+            struct instruction32 c = {0, s->out, 0, 0, s->c};
+            if (s->kind == LANE_SINE_COSINE) {
+                c.code = LANE_SINE_COSINE*8 + (has_accumulator ? FORM_ACCUMULATOR : 0);
+                c.b = s->second;
+                last = -1;
+            } else {
+                const int has_constant = linkdyn_is_constant(line, s->x);
+                c.code = s->kind*8 + (has_accumulator ? FORM_ACCUMULATOR : 0) + (has_constant ? FORM_CONSTANT : 0) + FORM_STORE;
+                c.a = has_constant ? s->x - line->first_constant : s->x == NO_SLOT ? 0 : s->x;
+                c.b = s->b == NO_SLOT ? 0 : s->b;
+                if (has_accumulator && reads[last] == 1) keep_in_accumulator(p, n - 1);
+                last = k;
             }
-            c = (struct instruction32){LANE_SINE_COSINE*8 + (has_accumulator ? FORM_ACCUMULATOR : 0), sine, 0, cosine, s.c};
-            last = last_index = -1;
-        } else {
-            const int has_constant = is_constant(p, s.x);
-            const int has_accumulator = last >= 0 && s.c == last && s.x != last && s.b != last;
-            c.code = s.kind*8 + (has_accumulator ? FORM_ACCUMULATOR : 0) + (has_constant ? FORM_CONSTANT : 0) + FORM_STORE;
-            c.out = step[k].result;
-            c.a = has_constant ? s.x - first_constant : s.x < 0 ? 0 : s.x;
-            c.b = s.b < 0 ? 0 : s.b;
-            c.c = s.c;
-            /* the last result was for this step alone: it need not be stored */
-            if (has_accumulator && reads[last_index] == 1) {
-                if (p->is_wide) ((struct instruction32 *)p->step)[n - 1].code -= FORM_STORE;
-                else ((struct instruction16 *)p->step)[n - 1].code -= FORM_STORE;
-            }
-            last = step[k].result;
-            last_index = k;
+            put_instruction(p, n++, c);
         }
-        if (p->is_wide) ((struct instruction32 *)p->step)[n++] = c;
-        else ((struct instruction16 *)p->step)[n++] = (struct instruction16){c.code, c.out, c.a, c.b, c.c};
+        put_instruction(p, n++, (struct instruction32){.code = LANE_END*8});
     }
-    free(reads);
-    return p;
 }
 
 void linkdyn_unpack(struct packed *p)
 {
     if (!p) return;
+    linkdyn_free_code(p->block);
+    linkdyn_free_code(p->one);
+    linkdyn_free_line(&p->line);
     free(p->constant);
     free(p->step);
     free(p->group);
     free(p);
 }
 
+/* Slots are counted from 0 here; an operand that is not there is -1. NULL: no memory. */
+struct packed *linkdyn_pack(int n_step, const struct record_step *step, const int32_t *output, int n_group, const int32_t *output_end,
+                            const int32_t *step_end, int n_slot, int first_constant, int n_constant, const double *constant)
+{
+    struct packed *p = calloc(1, sizeof *p);
+    if (!p) return NULL;
+    p->line = (struct lane_line){.n_slot = n_slot, .first_constant = first_constant, .n_constant = n_constant};
+    p->is_wide = n_slot > UINT16_MAX || n_constant > UINT16_MAX;
+    p->constant = malloc(sizeof(double)*(n_constant + 1));
+    p->group = malloc(sizeof(int)*(n_group + 1));
+    p->step = calloc(n_step + n_group + 1, p->is_wide ? sizeof(struct instruction32) : sizeof(struct instruction16));
+    int *reads = NULL;
+    if (p->constant && p->step && p->group && linkdyn_make_line(n_step, step, output, n_group, output_end, step_end, &p->line))
+        reads = linkdyn_count_reads(&p->line);
+    if (!reads) {
+        linkdyn_unpack(p);
+        return NULL;
+    }
+    memcpy(p->constant, constant, sizeof(double)*n_constant);
+    pack_instructions(p, reads);
+    free(reads);
+    return p;
+}
+
 /* ---------------------------------------------------------------- slots */
 
-/* Room for a kernel's slots, constants in place; `one` for one sample alone. NULL: no memory. */
-double *linkdyn_make_slots(const struct packed *p, int one)
+static double *new_slots(const struct packed *p, long lanes)
 {
-    const long lanes = one ? 1 : machine()->lanes;
-    const size_t bytes = ((p->n_slot + 1)*lanes*sizeof(double) + 63)/64*64;
+    const size_t bytes = ((p->line.n_slot + 1)*lanes*sizeof(double) + 63)/64*64;
     double *slot = aligned_alloc(64, bytes);
     if (!slot) return NULL;
     memset(slot, 0, bytes);
-    for (int k = 0; k < p->n_constant; k++)
-        for (long l = 0; l < lanes; l++) slot[(p->first_constant + k)*lanes + l] = p->constant[k];
+    for (int k = 0; k < p->line.n_constant; k++)
+        for (long l = 0; l < lanes; l++) slot[(p->line.first_constant + k)*lanes + l] = p->constant[k];
     return slot;
+}
+
+static void interpret(const struct packed *p, int one, int group, double *slot)
+{
+    const struct lane_machine *m = machine();
+    const struct instruction32 *step32 = (struct instruction32 *)p->step + p->group[group];
+    const struct instruction16 *step16 = (struct instruction16 *)p->step + p->group[group];
+    if (p->is_wide) (one ? m->run_one32 : m->run32)(step32, slot, p->constant);
+    else (one ? m->run_one16 : m->run16)(step16, slot, p->constant);
+}
+
+/* ---------------------------------------------------------------- machine code */
+
+/* The same bits; what is no number may be so in many ways. */
+static int is_same(double a, double b) { return memcmp(&a, &b, sizeof a) == 0 || (isnan(a) && isnan(b)); }
+
+/* Numbers between -1 and 1, always the same. */
+static double next_number(uint64_t *state)
+{
+    *state = *state*6364136223846793005u + 1442695040888963407u;
+    return (double)(int64_t)*state*0x1p-63;
+}
+
+/* Does code give the interpreter's bits, on samples of some sizes? */
+static int is_agreed(const struct packed *p, const struct code *code, int one)
+{
+    static const double size[] = {1.0, 0.1, 10.0};
+    const long lanes = one ? 1 : machine()->lanes;
+    double *slot = new_slots(p, lanes), *other = new_slots(p, lanes);
+    int agreed = slot && other;
+    uint64_t state = 1;
+    for (int draw = 0; agreed && draw < (int)(sizeof size/sizeof size[0]); draw++) {
+        for (long i = 0; i < p->line.first_constant*lanes; i++) slot[i] = other[i] = size[draw]*next_number(&state);
+        for (int g = 0, k = 0; g < p->line.n_group; g++) {
+            interpret(p, one, g, slot);
+            linkdyn_run_code(code, g, other, p->constant);
+            for (; k < p->line.output_end[g]; k++)
+                for (long l = 0; l < lanes; l++)
+                    agreed = agreed && is_same(slot[p->line.output[k]*lanes + l], other[p->line.output[k]*lanes + l]);
+        }
+    }
+    free(slot);
+    free(other);
+    return agreed;
+}
+
+static const struct lane_functions *functions_of(enum code_set set)
+{
+#if defined(__x86_64__)
+    return set == CODE_AVX512 ? &linkdyn_machine_avx512.wide : set == CODE_AVX2 ? &linkdyn_machine_avx2.wide : &linkdyn_machine_avx2.one;
+#else
+    (void)set;
+    return &linkdyn_machine_baseline.one;
+#endif
+}
+
+/* Machine code for blocks, or for one sample; made when it is first wanted. Where there is none, the interpreter runs. */
+static void settle_code(struct packed *p, int one)
+{
+    struct code **place = one ? &p->one : &p->block;
+    char *is_settled = one ? &p->one_is_settled : &p->block_is_settled;
+    if (__atomic_load_n(is_settled, __ATOMIC_ACQUIRE)) return;
+    const enum code_set set = linkdyn_code_set(machine()->fuses, one);
+    if (set != CODE_INTERPRETER) {
+        char reason[EMIT_REASON];
+        struct code *code = linkdyn_make_code(&p->line, set, one ? 1 : machine()->lanes, functions_of(set), reason), *none = NULL;
+        if (code && !is_agreed(p, code, one)) {
+            linkdyn_free_code(code);
+            code = NULL;
+            snprintf(reason, sizeof reason, "it differed from the interpreter");
+        }
+        if (!code) linkdyn_code_refused(reason);
+        /* another thread may have been first */
+        if (!__atomic_compare_exchange_n(place, &none, code, 0, __ATOMIC_ACQ_REL, __ATOMIC_ACQUIRE)) linkdyn_free_code(code);
+    }
+    __atomic_store_n(is_settled, 1, __ATOMIC_RELEASE);
+}
+
+/* ---------------------------------------------------------------- running */
+
+/* Room for a kernel's slots, constants in place; `one` for one sample alone. NULL: no memory. */
+double *linkdyn_make_slots(struct packed *p, int one)
+{
+    settle_code(p, one);
+    return new_slots(p, one ? 1 : machine()->lanes);
 }
 
 void linkdyn_free_slots(double *slot) { free(slot); }
 
-/* ---------------------------------------------------------------- running */
-
-/* The instructions of one group of outputs. */
-void linkdyn_run_lanes(const struct packed *p, int group, double *slot)
+static void run(const struct packed *p, int one, int group, double *slot)
 {
-    if (p->is_wide) machine()->run32((struct instruction32 *)p->step + p->group[group], slot, p->constant);
-    else machine()->run16((struct instruction16 *)p->step + p->group[group], slot, p->constant);
+    const struct code *code = __atomic_load_n(one ? &p->one : &p->block, __ATOMIC_ACQUIRE);
+    if (code) linkdyn_run_code(code, group, slot, p->constant);
+    else interpret(p, one, group, slot);
 }
 
-void linkdyn_run_one(const struct packed *p, int group, double *slot)
-{
-    if (p->is_wide) machine()->run_one32((struct instruction32 *)p->step + p->group[group], slot, p->constant);
-    else machine()->run_one16((struct instruction16 *)p->step + p->group[group], slot, p->constant);
-}
+/* The steps of one group of outputs. */
+void linkdyn_run_lanes(const struct packed *p, int group, double *slot) { run(p, 0, group, slot); }
+void linkdyn_run_one(const struct packed *p, int group, double *slot) { run(p, 1, group, slot); }
 
 /* Samples, each n numbers, to the slots from `first` on. */
 void linkdyn_gather(const double *source, long ld, int count, int n, double *slot, int first)

@@ -8,6 +8,8 @@
 
 #include <stdint.h>
 
+#include "linkdyn_emit.h"
+
 /* Instructions: what they compute from x, b, c. The order is that of the tables in linkdyn_lanes_machine.c. */
 enum {
     LANE_MULTIPLY,            /* x c */
@@ -37,6 +39,24 @@ enum {
     FORM_CONSTANT = 4         /* x is a constant, the same for all lanes: `a` counts constants */
 };
 
+/* A kernel as a straight line: what a step computes from slots, which are counted from 0. What is not there is NO_SLOT. Slots
+ * from `first_constant` on hold constants. */
+enum { NO_SLOT = -1 };
+struct lane_step {
+    int kind, out;              /* LANE_*, the slot of the result */
+    int second;                 /* of the cosine */
+    int x, b, c;
+};
+struct lane_line {
+    int n_step;
+    struct lane_step *step;
+    int n_group;                /* outputs are taken in groups: of each the end among the outputs, and among the steps */
+    int32_t *output_end;
+    int *step_end;
+    int32_t *output;            /* slots */
+    int n_slot, first_constant, n_constant;
+};
+
 struct instruction16 { uint16_t code, out, a, b, c; };
 struct instruction32 { uint32_t code, out, a, b, c; };
 
@@ -48,6 +68,7 @@ struct lane_machine {
     void (*run32)(const struct instruction32 *step, double *slot, const double *constant);
     void (*run_one16)(const struct instruction16 *step, double *slot, const double *constant);
     void (*run_one32)(const struct instruction32 *step, double *slot, const double *constant);
+    struct lane_functions wide, one;          /* on a vector, on one number */
     /* rows of samples to slots: sample i of the source at source + i ld; lanes beyond count repeat the last sample */
     void (*gather)(const double *source, long ld, int count, int n, double *slot);
     /* slots to rows of samples, with the sign of each; returns the lanes, one a bit, in which a number is not finite */

@@ -126,6 +126,34 @@ static inline vd one_choose(vi yes, vd a, vd b) { return (vd)(((vi)a & yes) | ((
 #undef vi
 #undef VECTOR_LANES
 
+/* ---------------------------------------------------------------- functions that machine code calls */
+
+static void call_wide_sine_cosine(const double *x, double *sine, double *cosine)
+{
+    wide_vd s, c;
+    wide_sine_cosine(*(const wide_vd *)x, &s, &c);
+    *(wide_vd *)sine = s;
+    *(wide_vd *)cosine = c;
+}
+
+static void call_wide_arctangent(const double *y, const double *x, double *angle)
+{
+    *(wide_vd *)angle = wide_arctangent(*(const wide_vd *)y, *(const wide_vd *)x);
+}
+
+static void call_one_sine_cosine(const double *x, double *sine, double *cosine)
+{
+    one_vd s, c;
+    one_sine_cosine(*(const one_vd *)x, &s, &c);
+    *(one_vd *)sine = s;
+    *(one_vd *)cosine = c;
+}
+
+static void call_one_arctangent(const double *y, const double *x, double *angle)
+{
+    *(one_vd *)angle = one_arctangent(*(const one_vd *)y, *(const one_vd *)x);
+}
+
 /* ---------------------------------------------------------------- samples into lanes and back */
 
 #if defined(__AVX512F__) && defined(__AVX512DQ__)
@@ -249,5 +277,7 @@ const struct lane_machine CONCAT(linkdyn_machine_, MACHINE) = {
 #else
     0,
 #endif
-    run16, run32, run_one16, run_one32, gather, scatter,
+    run16, run32, run_one16, run_one32,
+    {call_wide_sine_cosine, call_wide_arctangent}, {call_one_sine_cosine, call_one_arctangent},
+    gather, scatter,
 };

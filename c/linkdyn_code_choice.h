@@ -1,0 +1,14 @@
+/* Which machine code kernels are made of, and why there is none. */
+#ifndef LINKDYN_CODE_CHOICE_H
+#define LINKDYN_CODE_CHOICE_H
+
+#include "linkdyn_emit.h"
+
+/* What LINKDYN_CODE = interpreter | scalar | avx2 | avx512 asks for, or the best that the processor runs. `can_fuse`: this
+ * process works with multiply-adds, which all code has. */
+enum code_set linkdyn_code_set(int can_fuse, int one);
+
+/* Some code could not be made. */
+void linkdyn_code_refused(const char *reason);
+
+#endif

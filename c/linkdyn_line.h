@@ -1,0 +1,19 @@
+/* From the steps of a schedule to a straight line of what lanes can do. */
+#ifndef LINKDYN_LINE_H
+#define LINKDYN_LINE_H
+
+#include "linkdyn_lanes.h"
+
+/* A step as the schedule numbers them: an operation of records, or one that joins two; slots are counted from 0, an operand
+ * that is not there is negative. */
+struct record_step { int32_t kind, result, operand[3]; };
+
+int linkdyn_is_constant(const struct lane_line *line, int slot);
+/* Fill in steps, groups and outputs; the numbers of slots and constants are there. 0: no memory. */
+int linkdyn_make_line(int n_step, const struct record_step *step, const int32_t *output, int n_group, const int32_t *output_end,
+                      const int32_t *step_end, struct lane_line *line);
+void linkdyn_free_line(struct lane_line *line);
+/* How often the result of each step is read before its slot is written again. NULL: no memory. */
+int *linkdyn_count_reads(const struct lane_line *line);
+
+#endif
