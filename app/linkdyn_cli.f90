@@ -2,6 +2,7 @@
 module linkdyn_cli
     use linkdyn_forward, only: integrator_options, choose_method, method_name, method_rk4
     use linkdyn_input, only: parse_number
+    use linkdyn_code, only: choose_code, code_name
     use linkdyn_inverse, only: inverse_options, choose_solver, solver_name
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: wanted_type, choose_wanted, all_wanted, add_free
@@ -40,6 +41,7 @@ module linkdyn_cli
         option_type("--want", T, [T, T, F, F, F]), &
         option_type("--solver", T, [T, T, T, F, F]), &
         option_type("--threads", T, [T, T, T, F, F]), &
+        option_type("--code", T, [T, T, T, F, F]), &
         option_type("--error", F, [T, T, F, F, F]), &
         option_type("--states", T, [T, F, F, F, F]), &
         option_type("--method", T, [F, T, F, F, F]), &
@@ -294,6 +296,9 @@ contains
                 config%solver = value
                 call choose_solver(value, config%options%solver, outcome)
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, solver_name))
+            case ("--code")
+                call choose_code(value, outcome)
+                if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, code_name))
             case ("--want")
                 config%want = value
                 call choose_wanted(value, config%wanted, outcome)
@@ -451,6 +456,8 @@ contains
             "  --sheet FILE        sizing sheet, .html or .pdf; results go beside it as .nc if no --output is given;", &
             "                      needs the Python package", &
             "  --threads N         threads to compute with; default 1; the results do not depend on it", &
+            "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
+            "                      best; the results do not depend on it", &
             "  --resume            go on where an interrupted run of the same sweep stands", &
             "  --yes               start though it is large or long", &
             "  --checkpoint S      seconds between two checkpoints; default 5", &

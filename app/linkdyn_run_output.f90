@@ -7,6 +7,7 @@ module linkdyn_run_output
     use linkdyn_path, only: refuse_inputs
     use linkdyn_results, only: layout_type, block_type, variable_index, result_assembly
     use linkdyn_roads, only: road_counts
+    use linkdyn_code, only: code_in_use
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type
@@ -113,7 +114,7 @@ contains
         if (.not. (output%is_none .or. output%is_csv)) call note_netcdf(name, number, output%netcdf, status)
     end subroutine note_number
 
-    !> How many samples took which road.
+    !> How many samples took which road, and what the kernels ran as.
     subroutine note_roads(roads, output, status)
         type(road_counts), intent(in) :: roads
         type(output_type), intent(inout) :: output
@@ -122,6 +123,7 @@ contains
         call note_result("samples_closed_form", roads%closed, output, status)
         call note_result("samples_iterated", roads%iterated, output, status)
         call note_result("samples_dense", roads%dense, output, status)
+        call note_result("machine_code", code_in_use(), output, status)
     end subroutine note_roads
 
     !> How often the assembly was in question.

@@ -9,6 +9,7 @@ module linkdyn_summary
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_reaction, result_status, result_assembly, variable_index, samples_width, &
         label_of_value, estimated, estimate_of
+    use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: sample_ok, sample_status_name, message_len
@@ -278,6 +279,7 @@ contains
             " samples in closed form, "//to_text(summary%roads%iterated)//" by iteration"
         if (summary%roads%dense > 0) write (unit, "(a)") "  dense solver     took over "// &
             to_text(summary%roads%dense)//" samples whose pivots were not to be trusted"
+        if (index(code_in_use(), " ") > 0) write (unit, "(a)") "  machine code     "//code_in_use()
         write (unit, "(a)") "  computing time   "//significant(1.0e6_wp*seconds/summary%n_sample)// &
             " us per sample, "//significant(seconds)//" s in all"
         write (unit, "(a)") "  results          "//output

@@ -21,31 +21,38 @@ static enum code_set best_set(void)
 #endif
 }
 
-static int number_of(const char *name)
+static int number_of(const char *name, size_t length)
 {
     for (int i = 0; i < N_SET; i++)
-        if (strcmp(name, names[i]) == 0) return i;
+        if (strlen(names[i]) == length && memcmp(name, names[i], length) == 0) return i;
     return UNKNOWN;
 }
 
-/* A name of none of the sets is refused before anything is computed (linkdyn_code_is_known). */
+/* What the program has chosen; until then the environment is asked. */
+static int chosen = UNKNOWN;
+
 static int wish(void)
 {
+    const int number = __atomic_load_n(&chosen, __ATOMIC_RELAXED);
+    if (number != UNKNOWN) return number;
     const char *name = getenv("LINKDYN_CODE");
-    const int number = name && *name ? number_of(name) : N_SET - 1;
-    return number == UNKNOWN ? CODE_INTERPRETER : number;
+    return name && *name ? number_of(name, strlen(name)) : N_SET - 1;
 }
 
-int linkdyn_code_is_known(void)
+int linkdyn_choose_code(const char *name, int length)
 {
-    const char *name = getenv("LINKDYN_CODE");
-    return !name || !*name || number_of(name) != UNKNOWN;
+    const int number = number_of(name, length);
+    if (length > 0 && number == UNKNOWN) return 0;
+    __atomic_store_n(&chosen, number, __ATOMIC_RELAXED);
+    return 1;
 }
+
+int linkdyn_code_is_known(void) { return wish() != UNKNOWN; }
 
 enum code_set linkdyn_code_set(int can_fuse, int one)
 {
     const int best = best_set(), wished = wish();
-    if (!can_fuse || !linkdyn_emit_is_there() || best == CODE_INTERPRETER || wished == CODE_INTERPRETER) return CODE_INTERPRETER;
+    if (!can_fuse || !linkdyn_emit_is_there() || best == CODE_INTERPRETER || wished <= CODE_INTERPRETER) return CODE_INTERPRETER;
     if (one) return CODE_SCALAR;
     return wished < best ? wished : best;
 }
@@ -53,12 +60,30 @@ enum code_set linkdyn_code_set(int can_fuse, int one)
 /* ---------------------------------------------------------------- what is told */
 
 static char refusal[EMIT_REASON];
-static int has_refusal;         /* 0: none; 1: being written; 2: there */
+static int refusal_state;       /* 0: none; 1: being written; 2: there */
 
 void linkdyn_code_refused(const char *reason)
 {
     int none = 0;
-    if (!__atomic_compare_exchange_n(&has_refusal, &none, 1, 0, __ATOMIC_ACQ_REL, __ATOMIC_ACQUIRE)) return;
+    if (!__atomic_compare_exchange_n(&refusal_state, &none, 1, 0, __ATOMIC_ACQ_REL, __ATOMIC_ACQUIRE)) return;
     snprintf(refusal, sizeof refusal, "%s", reason);
-    __atomic_store_n(&has_refusal, 2, __ATOMIC_RELEASE);
+    __atomic_store_n(&refusal_state, 2, __ATOMIC_RELEASE);
+}
+
+static const char *why_interpreted(int can_fuse)
+{
+    if (wish() == CODE_INTERPRETER) return NULL;
+    if (!linkdyn_emit_is_there()) return "this build has no encoder of machine code";
+    if (!can_fuse || best_set() == CODE_INTERPRETER) return "no machine code for this processor";
+    return __atomic_load_n(&refusal_state, __ATOMIC_ACQUIRE) == 2 ? refusal : NULL;
+}
+
+void linkdyn_describe_code(int can_fuse, char *text, int room)
+{
+    char line[160];
+    const char *why = why_interpreted(can_fuse);
+    if (why) snprintf(line, sizeof line, "%s (%s)", names[CODE_INTERPRETER], why);
+    else snprintf(line, sizeof line, "%s", names[linkdyn_code_set(can_fuse, 0)]);
+    const int length = (int)strlen(line);
+    for (int i = 0; i < room; i++) text[i] = i < length ? line[i] : ' ';
 }

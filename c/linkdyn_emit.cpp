@@ -242,7 +242,10 @@ const char *linkdyn_emit_close(struct emitter *e, char reason[EMIT_REASON]) {
     const char *code = nullptr;
     guarded(e, [&] {
         e->put_literals();
-        e->setProtectModeRE();
+        if (!e->setProtectModeRE(false)) {
+            snprintf(e->fault, sizeof e->fault, "the system lets no new code run");
+            return;
+        }
         code = reinterpret_cast<const char *>(e->getCode());
     });
     snprintf(reason, EMIT_REASON, "%s", e->fault);

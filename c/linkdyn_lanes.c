@@ -197,6 +197,8 @@ static const struct lane_functions *functions_of(enum code_set set)
 #endif
 }
 
+void linkdyn_tell_code(char *text, int room) { linkdyn_describe_code(machine()->fuses, text, room); }
+
 /* Machine code for blocks, or for one sample; made when it is first wanted. Where there is none, the interpreter runs. */
 static void settle_code(struct packed *p, int one)
 {

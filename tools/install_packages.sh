@@ -21,6 +21,8 @@ need libopenblas-dev pkg-config --exists openblas
 need libgsl-dev pkg-config --exists gsl
 need libnetcdff-dev pkg-config --exists netcdf-fortran
 need libtomlplusplus-dev pkg-config --exists tomlplusplus
+# without it kernels are interpreted; other processors have no use for it
+if [ "$(uname -m)" = x86_64 ]; then need libxbyak-dev sh -c "echo '#include <xbyak/xbyak.h>' | g++ -E -x c++ - -o /dev/null"; fi
 if [ -n "${MPI:-}" ]; then
     need libopenmpi-dev mpifort --version
     need openmpi-bin mpirun --version

@@ -33,10 +33,11 @@ module linkdyn_f2py_api
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
     use linkdyn_text, only: printable
     use linkdyn_build, only: version
+    use linkdyn_code, only: choose_code, code_in_use
     use linkdyn_watched_run, only: advance_watched, time_reached
     implicit none
     private
-    public :: api_version, api_default_method, api_open, api_add_loads, api_close, api_sizes, api_describe_scene
+    public :: api_version, api_choose_code, api_code, api_default_method, api_open, api_add_loads, api_close, api_sizes, api_describe_scene
     public :: api_describe_results, api_explain, api_motion, api_loads, api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_ensemble
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
@@ -48,6 +49,24 @@ contains
 
         text = version
     end subroutine api_version
+
+    !> Machine code of the kernels made from now on.
+    subroutine api_choose_code(name, code, message)
+        character(len=*), intent(in) :: name
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(status_type) :: status
+
+        call choose_code(name, status)
+        call report(status, code, message)
+    end subroutine api_choose_code
+
+    !> What kernels run as, and why.
+    subroutine api_code(text)
+        character(len=128), intent(out) :: text
+
+        text = code_in_use()
+    end subroutine api_code
 
     !> Of forward runs.
     subroutine api_default_method(text)

@@ -1,6 +1,7 @@
 !> From a scene to a model: constants in the form the engine wants, the plan, and the assembly at the start.
 module linkdyn_builder
     use linkdyn_carried_legs, only: plan_carried_legs
+    use linkdyn_code, only: check_code
     use linkdyn_cross, only: cross
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_type, joint_type, step_csp, step_group, is_dyad, is_length, scene_size
@@ -28,6 +29,8 @@ contains
         logical, intent(in), optional :: closed_forms    !! false: all links are placed by Newton's method, to compare with
         integer :: i
 
+        call check_code(status)
+        if (.not. status%is_ok()) return
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
         model%is_planar = scene%planar

@@ -15,6 +15,7 @@ from .errors import ClosedSceneError, FileError, InputError, Interrupted, Linkdy
 
 if TYPE_CHECKING:
     from . import lecture, plot, widget
+    from ._bind import code_in_use, use_code
     from ._sheet import sheet
     from ._view import view
     from .results import read
@@ -30,17 +31,20 @@ __all__ = [
     "Scene",
     "SceneError",
     "UnavailableError",
+    "code_in_use",
     "lecture",
     "load",
     "plot",
     "read",
     "sheet",
+    "use_code",
     "view",
     "widget",
 ]
 
 _MODULES = ("lecture", "plot", "widget")
-_HOMES = {"Poses": "scene", "Scene": "scene", "load": "scene", "read": "results", "sheet": "_sheet", "view": "_view"}
+_HOMES = {"Poses": "scene", "Scene": "scene", "load": "scene", "read": "results", "sheet": "_sheet", "view": "_view",
+          "code_in_use": "_bind", "use_code": "_bind"}
 """Numpy, xarray and matplotlib take their time to load: only who computes or plots waits for them."""
 
 

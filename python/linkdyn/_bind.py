@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _engine
+from ._arguments import as_name
 from .errors import ClosedSceneError, FileError, InputError, LinkdynError, SceneError, UnavailableError
 
 _api = _engine.linkdyn_f2py_api
@@ -53,6 +54,36 @@ Floats = NDArray[np.float64]
 def version() -> str:
     """Version of the engine."""
     return _api.api_version().decode().strip()
+
+
+def use_code(name: str | None) -> None:
+    """Choose the machine code that kernels are made of from now on, in this process; what they compute does not depend on it.
+
+    Parameters
+    ----------
+    name
+        ``"avx512"``, ``"avx2"``, ``"scalar"`` or ``"interpreter"``; code that the processor does not run is replaced by the best
+        that it does. None: what the environment variable ``LINKDYN_CODE`` says, else the best.
+
+    Raises
+    ------
+    InputError
+        Another name.
+
+    See Also
+    --------
+    code_in_use
+    """
+    check(*_api.api_choose_code("" if name is None else as_name("name", name) or " "))
+
+
+def code_in_use() -> str:
+    """What kernels run as: ``"avx512"``, ``"avx2"``, ``"scalar"``, or ``"interpreter"``, with the reason if that was not asked for.
+
+    >>> linkdyn.code_in_use() in ("avx512", "avx2")             # doctest: +SKIP
+    True
+    """
+    return _api.api_code().decode().strip()
 
 
 def default_method() -> str:

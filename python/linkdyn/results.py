@@ -157,6 +157,7 @@ class RunTemplate:
             variables["wrench"] = (("sample", "loaded_marker", "component"), np.stack(list(wrench.values()), axis=1), {
                 "long_name": "wrench given in the call, at the marker, world axes", "units": "N, N m"})
         attributes = run_attributes(self._scene, self._scene_text, self._solver) | dict(zip(ROADS, map(int, roads)))
+        attributes["machine_code"] = _bind.code_in_use()
         data = xr.Dataset(variables, coordinates, attributes)
         if "assembly" in data:
             found = data["assembly"].values[data["status"].values == 0]

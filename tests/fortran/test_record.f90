@@ -1,19 +1,16 @@
 !> Records: what folds away, that equal expressions are one node, that every way of running a kernel gives the same bits,
 !> and that derivatives are derivatives.
 module test_record
-    use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_block, only: program_type, block_space, make_program, free_program, make_space, free_space, block_lanes, &
         run_block, run_single, gather, scatter, gather_single, scatter_single, forms_multiply_adds
     use linkdyn_gradient, only: gradient
     use linkdyn_interpreter, only: interpret
     use linkdyn_kernel, only: kernel_type, compile_kernel, count_of, find_boundary
     use linkdyn_kinds, only: wp
-    use linkdyn_mix, only: counter_uniform
-    use linkdyn_operation, only: op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, op_cosine, op_arctangent, &
-        op_minimum, op_maximum, op_absolute, op_select, op_whole
-    use linkdyn_folding, only: result_of
+    use linkdyn_operation, only: op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_minimum, op_absolute, op_select
+    use linkdyn_random_record, only: number, some_inputs, random_record
     use linkdyn_rates, only: rate_map, set_rate, rate_of
-    use linkdyn_record, only: record_type, open_record, close_record, new_input
+    use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_substitution, only: substitution, replace, substituted
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_value, only: value, constant, zero, one, is_zero, is_one, operator(+), operator(-), operator(*), operator(/), &
@@ -45,64 +42,11 @@ contains
 
     ! ---------------------------------------------------------------- helpers
 
-    !> Numbers in (-1, 1), always the same.
-    real(wp) function number(i)
-        integer, intent(in) :: i
-
-        number = 2*counter_uniform(17_int64, 4_int64, int(i, int64)) - 1
-    end function number
-
-    function some_inputs(n) result(x)
-        integer, intent(in) :: n
-        type(value) :: x(n)
-        integer :: i
-
-        do i = 1, n
-            x(i) = new_input([number(i), number(100 + i)])
-        end do
-    end function some_inputs
-
     logical function same(a, b)
         type(value), intent(in) :: a, b
 
         same = a%node == b%node .and. a%sign == b%sign
     end function same
-
-    !> A record of random operations on n_input inputs; outputs are its last values.
-    subroutine random_record(seed, n_input, n_step, kinds, x, output)
-        integer, intent(in) :: seed, n_input, n_step
-        integer, intent(in) :: kinds(:)
-        type(value), intent(out) :: x(n_input)
-        type(value), allocatable, intent(out) :: output(:)
-        type(value) :: made(n_input + n_step), a, b, c
-        integer :: i, kind
-
-        x = some_inputs(n_input)
-        made(:n_input) = x
-        do i = 1, n_step
-            kind = kinds(1 + int(size(kinds)*draw(1)))
-            a = made(1 + int((n_input + i - 1)*draw(2)))
-            b = made(1 + int((n_input + i - 1)*draw(3)))
-            c = made(1 + int((n_input + i - 1)*draw(4)))
-            if (draw(5) < 0.3_wp) a = -a
-            if (draw(6) < 0.1_wp) b = constant(draw(7) - 0.5_wp)
-            ! roots and reciprocals of what is far from zero
-            if (kind == op_root) a = abs(a) + constant(0.5_wp)
-            if (kind == op_reciprocal) a = abs(a) + constant(1)
-            made(n_input + i) = result_of(kind, a, b, c)
-            ! nothing grows without bound
-            if (modulo(i, 7) == 0) made(n_input + i) = sin(made(n_input + i))
-        end do
-        output = made(n_input + n_step - min(n_step, 12) + 1:)
-
-    contains
-
-        real(wp) function draw(k)
-            integer, intent(in) :: k
-
-            draw = counter_uniform(int(seed, int64), int(k, int64), int(i, int64))
-        end function draw
-    end subroutine random_record
 
     ! ---------------------------------------------------------------- folding
 
