@@ -37,7 +37,8 @@ module linkdyn_f2py_api
     use linkdyn_watched_run, only: advance_watched, time_reached
     implicit none
     private
-    public :: api_version, api_choose_code, api_code, api_default_method, api_open, api_add_loads, api_close, api_sizes, api_describe_scene
+    public :: api_version, api_choose_code, api_code, api_default_method
+    public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene
     public :: api_describe_results, api_explain, api_motion, api_loads, api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_ensemble
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
