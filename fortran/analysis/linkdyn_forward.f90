@@ -664,7 +664,7 @@ contains
             call build_forward_system(model, options%stage_solver, run%system, status)
             if (status%is_ok()) then
                 run%system%wants_work = .false.
-                if (teller%may_record) call run%system%share_record(teller%record%recorded)
+                call run%system%share_record(teller)
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
                 call run%system%begin(options%t_start, run%y)

@@ -1,6 +1,7 @@
 !> Rates of forward dynamics from a record of the scene: which scenes have one, what it takes from a state, what it gives.
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, leaves_doubt
     use linkdyn_constants, only: two_pi
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_drives, only: coordinate_of_actuator
@@ -21,7 +22,7 @@ module linkdyn_forward_record
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
-    public :: place_states, run_states
+    public :: place_states, run_states, may_change_assembly, lane_loads
 
     !> A record, and the samples of one run.
     type :: forward_record
@@ -37,15 +38,13 @@ module linkdyn_forward_record
 contains
 
     !> May the scene have a record? Attitudes must come all in the same way, and no coordinate stand in for another one,
-    !> whose turns a record does not count. With legs, which the lanes carry by virtual work in three columns, the record's
-    !> elimination would take longer: 2,000 operations of a hexapod against 0.35 us a member (measured).
+    !> whose turns a record does not count.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         integer :: i
 
-        can_be_recorded = size(model%group) == 0 .and. .not. any(model%leg%is_carried) &
-                          .and. all(model%scene%coordinate%for_joint == 0) &
+        can_be_recorded = size(model%group) == 0 .and. all(model%scene%coordinate%for_joint == 0) &
                           .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
         do i = 1, size(model%step)
             if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
@@ -234,6 +233,43 @@ contains
             if (layout%position(k) > 0) turns_of = two_pi*turns(lane, layout%position(k))
         end function turns_of
     end subroutine place_states
+
+    !> May a mechanism have left its assembly on the way to the state that the record was run on last in a lane? Judged as lanes
+    !> are.
+    pure logical function may_change_assembly(model, assembly, lane, t, record) result(may)
+        type(model_type), intent(in) :: model
+        type(carried_assembly), intent(in) :: assembly !! of the accepted state
+        integer, intent(in) :: lane
+        real(wp), intent(in) :: t                      !! [s]
+        type(forward_record), intent(in) :: record
+        real(wp) :: ahead
+
+        associate (found => record%samples%found(:, lane), out => record%recorded%out, n => model%n_branch)
+            ahead = t - assembly%t(lane)
+            may = any(leaves_doubt(model%scene%passes_change_points, model%least_margin(:n), assembly%margin(lane, :n), &
+                                   ahead*assembly%drift(lane, :n), found(out%margin:out%margin + n - 1), &
+                                   ahead*found(out%drift:out%drift + n - 1)))
+        end associate
+    end function may_change_assembly
+
+    !> Loads of the scene at the instants of the lanes.
+    subroutine lane_loads(model, t, load)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(inout) :: load(:, :, :)       !! (lane, 6, n_load)
+        real(wp) :: now(6, model%n_load, 1)
+        integer :: lane
+
+        if (model%n_load == 0) return
+        do lane = 1, lanes
+            if (lane == 1) then
+                call evaluate_loads(model, t(1:1), now)
+            else if (t(lane) /= t(lane - 1)) then
+                call evaluate_loads(model, t(lane:lane), now)
+            end if
+            load(lane, :, :) = now(:, :, 1)
+        end do
+    end subroutine lane_loads
 
     !> Run the first n states; asks `samples%is_left` which do not count.
     subroutine run_states(n, record, acceleration, work, supplied)

@@ -4,8 +4,7 @@
 !> the assembly may change, is computed on lanes, and so is whatever is looked at beside the rates.
 module linkdyn_forward_system
     use linkdyn_assembly_trail, only: sample_assembly
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, &
-        leaves_doubt
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
     use linkdyn_constants, only: golden
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
@@ -14,7 +13,7 @@ module linkdyn_forward_system
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, choose_poses, solver_elimination, solver_reduced
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
-        place_states, run_states
+        place_states, run_states, may_change_assembly, lane_loads
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
         pack_rates
     use linkdyn_inverse, only: are_alike
@@ -25,8 +24,8 @@ module linkdyn_forward_system
     use linkdyn_lane_system, only: lane_system
     use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins
     use linkdyn_model, only: model_type
-    use linkdyn_motion, only: evaluate_motion, evaluate_loads
-    use linkdyn_recorded_rates, only: recorded_rates
+    use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
+        find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
     use linkdyn_scene, only: drive_inverse
     use linkdyn_status, only: status_type, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
@@ -48,12 +47,8 @@ module linkdyn_forward_system
         logical, private :: is_compared = .false.      !! the watch's ratios at the state evaluated last are known:
         real(wp), allocatable, private :: ratio_tried(:, :)    !! these (n_variable, n_q)
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
-        type(model_type), pointer :: motion_model => null()    !! with the coordinates that the law speaks of
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
-        type(equations_type) :: inverse_equations
-        type(equation_workspace) :: inverse_workspace
-        type(carried_assembly) :: inverse_assembly     !! of that motion
-        real(wp) :: inverse_time(lanes) = -huge(1.0_wp)    !! instants of the forces found last
+        type(motion_forces) :: of_motion
         integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
         ! ---- the record
         logical :: may_record = .false.                !! once that is worth while; the caller says so
@@ -102,8 +97,6 @@ contains
         integer :: stage_solver
 
         system%model => model
-        system%motion_model => model
-        if (present(motion_model)) system%motion_model => motion_model
         call choose_unknowns(model, unknown, status)
         if (.not. status%is_ok()) return
         stage_solver = solver
@@ -120,11 +113,11 @@ contains
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
-        if (any(system%by_inverse)) then
-            call build_equations(system%motion_model, solver_reduced, .false., system%inverse_equations, status)
-            if (.not. status%is_ok()) return
-            call prepare_workspace(system%motion_model, system%inverse_equations, system%inverse_workspace)
-            system%inverse_workspace%checks_accuracy = .false.
+        if (.not. any(system%by_inverse)) return
+        if (present(motion_model)) then
+            call plan_motion_forces(motion_model, system%of_motion, status)
+        else
+            call plan_motion_forces(model, system%of_motion, status)
         end if
     end subroutine build_forward_system
 
@@ -161,7 +154,7 @@ contains
         real(wp), intent(in) :: y(:, :)
 
         call begin_assembly(self%model, t, self%assembly)
-        if (any(self%by_inverse)) call begin_assembly(self%motion_model, t, self%inverse_assembly)
+        call begin_motion_forces(t, self%of_motion)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
         if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
     end subroutine begin
@@ -175,8 +168,7 @@ contains
 
         call begin_assembly(self%model, t, self%assembly)
         self%assembly%n_crossed = other%assembly%n_crossed
-        self%inverse_assembly = other%inverse_assembly
-        self%inverse_time = -huge(1.0_wp)
+        call go_on_from(other%of_motion, self%of_motion)
         call free_forward_record(self%record)          ! whose plan is that of the start before
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.
@@ -213,10 +205,7 @@ contains
             self%surplus = self%surplus - y(:, self%layout%supplied)
             self%surplus_noise = self%surplus_noise_tried
         end if
-        if (self%inverse_assembly%is_needed) then
-            call unpack_motion(self%motion_model, t, self%inverse_assembly%state)
-            call accept_assembly(self%motion_model, t, is_accepted, self%inverse_assembly)
-        end if
+        call accept_motion(t, is_accepted, self%of_motion)
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
 
@@ -264,22 +253,6 @@ contains
             self%wants_rest = dead_coordinate(self%watch, .false.) > 0
         end if
     end subroutine look_and_decide
-
-    !> Coordinates of the scene's own motion at the instants of the lanes.
-    subroutine unpack_motion(model, t, state)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: t(lanes)              !! [s]
-        type(kinematic_state), intent(inout) :: state
-        real(wp) :: q(model%n_q, 1), qd(model%n_q, 1), qdd(model%n_q, 1), load(6, model%n_load, 1)
-        integer :: lane
-
-        do lane = 1, lanes
-            if (t(lane) /= t(max(1, lane - 1)) .or. lane == 1) call evaluate_motion(model, t(lane:lane), q, qd, qdd, load)
-            state%q(lane, :) = q(:, 1)
-            state%qd(lane, :) = qd(:, 1)
-            state%qdd(lane, :) = qdd(:, 1)
-        end do
-    end subroutine unpack_motion
 
     !> dy/dt on all lanes.
     subroutine evaluate_forward(self, t, y, rate, failed)
@@ -333,13 +306,13 @@ contains
         self%is_behind = .false.
         associate (model => self%model, workspace => self%workspace)
             call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
-            call take_loads(model, t, workspace)
+            call lane_loads(model, t, workspace%load)
             call evaluate_assembled(model, t, self%assembly, workspace%state)
-            if (any(self%by_inverse)) call find_inverse_forces(self, t)
+            if (self%of_motion%is_needed) call find_motion_forces(t, lanes, self%of_motion)
             do k = 1, model%n_actuator
                 if (self%equations%unknown%drive(k)) cycle
                 if (self%by_inverse(k)) then
-                    workspace%driving_force(:, k) = self%inverse_workspace%driving_force(:, k)
+                    workspace%driving_force(:, k) = self%of_motion%force(:, k)
                 else
                     call evaluate_drive(model, k, t, workspace%state, workspace%driving_force(:, k))
                 end if
@@ -349,14 +322,12 @@ contains
             call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
             failed = workspace%status /= sample_ok
-            if (any(self%by_inverse)) failed = failed .or. self%inverse_workspace%status /= sample_ok
+            failed = failed .or. self%of_motion%status /= sample_ok
             do k = 1, model%n_q
                 failed = failed .or. .not. abs(workspace%acceleration(:, k)) <= huge(1.0_wp)
             end do
             where (failed .and. self%obstacle == sample_ok) self%obstacle = workspace%status
-            if (any(self%by_inverse)) then
-                where (failed .and. self%obstacle == sample_ok) self%obstacle = self%inverse_workspace%status
-            end if
+            where (failed .and. self%obstacle == sample_ok) self%obstacle = self%of_motion%status
             where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
         end associate
     end subroutine evaluate_on_lanes
@@ -402,15 +373,18 @@ contains
         call make_forward_record(self%model, self%layout, self%equations%unknown, self%wants_work, self%record)
         self%may_record = self%record%recorded%is_usable
         if (self%may_record) self%may_record = agrees_with_lanes(self, t)
+        if (self%may_record) call record_motion_forces(self%of_motion)
     end subroutine make_record
 
-    !> Use a record of the same scene that another system owns.
-    subroutine share_record(self, recorded)
+    !> Use the record of another system of the same scene.
+    subroutine share_record(self, other)
         class(forward_system), intent(inout) :: self
-        type(recorded_rates), intent(in) :: recorded
+        type(forward_system), intent(in) :: other
 
-        self%may_record = recorded%is_usable
-        if (self%may_record) call share_forward_record(self%model, recorded, self%record)
+        self%may_record = other%may_record
+        if (.not. self%may_record) return
+        call share_forward_record(self%model, other%record%recorded, self%record)
+        call share_motion_forces(other%of_motion, self%of_motion)
     end subroutine share_record
 
     !> dy/dt of the lanes used; the others are like the last of these.
@@ -425,10 +399,9 @@ contains
 
         n = self%n_used
         inverse_force = 0
-        if (any(self%by_inverse)) then
-            call take_loads(self%model, t, self%workspace)
-            call find_inverse_forces(self, t)
-            inverse_force = self%inverse_workspace%driving_force
+        if (self%of_motion%is_needed) then
+            call find_motion_forces(t, n, self%of_motion)
+            inverse_force = self%of_motion%force
         end if
         if (self%assembly%is_needed) then
             branch = self%assembly%branch
@@ -437,34 +410,18 @@ contains
         end if
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
-            if (any(self%by_inverse)) &
-                samples%is_left(:n) = samples%is_left(:n) .or. self%inverse_workspace%status(:n) /= sample_ok
+            samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
             call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied))
             if (self%assembly%is_needed) then
                 do lane = 1, n
-                    samples%is_left(lane) = samples%is_left(lane) .or. may_change_assembly(self, lane, t(lane))
+                    samples%is_left(lane) = samples%is_left(lane) &
+                                            .or. may_change_assembly(self%model, self%assembly, lane, t(lane), self%record)
                 end do
             end if
             is_left = samples%is_left([(min(lane, n), lane=1, lanes)])
         end associate
         call pack_rates(self%model, self%layout, y, self%workspace%acceleration, self%workspace%state, rate)
     end subroutine evaluate_by_record
-
-    !> May the mechanism have left its assembly on the way to what the record was run on last? Judged as lanes are.
-    pure logical function may_change_assembly(self, lane, t) result(may)
-        class(forward_system), intent(in) :: self
-        integer, intent(in) :: lane
-        real(wp), intent(in) :: t                      !! [s]
-        real(wp) :: ahead
-
-        associate (model => self%model, assembly => self%assembly, found => self%record%samples%found(:, lane), &
-                   out => self%record%recorded%out, n => self%model%n_branch)
-            ahead = t - assembly%t(lane)
-            may = any(leaves_doubt(model%scene%passes_change_points, model%least_margin(:n), assembly%margin(lane, :n), &
-                                   ahead*assembly%drift(lane, :n), found(out%margin:out%margin + n - 1), &
-                                   ahead*found(out%drift:out%drift + n - 1)))
-        end associate
-    end function may_change_assembly
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
     !> and the lanes are believed.
@@ -530,40 +487,6 @@ contains
     end function agrees_with_lanes
 
     ! ---------------------------------------------------------------- on lanes
-
-    !> Loads of the scene at the instants of the lanes.
-    subroutine take_loads(model, t, workspace)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: t(lanes)
-        type(equation_workspace), intent(inout) :: workspace
-        real(wp) :: load(6, model%n_load, 1)
-        integer :: lane
-
-        if (model%n_load == 0) return
-        do lane = 1, lanes
-            if (lane == 1) then
-                call evaluate_loads(model, t(1:1), load)
-            else if (t(lane) /= t(lane - 1)) then
-                call evaluate_loads(model, t(lane:lane), load)
-            end if
-            workspace%load(lane, :, :) = load(:, :, 1)
-        end do
-    end subroutine take_loads
-
-    !> Driving forces that the scene's motion asks for at these instants, wherever the mechanism really is.
-    subroutine find_inverse_forces(self, t)
-        class(forward_system), intent(inout) :: self
-        real(wp), intent(in) :: t(lanes)
-
-        if (all(t == self%inverse_time)) return
-        associate (model => self%motion_model, workspace => self%inverse_workspace)
-            call unpack_motion(model, t, workspace%state)
-            workspace%load = self%workspace%load
-            call evaluate_assembled(model, t, self%inverse_assembly, workspace%state)
-            call solve_equations(model, self%inverse_equations, workspace)
-        end associate
-        self%inverse_time = t
-    end subroutine find_inverse_forces
 
     !> Power of the driving forces, and of all forces but gravity.
     subroutine find_powers(self, driving, supplied)
@@ -655,7 +578,7 @@ contains
         class(forward_system), intent(inout) :: self
 
         if (associated(self%workspace%slot%value)) call self%workspace%free()
-        if (associated(self%inverse_workspace%slot%value)) call self%inverse_workspace%free()
+        call free_motion_forces(self%of_motion)
         call free_forward_record(self%record)
     end subroutine release
 end module linkdyn_forward_system

@@ -9,14 +9,16 @@ module linkdyn_trace
     use linkdyn_loads, only: apply_load
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch
     use linkdyn_model, only: model_type, place_size
+    use linkdyn_operation, only: op_unknown
     use linkdyn_placing, only: run_step
+    use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_springs, only: apply_spring
     use linkdyn_system, only: system_type, unknown, solve
     use linkdyn_value, only: value, zero, one, is_zero, operator(+), square, min
     implicit none (type, external)
     private
     public :: traced_type, begin_trace, trace_steps, trace_motion, trace_equations, trace_what_acts
-    public :: solve_equations
+    public :: solve_equations, are_among
     public :: alarm_of, reach_of
 
     type :: traced_type
@@ -147,6 +149,22 @@ contains
         end associate
         effort = drive_effort(traced%mechanism, i, target(1), target(2))
     end function given_effort
+
+    !> Which unknowns of the equations are among some values.
+    function are_among(traced, v) result(are)
+        type(traced_type), intent(in) :: traced
+        type(value), intent(in) :: v(:)
+        logical :: are(traced%system%n_unknown)
+        type(record_type), pointer :: record
+        integer :: k
+
+        record => open_record_of_thread()
+        are = .false.
+        do k = 1, size(v)
+            if (record%kind(v(k)%node) /= op_unknown) cycle
+            are = are .or. traced%system%number(:traced%system%n_unknown) == record%operand(1, v(k)%node)
+        end do
+    end function are_among
 
     !> Eliminate the unknowns, those wanted last.
     subroutine solve_equations(traced, is_last)

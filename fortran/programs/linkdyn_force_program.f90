@@ -5,10 +5,10 @@ module linkdyn_force_program
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_layout, only: sparse_layout
     use linkdyn_model, only: model_type
-    use linkdyn_operation, only: op_unknown
-    use linkdyn_record, only: record_type, open_record, close_record, open_record_of_thread
+    use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
-    use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, alarm_of, reach_of
+    use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, are_among, &
+        alarm_of, reach_of
     implicit none (type, external)
     private
     public :: make_force_program, out_alarm, out_reach
@@ -52,20 +52,9 @@ contains
     function wanted_last(traced, wanted) result(is_last)
         type(traced_type), intent(in) :: traced
         integer, intent(in) :: wanted(:)
-        logical, allocatable :: is_last(:)
-        type(record_type), pointer :: record
-        integer :: i, at
+        logical :: is_last(traced%system%n_unknown)
 
-        allocate (is_last(traced%system%n_unknown))
         is_last = .false.
-        if (any(wanted == result_reaction)) return
-        record => open_record_of_thread()
-        do i = 1, size(traced%unknowns%effort)
-            associate (effort => traced%unknowns%effort(i))
-                if (record%kind(effort%node) /= op_unknown) cycle
-                at = findloc(traced%system%number(:traced%system%n_unknown), record%operand(1, effort%node), dim=1)
-                if (at > 0) is_last(at) = .true.
-            end associate
-        end do
+        if (.not. any(wanted == result_reaction)) is_last = are_among(traced, traced%unknowns%effort)
     end function wanted_last
 end module linkdyn_force_program

@@ -1,5 +1,5 @@
 !> The program of forward dynamics: from coordinates, their rates and what acts to accelerations, with the elimination of
-!> all reactions inside.
+!> all reactions inside. Where all accelerations are given it finds driving forces, for the stages of forward runs.
 module linkdyn_rate_program
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_joint_variables, only: variable_rate
@@ -7,11 +7,11 @@ module linkdyn_rate_program
     use linkdyn_link_wrenches, only: applied_power
     use linkdyn_margins, only: assembly_margins
     use linkdyn_model, only: model_type
-    use linkdyn_operation, only: op_unknown
-    use linkdyn_record, only: record_type, open_record, close_record, open_record_of_thread
+    use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_system, only: solved
-    use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, alarm_of, reach_of
+    use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, are_among, &
+        alarm_of, reach_of
     use linkdyn_value, only: value, zero, operator(+), operator(*)
     implicit none (type, external)
     private
@@ -25,6 +25,7 @@ module linkdyn_rate_program
         integer :: acceleration = 0            !! of the coordinates (n_q)
         integer :: margin = 0                  !! of the closed forms with two assemblies (n_branch)
         integer :: drift = 0                   !! its rate [1/s] (n_branch)
+        integer :: effort = 0                  !! driving forces [N, N m] (n_actuator); 0: they are given
         integer :: work = 0                    !! power of the driving forces [W]
         integer :: supplied = 0                !! of all forces but gravity [W]
         integer :: alarm = 0                   !! beyond one, rounding may have grown; not a number if anything was none
@@ -45,42 +46,38 @@ contains
         type(traced_type) :: traced
         type(output_list) :: list
         type(value), dimension(model%n_branch) :: margin, drift
+        type(value), allocatable :: effort(:)
         type(value) :: power(2)
 
         call open_record(record, sample%n)
         call trace_motion(model, request, sample, traced, merged=.true.)
         call trace_equations(request, sparse_layout(model), traced)
-        call solve_equations(traced, is_last=are_accelerations(traced))
+        call solve_equations(traced, is_last=are_wanted(traced))
         if (traced%mechanism%is_solved) then
             call assembly_margins(traced%mechanism, margin, drift)
             power = zero()
             if (wants_power) power = powers(traced)
-            call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, power, &
+            allocate (effort(0))
+            if (.not. any(request%acceleration_is_unknown)) effort = solved(traced%system, traced%unknowns%effort)
+            call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, effort, power, &
                                               alarm_of(traced), reach_of(traced)])
             call make_scene_program(record, traced%in, list, program)
             out = rate_outputs(n=size(list%v), acceleration=1, margin=model%n_q + 1, drift=model%n_q + model%n_branch + 1, &
+                               effort=merge(model%n_q + 2*model%n_branch + 1, 0, size(effort) > 0), &
                                work=size(list%v) - 3, supplied=size(list%v) - 2, alarm=size(list%v) - 1, reach=size(list%v))
         end if
         call close_record(record)
     end subroutine make_rate_program
 
-    !> Unknown accelerations of the coordinates are solved for last: reactions, which nobody wants, are not computed behind
-    !> them.
-    function are_accelerations(traced) result(is_last)
+    !> Unknown accelerations of the coordinates, or driving forces if there are none, are solved for last: reactions, which
+    !> nobody wants, are not computed behind them.
+    function are_wanted(traced) result(is_last)
         type(traced_type), intent(in) :: traced
         logical :: is_last(traced%system%n_unknown)
-        type(record_type), pointer :: record
-        integer :: k
 
-        record => open_record_of_thread()
-        is_last = .false.
-        do k = 1, size(traced%acceleration)
-            associate (node => traced%acceleration(k)%node)
-                if (record%kind(node) /= op_unknown) cycle
-                is_last = is_last .or. traced%system%number(:traced%system%n_unknown) == record%operand(1, node)
-            end associate
-        end do
-    end function are_accelerations
+        is_last = are_among(traced, traced%acceleration)
+        if (.not. any(is_last)) is_last = are_among(traced, traced%unknowns%effort)
+    end function are_wanted
 
     !> Of the driving forces, and of all forces but gravity.
     function powers(traced) result(power)

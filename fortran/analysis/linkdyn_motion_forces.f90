@@ -1,0 +1,211 @@
+!> Driving forces that the scene's motion asks for, wherever a forward run really is: what drives `inverse` apply.
+!>
+!> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes.
+module linkdyn_motion_forces
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
+    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
+        solve_equations, solver_reduced
+    use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
+        place_states, may_change_assembly, lane_loads
+    use linkdyn_forward_state, only: state_layout, plan_layout
+    use linkdyn_inverse, only: are_alike
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_model, only: model_type
+    use linkdyn_motion, only: evaluate_motion
+    use linkdyn_recorded_rates, only: run_rates
+    use linkdyn_status, only: status_type, sample_ok
+    implicit none (type, external)
+    private
+    public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, find_motion_forces, &
+        record_motion_forces, share_motion_forces, free_motion_forces
+
+    integer, parameter :: n_check = 16                 !! evaluations in which the record is compared with the lanes
+
+    type :: motion_forces
+        logical :: is_needed = .false.
+        real(wp), allocatable :: force(:, :)           !! found last (lane, n_actuator)
+        integer :: status(lanes) = sample_ok           !! of these
+        type(model_type), pointer, private :: model => null()  !! with the coordinates that the motion speaks of
+        type(equations_type), private :: equations
+        type(equation_workspace), private :: workspace
+        type(carried_assembly), private :: assembly
+        real(wp), private :: t(lanes) = -huge(1.0_wp)  !! instants of the forces found last [s]
+        type(state_layout), private :: layout          !! nothing of the motion is integrated
+        logical, private :: has_record = .false.
+        type(forward_record) :: record
+        integer, private :: n_checked = 0
+    end type motion_forces
+
+contains
+
+    subroutine plan_motion_forces(model, forces, status)
+        type(model_type), intent(in), target :: model  !! must outlive the forces
+        type(motion_forces), intent(inout) :: forces
+        type(status_type), intent(inout) :: status
+
+        forces%is_needed = .true.
+        forces%model => model
+        call build_equations(model, solver_reduced, .false., forces%equations, status)
+        if (.not. status%is_ok()) return
+        call prepare_workspace(model, forces%equations, forces%workspace)
+        forces%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
+        call plan_layout(model, spread(.false., 1, model%n_q), forces%layout)
+        allocate (forces%force(lanes, model%n_actuator), source=0.0_wp)
+    end subroutine plan_motion_forces
+
+    !> Begin at t on the assembly of the scene's start.
+    subroutine begin_motion_forces(t, forces)
+        real(wp), intent(in) :: t                      !! [s]
+        type(motion_forces), intent(inout) :: forces
+
+        if (forces%is_needed) call begin_assembly(forces%model, t, forces%assembly)
+    end subroutine begin_motion_forces
+
+    !> Go on where the forces of another system of the same mechanism stand.
+    subroutine go_on_from(other, forces)
+        type(motion_forces), intent(in) :: other
+        type(motion_forces), intent(inout) :: forces
+
+        forces%assembly = other%assembly
+        forces%t = -huge(1.0_wp)
+    end subroutine go_on_from
+
+    !> The run has got to t: the motion's assembly there is where the next steps set out from.
+    subroutine accept_motion(t, is_accepted, forces)
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        logical, intent(in) :: is_accepted(lanes)
+        type(motion_forces), intent(inout) :: forces
+
+        if (.not. forces%assembly%is_needed) return
+        call unpack_motion(forces%model, t, forces%assembly%state)
+        call accept_assembly(forces%model, t, is_accepted, forces%assembly)
+    end subroutine accept_motion
+
+    !> Forces at the instants of the lanes, the first n of which are used.
+    subroutine find_motion_forces(t, n, forces)
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        integer, intent(in) :: n
+        type(motion_forces), intent(inout) :: forces
+        real(wp) :: by_record(lanes, size(forces%force, 2))
+        logical :: serves
+        integer :: lane
+
+        if (all(t == forces%t)) return
+        serves = forces%has_record
+        if (serves) call find_by_record(t, n, forces, by_record, serves)
+        if (.not. serves .or. forces%n_checked < n_check) call find_on_lanes(t, forces)
+        if (serves) then
+            if (forces%n_checked < n_check .and. all(forces%status(:n) == sample_ok)) then
+                forces%n_checked = forces%n_checked + 1
+                do lane = 1, n
+                    ! a difference would be a defect, and the lanes are believed
+                    forces%has_record = forces%has_record .and. are_alike(forces%force(lane, :), by_record(lane, :))
+                end do
+            end if
+            if (forces%has_record) then
+                forces%force = by_record
+                forces%status = sample_ok
+            end if
+        end if
+        forces%t = t
+    end subroutine find_motion_forces
+
+    subroutine find_on_lanes(t, forces)
+        real(wp), intent(in) :: t(lanes)
+        type(motion_forces), intent(inout) :: forces
+
+        associate (model => forces%model, workspace => forces%workspace)
+            call unpack_motion(model, t, workspace%state)
+            call lane_loads(model, t, workspace%load)
+            if (forces%assembly%is_needed) then
+                call evaluate_on_assembly(model, t, forces%assembly, workspace%state)
+            else
+                call evaluate_kinematics(model, workspace%state)
+            end if
+            call solve_equations(model, forces%equations, workspace)
+            forces%force = workspace%driving_force
+            forces%status = workspace%status
+        end associate
+    end subroutine find_on_lanes
+
+    !> Coordinates of the motion at the instants of the lanes.
+    subroutine unpack_motion(model, t, state)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: q(model%n_q, 1), qd(model%n_q, 1), qdd(model%n_q, 1), load(6, model%n_load, 1)
+        integer :: lane
+
+        do lane = 1, lanes
+            if (t(lane) /= t(max(1, lane - 1)) .or. lane == 1) call evaluate_motion(model, t(lane:lane), q, qd, qdd, load)
+            state%q(lane, :) = q(:, 1)
+            state%qd(lane, :) = qd(:, 1)
+            state%qdd(lane, :) = qdd(:, 1)
+        end do
+    end subroutine unpack_motion
+
+    ! ---------------------------------------------------------------- by a record
+
+    !> Use a record from now on, if the scene has one.
+    subroutine record_motion_forces(forces)
+        type(motion_forces), intent(inout) :: forces
+        type(unknown_choice) :: unknown
+
+        if (.not. forces%is_needed) return
+        unknown%acceleration = spread(.false., 1, forces%model%n_q)
+        unknown%drive = spread(.true., 1, forces%model%n_actuator)
+        call make_forward_record(forces%model, forces%layout, unknown, .false., forces%record)
+        forces%has_record = forces%record%recorded%is_usable
+    end subroutine record_motion_forces
+
+    !> Use a record that another system of the same scene owns.
+    subroutine share_motion_forces(other, forces)
+        type(motion_forces), intent(in) :: other
+        type(motion_forces), intent(inout) :: forces
+
+        if (.not. (forces%is_needed .and. other%has_record)) return
+        call share_forward_record(forces%model, other%record%recorded, forces%record)
+        forces%has_record = .true.
+    end subroutine share_motion_forces
+
+    subroutine find_by_record(t, n, forces, force, serves)
+        real(wp), intent(in) :: t(lanes)
+        integer, intent(in) :: n
+        type(motion_forces), intent(inout) :: forces
+        real(wp), intent(out) :: force(:, :)           !! (lane, n_actuator)
+        logical, intent(out) :: serves                 !! false: for one of the lanes at least it does not
+        real(wp) :: nothing(lanes, forces%layout%n), no_force(lanes, size(force, 2)), branch(lanes, forces%model%n_branch)
+        integer :: lane, i
+
+        nothing = 0
+        no_force = 0
+        branch = spread(forces%model%branch(:forces%model%n_branch), 1, lanes)
+        if (forces%assembly%is_needed) branch = forces%assembly%branch
+        call place_states(forces%model, forces%layout, n, t, nothing, nothing, branch, spread(.false., 1, size(force, 2)), &
+                          no_force, forces%record)
+        associate (recorded => forces%record%recorded, samples => forces%record%samples)
+            call run_rates(recorded, n, samples)
+            serves = .not. any(samples%is_left(:n))
+            if (.not. serves) return
+            if (forces%assembly%is_needed) then
+                do lane = 1, n
+                    serves = serves .and. .not. may_change_assembly(forces%model, forces%assembly, lane, t(lane), &
+                                                                           forces%record)
+                end do
+            end if
+            do i = 1, size(force, 2)
+                force(:, i) = samples%found(recorded%out%effort + i - 1, [(min(lane, n), lane=1, lanes)])
+            end do
+        end associate
+    end subroutine find_by_record
+
+    subroutine free_motion_forces(forces)
+        type(motion_forces), intent(inout) :: forces
+
+        if (associated(forces%workspace%slot%value)) call forces%workspace%free()
+        call free_forward_record(forces%record)
+    end subroutine free_motion_forces
+end module linkdyn_motion_forces
