@@ -37,6 +37,7 @@ module linkdyn_motion_forces
         logical, private :: has_record = .false.
         type(forward_record) :: record
         integer, private :: n_checked = 0
+        integer :: n_by_record = 0                     !! evaluations by the record alone
     end type motion_forces
 
 contains
@@ -96,7 +97,11 @@ contains
         if (all(t == forces%t)) return
         serves = forces%has_record
         if (serves) call find_by_record(t, n, forces, by_record, serves)
-        if (.not. serves .or. forces%n_checked < n_check) call find_on_lanes(t, forces)
+        if (.not. serves .or. forces%n_checked < n_check) then
+            call find_on_lanes(t, forces)
+        else
+            forces%n_by_record = forces%n_by_record + 1
+        end if
         if (serves) then
             if (forces%n_checked < n_check .and. all(forces%status(:n) == sample_ok)) then
                 forces%n_checked = forces%n_checked + 1

@@ -142,6 +142,7 @@ class Scene:
         self.loads = _names(self.description["loads"])
         self._handles: dict[tuple[str, ...], int] = {(): handle}
         self._jobs: dict[tuple[Any, ...], _Job] = {}
+        self._forward: dict[tuple[str, str, bool], tuple[dict[str, tuple[tuple[int, ...], type]], RunTemplate]] = {}
 
     def __repr__(self) -> str:
         return (
@@ -408,11 +409,15 @@ class Scene:
         shows = None if progress is None else as_flag("progress", progress)
         settings = (as_real("step", step), as_real("rtol", rtol), as_real("atol", atol))
         kind = (method, solver, as_count("threads", threads))
-        schema = _bind.describe_results(self._handle, solver, wanted, True, is_forward=True, error=has_errors)
+        kind_of_run = (solver, wanted, has_errors)
+        if kind_of_run not in self._forward:
+            schema = _bind.describe_results(self._handle, solver, wanted, True, is_forward=True, error=has_errors)
+            template = RunTemplate(schema, self.description, self.text, solver)
+            self._forward[kind_of_run] = (result_shapes(schema, True), template)
         span = (float(instants[0]), float(instants[-1]))
         run = _bind.Run(self._handle, *kind, settings, as_flag("switch", switch), wanted, has_errors, *span)
         try:
-            return self._follow(run, instants, schema, method, solver, shows)
+            return self._follow(run, instants, *self._forward[kind_of_run], method, shows)
         finally:
             run.finish()
 
@@ -420,20 +425,19 @@ class Scene:
         self,
         run: _bind.Run,
         t: NDArray[np.float64],
-        schema: dict[str, Any],
+        shapes: dict[str, tuple[tuple[int, ...], type]],
+        template: RunTemplate,
         method: str,
-        solver: str,
         progress: bool | None,
     ) -> xr.Dataset:
         """Through all instants of output, with an ear for interrupts."""
-        shapes = result_shapes(schema, True)
         found: dict[str, NDArray[Any]] = {name: np.empty((len(t), *shape), kind) for name, (shape, kind) in shapes.items()}
         length = max(1, min(RUN_BLOCK, RUN_VALUES // sum(math.prod(shape) for shape, _ in shapes.values())))
         n_done = 0
 
         def result() -> xr.Dataset:
             arrays = {name: values[:n_done] for name, values in found.items()}
-            data = RunTemplate(schema, self.description, self.text, solver).fill(arrays, run.roads)
+            data = template.fill(arrays, run.roads)
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
             data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}

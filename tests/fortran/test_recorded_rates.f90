@@ -22,10 +22,10 @@ module test_recorded_rates
     public :: collect_recorded_rates
 
     !> Scenes closed without iteration, by laws of every kind: motors, springs, tables, torques, forces that a motion asks for.
-    character(len=*), parameter :: example(13) = [character(len=34) :: "andrews/scene", "andrews/scene_forward", &
+    character(len=*), parameter :: example(15) = [character(len=34) :: "andrews/scene", "andrews/scene_forward", &
         "fivebar_motors/scene", "fivebar_parallel/scene", "flyball_governor/scene", "fourbar_constant_torque/scene", &
         "fourbar_start/scene", "n_fourbar/scene", "rcsp_start/scene", "sixbar_slider/scene_inclined", "slider_crank/scene", &
-        "stephenson_iii/scene", "watt_i/scene"]
+        "stephenson_iii/scene", "watt_i/scene", "stewart_forward/scene", "stewart_drilling/scene"]
 
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
     real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
@@ -35,9 +35,10 @@ contains
     subroutine collect_recorded_rates(tests)
         type(unit_test), allocatable, intent(out) :: tests(:)
 
-        tests = [new_test("random states", test_random_states), new_test("legs", test_legs), &
+        tests = [new_test("random states", test_random_states), &
                  new_test("a free body", test_free_body), &
-                 new_test("a run", test_run), new_test("change points", test_change_points), &
+                 new_test("a run", test_run), new_test("forces of a motion", test_motion_forces), &
+                 new_test("change points", test_change_points), &
                  new_test("an ensemble", test_ensemble)]
     end subroutine collect_recorded_rates
 
@@ -150,24 +151,8 @@ contains
         call system%release()
     end subroutine test_free_body
 
-    !> Legs are carried by the lanes in fewer operations.
-    subroutine test_legs(error)
-        type(test_error), intent(inout) :: error
-        type(model_type), target :: model
-        type(forward_system) :: system
-        type(status_type) :: status
-
-        call load_model(error, "examples/stewart_forward/scene", model)
-        call build_forward_system(model, 0, system, status)
-        call check(error, status%is_ok(), trim(status%message))
-        if (.not. status%is_ok()) return
-        call system%make_record(0.0_wp)
-        call check(error, .not. system%may_record, "a hexapod stays with the lanes")
-        call system%release()
-    end subroutine test_legs
-
     !> One run: what it comes to, and how many evaluations were by the record alone.
-    subroutine run_to_end(error, model, options, by_record, t, q, n_by_record)
+    subroutine run_to_end(error, model, options, by_record, t, q, n_by_record, n_of_motion)
         type(test_error), intent(inout) :: error
         type(model_type), intent(in), target :: model
         type(integrator_options), intent(in) :: options
@@ -175,6 +160,7 @@ contains
         real(wp), intent(in) :: t(:)                   !! [s]
         real(wp), intent(out), target :: q(:, :)       !! (n_q, n)
         integer, intent(out) :: n_by_record
+        integer, intent(out), optional :: n_of_motion
         type(forward_results) :: results
         type(forward_run) :: run
         type(status_type) :: status
@@ -187,25 +173,27 @@ contains
         if (status%is_ok()) then
             call advance_forward(run, t, results, n_done)
             n_by_record = run%system%n_by_record
+            if (present(n_of_motion)) n_of_motion = run%system%of_motion%n_by_record
             call check(error, n_done == size(t) .and. .not. run%has_stopped, "the run comes to its end: "//trim(run%reason))
         end if
         call finish_forward(run)
     end subroutine run_to_end
 
     !> The same steps of an example with one coordinate by both roads.
-    subroutine run_both_roads(error, example, t, by_lanes, by_record, n_by_record)
+    subroutine run_both_roads(error, example, t, by_lanes, by_record, n_by_record, n_of_motion)
         type(test_error), intent(inout) :: error
         character(len=*), intent(in) :: example
         real(wp), intent(in) :: t(:)                   !! [s]
         real(wp), intent(out), target :: by_lanes(:, :), by_record(:, :)    !! (1, n)
         integer, intent(out) :: n_by_record
+        integer, intent(out), optional :: n_of_motion  !! forces of the motion by a record
         type(model_type), target :: model
         integer :: n_unasked
 
         call load_model(error, "examples/"//example//"/scene", model)
         associate (options => integrator_options(method=method_rk4, step=1.0e-3_wp))
             call run_to_end(error, model, options, .false., t, by_lanes, n_unasked)
-            call run_to_end(error, model, options, .true., t, by_record, n_by_record)
+            call run_to_end(error, model, options, .true., t, by_record, n_by_record, n_of_motion)
         end associate
         call check(error, n_unasked == 0, "no record unless asked for")
     end subroutine run_both_roads
@@ -221,6 +209,18 @@ contains
         call check(error, n_by_record > 4000, "nearly all rates come from the record: "//to_text(n_by_record))
         call check_close(error, by_record, by_lanes, 1.0e5_wp*epsilon(1.0_wp)*maxval(abs(by_lanes)), "crank")
     end subroutine test_run
+
+    !> Drives that apply what the scene's motion asks for: the crank keeps to its law by either road.
+    subroutine test_motion_forces(error)
+        type(test_error), intent(inout) :: error
+        real(wp), parameter :: t(2) = [1.0_wp, 2.0_wp]
+        real(wp) :: by_lanes(1, size(t)), by_record(1, size(t))
+        integer :: n_by_record, n_of_motion
+
+        call run_both_roads(error, "fourbar_start", t, by_lanes, by_record, n_by_record, n_of_motion)
+        call check(error, n_of_motion > 3000, "nearly all forces come from the record: "//to_text(n_of_motion))
+        call check_close(error, by_record, by_lanes, 1.0e5_wp*epsilon(1.0_wp)*maxval(abs(by_lanes)), "crank")
+    end subroutine test_motion_forces
 
     !> A parallelogram through its change points: near them the lanes follow the assembly, elsewhere the record serves. It turns
     !> as a point mass would on its path, whatever the assembly, as long as it stays a parallelogram.
