@@ -26,7 +26,7 @@ module linkdyn_equations
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
     use linkdyn_mass_matrix, only: mass_matrix
     use linkdyn_model, only: model_type, is_dyad
     use linkdyn_motion, only: evaluate_motion
@@ -221,31 +221,16 @@ contains
         type(slot_store) :: slot
         real(wp) :: value(lanes, size(equations%formulation%entry))
         real(wp), allocatable :: good(:, :)
-        integer :: block, lane, k, n_good
-        logical :: is_good
+        integer :: block, lane, k, n_good, attempt
+        logical :: is_clear(lanes)
 
         call prepare_kinematics(model, n_column_of(model, equations), state)
         call make_slots(equations%formulation%n_slot + 1, slot)
         allocate (good(n_wanted_pose, size(value, 2)))
         n_good = 0
-        do block = 1, 8*n_wanted_pose/lanes + 8
-            call representative_poses(model, block, state)
-            call evaluate_kinematics(model, state)
-            call assemble_matrix(model, equations%formulation, state, slot%value)
-            call assemble_accelerations(model, equations%formulation, equations%accelerations, state, slot%value)
-            do k = 1, size(value, 2)
-                associate (entry => equations%formulation%entry(k))
-                    value(:, k) = entry%value
-                    if (entry%slot > 0) value(:, k) = slot%value(:, entry%slot)
-                end associate
-            end do
-            do lane = 1, lanes
-                is_good = .not. state%unreachable(lane) .and. all(ieee_is_finite(value(lane, :)))
-                if (.not. is_good .or. n_good == n_wanted_pose) cycle
-                n_good = n_good + 1
-                good(n_good, :) = value(lane, :)
-            end do
-            if (n_good == n_wanted_pose) exit
+        do attempt = 1, 2
+            call collect(must_be_clear=attempt == 1)
+            if (n_good > 0) exit
         end do
         call slot%free()
         associate (formulation => equations%formulation)
@@ -257,7 +242,47 @@ contains
             system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%row_has_right(k)), k=1, model%n_row)]
             system%is_wanted = spread(.true., 1, system%n)
         end associate
+
+    contains
+
+        subroutine collect(must_be_clear)
+            logical, intent(in) :: must_be_clear
+
+            do block = 1, 8*n_wanted_pose/lanes + 8
+                call representative_poses(model, block, state)
+                call evaluate_kinematics(model, state)
+                call assemble_matrix(model, equations%formulation, state, slot%value)
+                call assemble_accelerations(model, equations%formulation, equations%accelerations, state, slot%value)
+                do k = 1, size(value, 2)
+                    associate (entry => equations%formulation%entry(k))
+                        value(:, k) = entry%value
+                        if (entry%slot > 0) value(:, k) = slot%value(:, entry%slot)
+                    end associate
+                end do
+                is_clear = .not. state%unreachable
+                if (must_be_clear) is_clear = is_clear .and. stands_clear(model, state)
+                do lane = 1, lanes
+                    if (.not. (is_clear(lane) .and. all(ieee_is_finite(value(lane, :))))) cycle
+                    n_good = n_good + 1
+                    good(n_good, :) = value(lane, :)
+                    if (n_good == n_wanted_pose) return
+                end do
+            end do
+        end subroutine collect
     end subroutine sample_system
+
+    !> Are all dyads away from their change points? A pose beside one stands for nothing but itself: no pivot that is good
+    !> elsewhere is good there, least of all where several dyads come to theirs at once.
+    function stands_clear(model, state) result(is_clear)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        logical :: is_clear(lanes)
+        real(wp), parameter :: least_sine = 0.1_wp     !! of the angle between the rods of a dyad: a digit
+        real(wp), dimension(lanes, n_map(model)) :: margin, drift
+
+        call measure_margins(model, state, margin, drift)
+        is_clear = all(abs(margin(:, :model%n_branch)) >= least_sine, dim=2)
+    end function stands_clear
 
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
     subroutine choose_poses(model, batch, pose, assembly, stand)
@@ -267,35 +292,41 @@ contains
         type(sample_assembly), intent(out) :: assembly          !! there
         real(wp), intent(out) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
         type(kinematic_state) :: state
-        integer :: block, first, lane
+        integer :: block, first, lane, attempt
 
         allocate (pose(model%n_q, 0))
         call make_room(model, n_wanted_pose, assembly)
         stand = spread(reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
                                [3, 4]), 3, 1 + model%n_link)
         call prepare_kinematics(model, 0, state)
-        do block = 1, 8*n_wanted_pose/lanes + 8
-            call representative_poses(model, block, state)
-            call add_poses()
-            if (size(pose, 2) == n_wanted_pose) return
+        do attempt = 1, 2
+            do block = 1, 8*n_wanted_pose/lanes + 8
+                call representative_poses(model, block, state)
+                call add_poses(must_be_clear=attempt == 1)
+                if (size(pose, 2) == n_wanted_pose) return
+            end do
+            if (size(pose, 2) > 0) return
         end do
-        if (size(pose, 2) > 0) return
         do block = 1, 8*n_wanted_pose/lanes + 8
             first = 1 + (block - 1)*lanes
             if (first > size(batch, 2)) exit
             state%q = transpose(batch(:, [(min(first + lane, size(batch, 2)), lane=0, lanes - 1)]))
-            call add_poses()
+            call add_poses(must_be_clear=.false.)
             if (size(pose, 2) == n_wanted_pose) return
         end do
 
     contains
 
-        subroutine add_poses()
+        subroutine add_poses(must_be_clear)
+            logical, intent(in) :: must_be_clear
+            logical :: is_clear(lanes)
             integer :: lane
 
             call evaluate_kinematics(model, state)
+            is_clear = .not. (state%unreachable .or. state%not_converged .or. state%singular)
+            if (must_be_clear) is_clear = is_clear .and. stands_clear(model, state)
             do lane = 1, lanes
-                if (state%unreachable(lane) .or. state%not_converged(lane) .or. state%singular(lane)) cycle
+                if (.not. is_clear(lane)) cycle
                 if (size(pose, 2) == n_wanted_pose) return
                 if (size(pose, 2) == 0) call note_stand(lane)
                 pose = reshape([pose, state%q(lane, :)], [model%n_q, size(pose, 2) + 1])
