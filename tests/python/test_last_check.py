@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import subprocess
 import tomllib
 from pathlib import Path
@@ -225,3 +226,33 @@ def test_a_wrench_given_is_kept_with_the_run(tsai, tmp_path):
     planar = linkdyn.Scene(copy.deepcopy(arm())).inverse(q=[[0.1]], wrench={"arm.T": [1.0, 2.0, 3.0]}, want="driving_force")
     np.testing.assert_array_equal(planar.wrench.values[0, 0], [1.0, 2.0, 3.0])
     assert list(planar.component.values) == ["Fx", "Fy", "Mz"]
+
+
+def row_of_four_bars(n: int) -> dict[str, Any]:
+    """Parallelograms in a row, led by the first bar from 60 to 20 degrees."""
+    angle = math.radians(60)
+    body = {"mass": 1.0, "cog": [0.5, 0.0], "inertia": 0.08}
+    bars = [{"name": f"bar{i}", "markers": {"A": [0.0, 0.0], "B": [1.0, 0.0]}, **body,
+             "start": {"position": [float(i), 0.0], "angle": angle}} for i in range(n + 1)]
+    rods = [{"name": f"rod{i}", "markers": {"L": [0.0, 0.0], "R": [1.0, 0.0]}, **body,
+             "start": {"position": [i - 1 + math.cos(angle), math.sin(angle)], "angle": 0.0}} for i in range(1, n + 1)]
+    hinges = [("crank", "frame.A0", "bar0.A")]
+    for i in range(1, n + 1):
+        hinges += [(f"L{i}", f"bar{i - 1}.B", f"rod{i}.L"), (f"R{i}", f"bar{i}.B", f"rod{i}.R"), (f"A{i}", f"frame.A{i}", f"bar{i}.A")]
+    return {
+        "title": "a row of four-bars", "space": "planar", "gravity": [0.0, -9.81],
+        "frame": {"markers": {f"A{i}": [float(i), 0.0] for i in range(n + 1)}},
+        "link": bars + rods,
+        "joint": [{"name": name, "type": "revolute", "between": [a, b]} for name, a, b in hinges],
+        "coordinate": [{"joint": "crank", "start": angle, "motion": {"law": "cycloidal", "to": math.radians(20), "duration": 1.0}}],
+        "actuator": [{"joint": "crank"}],
+    }
+
+
+def test_change_points_beside_a_motion_leave_the_plan() -> None:
+    """Poses a step away from the motion stand for the scene; some of them are at change points of all four-bars at once."""
+    scene = linkdyn.Scene(row_of_four_bars(6))
+    planned, dense = scene.inverse(), scene.inverse(solver="lapack")
+    assert planned.attrs["samples_dense"] == 0
+    largest = np.abs(dense.driving_force.values).max()
+    np.testing.assert_allclose(planned.driving_force, dense.driving_force, rtol=0, atol=1e-12 * largest)
