@@ -361,8 +361,9 @@ contains
     pure integer function evaluations_before_record(model) result(n)
         type(model_type), intent(in) :: model
         integer, parameter :: evaluations_a_link = 100     !! measured: 50 (of a hundred links) to 300
+        integer, parameter :: of_legs = 300                !! which the lanes carry in few columns
 
-        n = evaluations_a_link*model%n_link
+        n = merge(of_legs, evaluations_a_link, any(model%leg%is_carried))*model%n_link
     end function evaluations_before_record
 
     !> Make the record and use it from now on, if the scene has one and it finds what the lanes find.
