@@ -15,6 +15,7 @@ from .errors import ClosedSceneError, FileError, InputError, Interrupted, Linkdy
 
 if TYPE_CHECKING:
     from . import lecture, plot, widget
+    from ._code import GeneratedCode
     from ._sheet import sheet
     from ._view import view
     from .results import read
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ClosedSceneError",
     "FileError",
+    "GeneratedCode",
     "InputError",
     "Interrupted",
     "LinkdynError",
@@ -40,7 +42,15 @@ __all__ = [
 ]
 
 _MODULES = ("lecture", "plot", "widget")
-_HOMES = {"Poses": "scene", "Scene": "scene", "load": "scene", "read": "results", "sheet": "_sheet", "view": "_view"}
+_HOMES = {
+    "GeneratedCode": "_code",
+    "Poses": "scene",
+    "Scene": "scene",
+    "load": "scene",
+    "read": "results",
+    "sheet": "_sheet",
+    "view": "_view",
+}
 """Numpy, xarray and matplotlib take their time to load: only who computes or plots waits for them."""
 
 
