@@ -318,7 +318,10 @@ contains
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, solver_name))
             case ("--want")
                 config%want = value
-                if (config%command == command_generate) return
+                if (config%command == command_generate) then
+                    if (len_trim(value) == 0) call refuse(name//": empty list")
+                    return
+                end if
                 call choose_wanted(value, config%wanted, outcome)
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message))
                 if (config%command == command_forward .and. config%wanted%distance) &
@@ -465,8 +468,8 @@ contains
             "  --kernel NAME       inverse (default: driving forces from q, qd, qdd and loads), forward (qdd from q, qd,", &
             "                      loads and driving forces), kinematics (links and joints from q and qd)", &
             "  --want LIST         driving_force, reaction, joint_variable, position, velocity (the last two of kinematics", &
-            "                      only) or all; default: driving_force of inverse, all of kinematics, none beside qdd", &
-            "                      of forward", &
+            "                      only) or all (if none is named: driving_force of inverse, all of kinematics, of", &
+            "                      forward nothing beside qdd)", &
             "  -q, --quiet         do not say what was written", &
             "  -h, --help          this text"
     end subroutine print_generate_help

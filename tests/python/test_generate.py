@@ -397,3 +397,17 @@ def test_neither_file_without_the_other(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "bar.c: cannot be written: is a folder" in done.stderr
     assert sorted(path.name for path in tmp_path.iterdir()) == ["bar.c"]
+
+
+# ------------------------------------------------------------------------------------------------ the example
+def test_controller(tmp_path: Path) -> None:
+    """A loop of 1 kHz in plain C finds linkdyn's forces, in every period."""
+    command = [sys.executable, EXAMPLES / "controller_c" / "run.py", "--out", tmp_path, "--seconds", "0.2"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    periods, force, apart = re.search(r"(\d+) periods of 1 ms\nlargest driving force (\S+) N, largest difference from linkdyn (\S+) of it\n",
+                                      done.stdout).groups()
+    assert int(periods) == 200
+    assert float(force) > 5.0
+    assert float(apart) <= ROUNDING
+    assert re.search(r"time a call: median \d+\.\d\d us, worst \d+\.\d\d us\n$", done.stdout)
+    assert done.stderr == ""
