@@ -3,16 +3,28 @@ module linkdyn_c_files
     use linkdyn_build, only: version
     use linkdyn_c_body, only: c_value, c_pointer, c_routine, make_routine, write_routine, write_calls, uses_operation
     use linkdyn_c_words, only: c_comment, c_number, upper
-    use linkdyn_code_fields, only: name_list, field_type, in_c_order, field_size, n_list, of_axes, note_len
+    use linkdyn_code_fields, only: name_list, field_type, in_c_order, field_size, n_list, of_place, of_placed, note_len
+    use linkdyn_closing_programs, only: out_correction, out_response, out_determinant, out_closing_alarm
     use linkdyn_controller_kernel, only: controller_kernel
+    use linkdyn_following, only: largest_contraction
     use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_inputs, only: in_branch
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: n_probe
+    use linkdyn_newton_group, only: small_step, rounding_at, largest_turn, least_group_margin
     use linkdyn_schedule, only: op_multiply_add, op_multiply_subtract, op_subtract_product
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
     public :: controller_code, write_header, write_source
+
+    !> A group closed by iteration.
+    type :: group_code
+        type(controller_kernel) :: controller          !! its step
+        integer :: first = 0, n = 0                    !! among the links placed so
+        real(wp), allocatable :: unit(:)               !! of its corrections (row)
+        real(wp) :: sense = 1                          !! sign of the determinant on the start's assembly
+    end type group_code
 
     !> All that is written.
     type :: controller_code
@@ -22,10 +34,16 @@ module linkdyn_c_files
         character(len=:), allocatable :: kernel        !! in words
         type(name_list) :: list(n_list)
         type(field_type), allocatable :: input(:), output(:)
+        type(field_type), allocatable :: state(:)      !! places of links in groups closed by iteration; none: there are none
+        type(group_code), allocatable :: group(:)
         type(controller_kernel) :: controller
+        real(wp) :: extent = 1                         !! the mechanism's size [m]
+        real(wp), allocatable :: stride(:)             !! of coordinates through which groups can be followed (n_q) [m, rad]
         real(wp), allocatable :: branch(:)             !! of the closed forms, +1 or -1
         character(len=note_len), allocatable :: branch_at(:)   !! where they close
     end type controller_code
+
+    integer, parameter :: most_steps = 8               !! of Newton's method, which squares the error
 
 contains
 
@@ -43,7 +61,12 @@ contains
             " *", &
             " * Fill a struct "//name//"_input ("//name//"_start is the scene at its start) and call "//name//"_evaluate.", &
             " * SI units and radians. No memory is allocated and no data is kept: threads may call at once.", &
-            " *", &
+            " *"
+        if (has_state(code)) write (unit, "(a)") &
+            " * Loops are closed by iteration from where they stood at the last call: begin with "//name//"_assembly, the links'", &
+            " * places at the scene's start, come from there in small steps, and keep one such struct for each mechanism.", &
+            " *"
+        write (unit, "(a)") &
             " * Written by linkdyn "//version//"; changes are lost when it is written again. */", &
             "#ifndef "//large//"_H", &
             "#define "//large//"_H", &
@@ -57,20 +80,24 @@ contains
         end do
         call write_struct(code, name//"_input", code%input, unit)
         call write_struct(code, name//"_output", code%output, unit)
+        if (has_state(code)) call write_struct(code, name//"_state", code%state, unit)
         write (unit, "(a)") "/* What a call found. But for "//large//"_OK the output stays as it was. */", &
             "enum "//name//"_status {", &
             "    "//large//"_OK = 0,", &
             "    "//large//"_NOT_A_NUMBER = 1, /* an input is none, or infinite */", &
             "    "//large//"_OUT_OF_REACH = 2, /* a loop cannot be closed, or hardly */", &
             "    "//large//"_ALARM = 3, /* too near a singular position: digits may be lost */", &
-            "    "//large//"_OVERFLOW = 4 /* a result is not finite */", &
-            "};", &
+            "    "//large//"_OVERFLOW = 4"//trim(merge(", ", "  ", has_state(code)))//" /* a result is not finite */"
+        if (has_state(code)) write (unit, "(a)") &
+            "    "//large//"_NOT_FOLLOWED = 5 /* no way there from the last call's places: too long a step, or it ends */"
+        write (unit, "(a)") "};", &
             "", &
             "/* The scene at its start: at rest, with the loads of its first instant. */", &
-            "extern const struct "//name//"_input "//name//"_start;", &
-            "", &
+            "extern const struct "//name//"_input "//name//"_start;"
+        if (has_state(code)) write (unit, "(a)") "extern const struct "//name//"_state "//name//"_assembly;"
+        write (unit, "(a)") "", &
             "/* "//capital(code%kernel)//". Returns one of enum "//name//"_status. */", &
-            "int "//name//"_evaluate(const struct "//name//"_input *in, struct "//name//"_output *out);", &
+            "int "//name//"_evaluate("//parameters(code)//");", &
             "", &
             "#ifdef __cplusplus", &
             "}", &
@@ -78,6 +105,21 @@ contains
             "", &
             "#endif"
     end subroutine write_header
+
+    logical function has_state(code)
+        type(controller_code), intent(in) :: code
+
+        has_state = size(code%state) > 0
+    end function has_state
+
+    function parameters(code) result(text)
+        type(controller_code), intent(in) :: code
+        character(len=:), allocatable :: text
+
+        text = "const struct "//code%prefix//"_input *in, "
+        if (has_state(code)) text = text//"struct "//code%prefix//"_state *state, "
+        text = text//"struct "//code%prefix//"_output *out"
+    end function parameters
 
     function title_of(code) result(text)
         type(controller_code), intent(in) :: code
@@ -102,12 +144,15 @@ contains
         integer :: k
 
         is_used = .false.
-        if (i == of_axes) return
+        if (code%list(i)%what == "") return
         do k = 1, size(code%input)
             is_used = is_used .or. any(code%input(k)%of == i)
         end do
         do k = 1, size(code%output)
             is_used = is_used .or. any(code%output(k)%of == i)
+        end do
+        do k = 1, size(code%state)
+            is_used = is_used .or. any(code%state(k)%of == i)
         end do
     end function is_used
 
@@ -140,8 +185,8 @@ contains
         do i = 1, size(member)
             extent = ""
             do k = 1, size(member(i)%of)
-                if (member(i)%of(k) == of_axes) then
-                    extent = extent//"[3]"
+                if (code%list(member(i)%of(k))%what == "") then
+                    extent = extent//"["//to_text(code%list(member(i)%of(k))%n)//"]"
                 else
                     extent = extent//"["//upper(code%prefix)//"_N_"//upper(trim(code%list(member(i)%of(k))%what))//"]"
                 end if
@@ -156,15 +201,25 @@ contains
     subroutine write_source(code, unit)
         type(controller_code), intent(in) :: code
         integer, intent(in) :: unit                    !! open for formatted writing
-        type(c_routine) :: routine
+        type(c_routine) :: routine, closing(size(code%group))
         character(len=:), allocatable :: name, large
+        integer :: g, n_operation, n_place, most_rows
 
-        call wire(code, routine)
+        call wire(code, "compute", code%controller, routine)
+        n_operation = size(routine%line%of)
+        n_place = routine%line%n_place
+        most_rows = 0
+        do g = 1, size(code%group)
+            call wire(code, "step_"//to_text(g), code%group(g)%controller, closing(g))
+            n_operation = n_operation + size(closing(g)%line%of)
+            n_place = max(n_place, closing(g)%line%n_place)
+            most_rows = max(most_rows, size(code%group(g)%unit))
+        end do
         name = code%prefix
         large = upper(name)
         write (unit, "(a)") "/* "//title_of(code), &
             " *", &
-            " * "//to_text(size(routine%line%of))//" operations, traced from the scene. Written by linkdyn "//version &
+            " * "//to_text(n_operation)//" operations, traced from the scene. Written by linkdyn "//version &
             //"; changes are lost when it is written again. */", &
             "#include """//code%file//".h""", &
             "", &
@@ -193,10 +248,20 @@ contains
             "struct work {", &
             "    double alarm; /* beyond one, rounding may have grown */", &
             "    double reach; /* not above zero: a loop does not close */"
-        if (routine%line%n_place > 0) write (unit, "(a)") &
-            "    double w["//to_text(routine%line%n_place)//"]; /* what one part finds for others */"
+        if (has_state(code)) write (unit, "(a)") &
+            "    double correction["//to_text(most_rows)//"]; /* of the places of a group's links [m, rad] */", &
+            "    double response; /* tells how near the group is to a singular position */", &
+            "    double determinant; /* its sign tells assemblies apart */"
+        if (n_place > 0) write (unit, "(a)") &
+            "    double w["//to_text(n_place)//"]; /* what one part finds for others */"
         write (unit, "(a)") "};", ""
-        call write_start(code, unit)
+        call write_start(code, name//"_input", name//"_start", code%input, unit)
+        if (has_state(code)) call write_start(code, name//"_state", name//"_assembly", code%state, unit)
+        if (has_state(code)) call write_move(code, unit)
+        do g = 1, size(code%group)
+            call write_routine(closing(g), unit)
+            call write_settling(code, g, closing(g), unit)
+        end do
         call write_routine(routine, unit)
         write (unit, "(a)") "static int all_finite(const double *x, int n)", &
             "{", &
@@ -207,38 +272,58 @@ contains
             "    return 1;", &
             "}", &
             "", &
-            "int "//name//"_evaluate(const struct "//name//"_input *in, struct "//name//"_output *out)", &
+            "int "//name//"_evaluate("//parameters(code)//")", &
             "{", &
             "    struct work work;", &
             "    struct "//name//"_output found;"
+        if (has_state(code)) write (unit, "(a)") &
+            "    struct "//name//"_state here = *state;", &
+            "    static const double longest_step["//to_text(size(code%stride))//"] = {"//c_numbers(code%stride)//"};", &
+            "    int status, i;"
         call write_check(code%input, "in->", large//"_NOT_A_NUMBER", unit)
-        call write_calls(routine, unit)
+        call write_check(code%state, "here.", large//"_NOT_A_NUMBER", unit)
+        if (has_state(code)) write (unit, "(a)") &
+            "    for (i = 0; i < "//to_text(size(code%stride))//"; i++) {", &
+            "        if (!(fabs(in->q[i] - here.q[i]) <= longest_step[i]))", &
+            "            return "//large//"_NOT_FOLLOWED;", &
+            "        here.q[i] = in->q[i];", &
+            "    }"
+        do g = 1, size(code%group)
+            write (unit, "(a)") "    status = settle_"//to_text(g)//"(in, &here, &work);", &
+                "    if (status != "//large//"_OK)", &
+                "        return status;"
+        end do
+        call write_calls(routine, 4, [character(len=6) :: "&work", "in", "&here", "&found"], unit)
         write (unit, "(a)") "    /* Written so that what is no number counts as an alarm. */", &
             "    if (!(work.reach > 0.0))", &
             "        return "//large//"_OUT_OF_REACH;", &
             "    if (!(work.alarm <= 1.0))", &
             "        return "//large//"_ALARM;"
         call write_check(code%output, "found.", large//"_OVERFLOW", unit)
+        if (has_state(code)) write (unit, "(a)") "    *state = here;"
         write (unit, "(a)") "    *out = found;", &
             "    return "//large//"_OK;", &
             "}"
     end subroutine write_source
 
     !> What the kernel's inputs and outputs are in C.
-    subroutine wire(code, routine)
+    subroutine wire(code, routine_name, controller, routine)
         type(controller_code), intent(in) :: code
+        character(len=*), intent(in) :: routine_name
+        type(controller_kernel), intent(in) :: controller
         type(c_routine), intent(out) :: routine
-        type(c_value) :: input(code%controller%kernel%n_input), output(code%controller%kernel%n_output)
-        type(c_pointer) :: pointer(3)
-        character(len=:), allocatable :: name
+        type(c_value) :: input(controller%kernel%n_input), output(controller%kernel%n_output)
+        type(c_pointer) :: pointer(4)
+        character(len=:), allocatable :: name, item
         integer :: k
 
         name = code%prefix
-        pointer(1) = c_pointer("struct work *restrict work", "&work", "work->")
-        pointer(2) = c_pointer("const struct "//name//"_input *restrict in", "in", "in->")
-        pointer(3) = c_pointer("struct "//name//"_output *restrict out", "&found", "out->")
+        pointer(1) = c_pointer("struct work *restrict work", "work->")
+        pointer(2) = c_pointer("const struct "//name//"_input *restrict in", "in->")
+        pointer(3) = c_pointer("const struct "//name//"_state *restrict state", "state->")
+        pointer(4) = c_pointer("struct "//name//"_output *restrict out", "out->")
         do k = 1, size(input)
-            associate (block => code%controller%block(k), place => code%controller%place(k))
+            associate (block => controller%block(k), place => controller%place(k))
                 if (block == in_branch) then
                     input(k)%is = c_number(code%branch(place))
                     input(k)%local = "assembly"//to_text(place - 1)
@@ -246,13 +331,25 @@ contains
                 end if
             end associate
         end do
-        call find_entries(code, code%input, code%controller%block, code%controller%place, "in->", input)
-        call find_entries(code, code%output, code%controller%id, code%controller%item, "out->", output)
+        call find_entries(code, code%input, controller%block, controller%place, "in->", input)
+        call find_entries(code, code%state, controller%block, controller%place, "state->", input)
+        call find_entries(code, code%output, controller%id, controller%item, "out->", output)
         do k = 1, size(output)
-            if (code%controller%id(k) == out_alarm) output(k) = c_value(is="work->alarm", comment="alarm")
-            if (code%controller%id(k) == out_reach) output(k) = c_value(is="work->reach", comment="reach")
+            item = to_text(controller%item(k) - 1)
+            select case (controller%id(k))
+            case (out_alarm, out_closing_alarm)
+                output(k) = c_value(is="work->alarm", comment="alarm")
+            case (out_reach)
+                output(k) = c_value(is="work->reach", comment="reach")
+            case (out_correction)
+                output(k) = c_value(is="work->correction["//item//"]", comment="correction "//item)
+            case (out_response)
+                output(k) = c_value(is="work->response", comment="response to probes")
+            case (out_determinant)
+                output(k) = c_value(is="work->determinant", comment="determinant")
+            end select
         end do
-        call make_routine("compute", code%controller%kernel, input, output, pointer, routine)
+        call make_routine(routine_name, controller%kernel, input, output, pointer, routine)
     end subroutine wire
 
     !> Numbers of blocks, or results, as entries of a struct's arrays.
@@ -301,7 +398,6 @@ contains
         type(name_list), intent(in) :: list(:)
         integer, intent(in) :: i
         character(len=:), allocatable :: text
-        character(len=1), parameter :: axis(3) = ["x", "y", "z"]
         integer :: rest, k, at
 
         text = ""
@@ -309,25 +405,23 @@ contains
         do k = size(one%of), 1, -1
             at = 1 + modulo(rest, list(one%of(k))%n)
             rest = rest/list(one%of(k))%n
-            if (one%of(k) == of_axes) then
-                text = axis(at)//" "//text
-            else
-                text = trim(list(one%of(k))%label(at))//" "//text
-            end if
+            text = trim(list(one%of(k))%label(at))//" "//text
         end do
         text = c_comment(text)
     end function label_of
 
-    !> The scene at its start.
-    subroutine write_start(code, unit)
+    !> Members of a struct at the scene's start.
+    subroutine write_start(code, struct, name, member, unit)
         type(controller_code), intent(in) :: code
+        character(len=*), intent(in) :: struct, name
+        type(field_type), intent(in) :: member(:)
         integer, intent(in) :: unit
         character(len=:), allocatable :: line
         integer :: i, k, d, inner
 
-        write (unit, "(a)") "const struct "//code%prefix//"_input "//code%prefix//"_start = {"
-        do i = 1, size(code%input)
-            associate (one => code%input(i))
+        write (unit, "(a)") "const struct "//struct//" "//name//" = {"
+        do i = 1, size(member)
+            associate (one => member(i))
                 line = "    ."//trim(one%name)//" = {"
                 inner = field_size(one)
                 if (size(one%of) > 1) inner = code%list(one%of(2))%n
@@ -338,11 +432,122 @@ contains
                     if (size(one%of) > 1 .and. d == inner - 1) line = line//"}"
                     if (k < field_size(one)) line = line//", "
                 end do
-                write (unit, "(a)") line//"}"//trim(merge(",", " ", i < size(code%input)))
+                write (unit, "(a)") line//"}"//trim(merge(",", " ", i < size(member)))
             end associate
         end do
         write (unit, "(a)") "};", ""
     end subroutine write_start
+
+    ! ---------------------------------------------------------------- groups closed by iteration
+
+    !> A correction taken from a link's place.
+    subroutine write_move(code, unit)
+        type(controller_code), intent(in) :: code
+        integer, intent(in) :: unit
+
+        if (code%list(of_place)%n == 3) then
+            write (unit, "(a)") "/* A link's place, x, y and angle, less a shift and a turn. */", &
+                "static void move_back(double *restrict p, const double *restrict by)", &
+                "{", &
+                "    int i;", &
+                "    for (i = 0; i < 3; i++)", &
+                "        p[i] -= by[i];", &
+                "}", ""
+        else
+            write (unit, "(a)") "/* A link's place, x, y, z and quaternion, less a shift and a small turn. */", &
+                "static void move_back(double *restrict p, const double *restrict by)", &
+                "{", &
+                "    const double a = -0.5*by[3], b = -0.5*by[4], c = -0.5*by[5]; /* (1, a, b, c) times the quaternion */", &
+                "    const double w = p[3] - (a*p[4] + b*p[5] + c*p[6]);", &
+                "    const double x = p[4] + (a*p[3] + b*p[6] - c*p[5]);", &
+                "    const double y = p[5] + (b*p[3] + c*p[4] - a*p[6]);", &
+                "    const double z = p[6] + (c*p[3] + a*p[5] - b*p[4]);", &
+                "    const double per_length = 1.0/sqrt(w*w + x*x + y*y + z*z);", &
+                "    int i;", &
+                "    for (i = 0; i < 3; i++)", &
+                "        p[i] -= by[i];", &
+                "    p[3] = w*per_length;", &
+                "    p[4] = x*per_length;", &
+                "    p[5] = y*per_length;", &
+                "    p[6] = z*per_length;", &
+                "}", ""
+        end if
+    end subroutine write_move
+
+    !> Newton's iteration of a group, by the rules of `linkdyn_group_stride`.
+    subroutine write_settling(code, g, closing, unit)
+        type(controller_code), intent(in) :: code
+        integer, intent(in) :: g, unit
+        type(c_routine), intent(in) :: closing
+        character(len=:), allocatable :: name, large, rows, links, freedom, shifts
+        integer :: i
+
+        name = code%prefix
+        large = upper(name)
+        associate (group => code%group(g))
+            rows = to_text(size(group%unit))
+            freedom = to_text(size(group%unit)/group%n)
+            shifts = to_text(merge(2, 3, code%list(of_place)%n == 3))
+            links = ""
+            do i = 1, group%n
+                links = links//trim(merge(", ", "  ", i > 1))//" "//trim(c_comment(code%list(of_placed)%label(group%first + i - 1)))
+            end do
+            write (unit, "(a)") "/* Places of"//links//", by Newton's method from where they stood.", &
+                " * Corrections must shrink at least fourfold: then there is one solution near, this assembly (Kantorovich). */", &
+                "static int settle_"//to_text(g)//"(const struct "//name//"_input *in, struct "//name//"_state *state, " &
+                    //"struct work *work)", &
+                "{", &
+                "    static const double unit["//rows//"] = {"//c_numbers(group%unit)//"};", &
+                "    double largest, before = 0.0, distance, margin, noise;", &
+                "    int step, i, k;", &
+                "", &
+                "    for (step = 1; step <= "//to_text(most_steps)//"; step++) {"
+            call write_calls(closing, 8, [character(len=6) :: "work", "in", "state", ""], unit)
+            write (unit, "(a)") "        if (!(work->alarm <= 1.0))", &
+                "            return "//large//"_ALARM;", &
+                "        largest = 0.0; /* of the corrections, lengths by the mechanism's size */", &
+                "        for (i = 0; i < "//rows//"; i++) {", &
+                "            const double size = fabs(work->correction[i])/unit[i];", &
+                "            if (!(size <= "//c_number(largest_turn)//"))", &
+                "                return "//large//"_NOT_FOLLOWED;", &
+                "            if (size > largest)", &
+                "                largest = size;", &
+                "        }", &
+                "        /* Not above zero on another assembly. */", &
+                "        margin = "//trim(merge("-", " ", group%sense < 0))//"work->determinant > 0.0 ? sqrt(" &
+                    //c_number(real(n_probe, wp)/size(group%unit))//"/work->response) : 0.0;", &
+                "        distance = "//c_number(code%extent)//"; /* [m] */", &
+                "        for (i = "//to_text(group%first - 1)//"; i < "//to_text(group%first + group%n - 1)//"; i++)", &
+                "            for (k = 0; k < "//shifts//"; k++)", &
+                "                if (fabs(state->place[i][k]) > distance)", &
+                "                    distance = fabs(state->place[i][k]);", &
+                "        noise = "//c_number(rounding_at(1.0_wp, code%extent))//"*distance/(margin > " &
+                    //c_number(least_group_margin)//" ? margin : "//c_number(least_group_margin)//");", &
+                "        for (i = 0; i < "//to_text(group%n)//"; i++)", &
+                "            move_back(state->place["//to_text(group%first - 1)//" + i], work->correction + "//freedom//"*i);", &
+                "        if (largest <= noise || largest <= "//c_number(small_step)//")", &
+                "            return margin > "//c_number(least_group_margin)//" ? "//large//"_OK : "//large//"_ALARM;", &
+                "        if (step > 1 && largest > "//c_number(largest_contraction)//"*before)", &
+                "            return "//large//"_NOT_FOLLOWED;", &
+                "        before = largest;", &
+                "    }", &
+                "    return "//large//"_NOT_FOLLOWED;", &
+                "}", ""
+        end associate
+    end subroutine write_settling
+
+    !> Numbers with commas between.
+    function c_numbers(x) result(text)
+        real(wp), intent(in) :: x(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ""
+        do i = 1, size(x)
+            if (i > 1) text = text//", "
+            text = text//c_number(x(i))
+        end do
+    end function c_numbers
 
     !> All numbers of a struct must be finite.
     subroutine write_check(member, begin, otherwise, unit)

@@ -5,8 +5,9 @@ module linkdyn_code_fields
     use linkdyn_results, only: label_len
     implicit none (type, external)
     private
-    public :: name_list, field_type, list_of_names, field, in_c_order, field_size
-    public :: of_coordinates, of_actuators, of_joints, of_components, of_variables, of_links, of_loads, of_axes, n_list
+    public :: name_list, field_type, list_of_names, without_names, field, in_c_order, field_size
+    public :: of_coordinates, of_actuators, of_joints, of_components, of_variables, of_links, of_loads, of_placed, of_axes
+    public :: of_place, n_list
     public :: note_len
 
     ! ---- what an index of an array counts
@@ -17,14 +18,16 @@ module linkdyn_code_fields
     integer, parameter :: of_variables = 5
     integer, parameter :: of_links = 6
     integer, parameter :: of_loads = 7
-    integer, parameter :: of_axes = 8                  !! x, y, z: no names
-    integer, parameter :: n_list = 8
+    integer, parameter :: of_placed = 8                !! links in groups closed by iteration
+    integer, parameter :: of_axes = 9                  !! x, y, z: no names
+    integer, parameter :: of_place = 10                !! numbers that place a link: no names
+    integer, parameter :: n_list = 10
 
     integer, parameter :: note_len = 128
 
     !> Names that an enum gives to the values of an index.
     type :: name_list
-        character(len=16) :: what = ""                 !! "coordinate"
+        character(len=16) :: what = ""                 !! "coordinate"; blank: there are no names, only a number
         integer :: n = 0
         character(len=label_len), allocatable :: label(:)      !! as the scene has them
         character(len=label_len + 12), allocatable :: word(:)  !! as C may have them, all different
@@ -54,6 +57,15 @@ contains
         list%note = note
         list%word = c_distinct(list%label)
     end function list_of_names
+
+    !> An index whose values are counted: only comments say what they are.
+    function without_names(label) result(list)
+        character(len=*), intent(in) :: label(:)
+        type(name_list) :: list
+
+        list%n = size(label)
+        list%label = label
+    end function without_names
 
     !> An array whose entries stand in a block, or result, as they stand in C.
     function field(name, meaning, id, of, list) result(new)

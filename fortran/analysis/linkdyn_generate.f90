@@ -5,19 +5,21 @@ module linkdyn_generate
     use linkdyn_c_words, only: c_identifier
     use linkdyn_catalogue, only: result_driving_force, result_reaction, result_joint_variable, result_joint_rate, result_qdd, &
         result_position, result_rotation, result_velocity, result_angular_velocity
-    use linkdyn_code_fields, only: name_list, field_type, list_of_names, field, field_size, note_len, n_list, &
-        of_coordinates, of_actuators, of_joints, of_components, of_variables, of_links, of_loads, of_axes
-    use linkdyn_controller_kernel, only: make_controller_kernel
+    use linkdyn_code_fields, only: name_list, field_type, list_of_names, without_names, field, field_size, note_len, n_list, &
+        of_coordinates, of_actuators, of_joints, of_components, of_variables, of_links, of_loads, of_placed, of_axes, of_place
+    use linkdyn_closing_programs, only: out_determinant
+    use linkdyn_controller_kernel, only: make_controller_kernel, make_closing_kernel, run_kernel
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_equations, only: unknown_choice, equations_type, build_equations, choose_poses, solver_elimination
     use linkdyn_forward_system, only: choose_unknowns
-    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_load, in_target, in_effort
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place
     use linkdyn_inverse, only: look_for_record
     use linkdyn_kinds, only: wp
     use linkdyn_laws, only: evaluate_law
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, place_size, scene_size
     use linkdyn_motion, only: evaluate_loads
+    use linkdyn_newton_group, only: prepare_margins
     use linkdyn_recorded_forces, only: prepare_forces
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, dim_joint, &
         dim_component, dim_variable
@@ -40,6 +42,8 @@ module linkdyn_generate
                                                       "position", "velocity"]
     logical, parameter :: T = .true., F = .false.
     logical, parameter :: is_of(3, 5) = reshape([T, T, F, T, T, F, T, T, T, F, F, T, F, F, T], [3, 5])
+
+    integer, parameter :: of_no_kernel = -1            !! id of a field that none reads
 
     !> What is wanted of generated code.
     type :: code_wish
@@ -158,9 +162,6 @@ contains
             call refuse("at no position near its start or motion can it be assembled", status)
         else if (.not. is_planned) then
             call refuse("its record cannot be planned as the scene is", status)
-        else if (size(own%group) > 0) then
-            call refuse("links "//join(own%link(own%group(1)%link)%name)//" are placed by iteration (expected closed forms: "&
-                        //"open chains, UPS legs, dyads, CSP groups)", status)
         end if
         if (.not. status%is_ok()) return
         if (own%is_planar) request%has_load(3:5, :) = .false.
@@ -174,7 +175,68 @@ contains
         if (.not. code%controller%is_made) call refuse("its equations have no pivots that serve near its start and motion " &
             //"(expected no more constraints than it needs)", status)
         call name_assemblies(own, code)
+        call add_groups(model, own, sample, code, status)
     end subroutine make_code
+
+    !> Newton's steps of groups closed by iteration, and where their links are at the start.
+    subroutine add_groups(model, own, sample, code, status)
+        type(model_type), intent(in) :: model
+        type(model_type), intent(inout) :: own         !! the same, planned for records; its groups are links of groups there
+        type(sample_set), intent(in) :: sample
+        type(controller_code), intent(inout) :: code
+        type(status_type), intent(inout) :: status
+        type(sample_set) :: start
+        type(field_type) :: place, last
+        real(wp), allocatable :: found(:)
+        real(wp) :: at_start(place_size(own), own%n_link)
+        integer, allocatable :: link(:)
+        integer :: g, i, k
+
+        allocate (code%state(0), code%group(size(own%group)))
+        if (size(own%group) == 0 .or. .not. status%is_ok()) return
+        call prepare_margins(own)
+        at_start = 0
+        do g = 1, size(model%group)
+            at_start(:, model%group(g)%link) = model%group(g)%start
+        end do
+        start%n = 1
+        start%of(in_q)%x = reshape(own%start_q, [own%n_q, 1])
+        start%of(in_branch)%x = reshape(own%branch, [own%n_branch, 1])
+        start%of(in_place)%x = reshape(at_start, [size(at_start), 1])
+        link = [integer ::]
+        do g = 1, size(own%group)
+            associate (group => code%group(g))
+                call make_closing_kernel(own, g, sample, group%controller)
+                if (.not. group%controller%is_made) then
+                    call refuse("links "//join(own%link(own%group(g)%link)%name)//" are placed by iteration, and no step of it " &
+                                //"can be recorded (expected as many constraints as they have freedoms)", status)
+                    return
+                end if
+                group%first = size(link) + 1
+                group%n = size(own%group(g)%link)
+                group%unit = own%group(g)%unit
+                call run_kernel(group%controller, start, 1, found)
+                group%sense = sign(1.0_wp, found(findloc(group%controller%id, out_determinant, dim=1)))
+            end associate
+            link = [link, own%group(g)%link]
+        end do
+        code%extent = scene_size(own)
+        code%list(of_placed) = list_of_names("placed", [(code%list(of_links)%label(link(i)), i=1, size(link))], &
+                                             [(" ", i=1, size(link))])
+        if (own%is_planar) then
+            code%list(of_place) = without_names([character(len=5) :: "x", "y", "angle"])
+        else
+            code%list(of_place) = without_names([character(len=2) :: "x", "y", "z", "qw", "qx", "qy", "qz"])
+        end if
+        place = field("place", "of links in loops closed by iteration: "//trim(merge("x, y, angle [m, rad]              ", &
+                      "x, y, z [m], quaternion w, x, y, z", own%is_planar)), in_place, [of_placed, of_place], code%list)
+        place%place = [((place_size(own)*(link(i) - 1) + k, k=1, place_size(own)), i=1, size(link))]
+        place%start = [(at_start(:, link(i)), i=1, size(link))]
+        last = field("q", "coordinates at the last call [m, rad]", of_no_kernel, [of_coordinates], code%list)
+        last%start = own%start_q
+        code%state = [place, last]
+        code%stride = own%stride
+    end subroutine add_groups
 
     !> Which of its ways each closed form takes, and where it closes.
     subroutine name_assemblies(model, code)
@@ -256,7 +318,7 @@ contains
             note(i) = merge("in link axes ", "in world axes", model%scene%load(i)%axes == axes_link)
         end do
         list(of_loads) = list_of_names("load", name(:model%n_load), note)
-        list(of_axes)%n = 3
+        list(of_axes) = without_names([character(len=1) :: "x", "y", "z"])
 
     contains
 

@@ -23,8 +23,7 @@ module linkdyn_c_body
 
     !> What parts are handed, if they use it.
     type :: c_pointer
-        character(len=64) :: declaration = ""          !! `struct work *restrict work`
-        character(len=64) :: argument = ""             !! `&work`, of whoever calls
+        character(len=text_len) :: declaration = ""    !! `struct work *restrict work`
         character(len=16) :: begin = ""                !! of all values behind it, `work->`
     end type c_pointer
 
@@ -155,7 +154,8 @@ contains
 
         next = 1
         do p = 1, routine%line%n_part
-            write (unit, "(a)") "static void "//part_name(routine, p)//"("//pointers(routine, p, .false.)//")", "{"
+            write (unit, "(a)") &
+                "static void "//part_name(routine, p)//"("//pointers(routine, p, routine%pointer%declaration)//")", "{"
             call write_inputs(routine, p, unit)
             do k = 1, size(routine%line%of)
                 if (part_of(k) /= p) cycle
@@ -170,13 +170,16 @@ contains
         end do
     end subroutine write_routine
 
-    subroutine write_calls(routine, unit)
+    !> Calls of all parts, in a function that has the pointers under the names given.
+    subroutine write_calls(routine, indent, argument, unit)
         type(c_routine), intent(in) :: routine
+        integer, intent(in) :: indent
+        character(len=*), intent(in) :: argument(:)    !! (pointer)
         integer, intent(in) :: unit
         integer :: p
 
         do p = 1, routine%line%n_part
-            write (unit, "(a)") "    "//part_name(routine, p)//"("//pointers(routine, p, .true.)//");"
+            write (unit, "(a)") repeat(" ", indent)//part_name(routine, p)//"("//pointers(routine, p, argument)//");"
         end do
     end subroutine write_calls
 
@@ -189,11 +192,11 @@ contains
         if (routine%line%n_part > 1) name = name//"_"//to_text(p)
     end function part_name
 
-    !> What a part takes: as its declaration has it, or as a call hands it over.
-    function pointers(routine, p, is_call) result(text)
+    !> What a part takes, in the words of its declaration or of a call.
+    function pointers(routine, p, as) result(text)
         type(c_routine), intent(in) :: routine
         integer, intent(in) :: p
-        logical, intent(in) :: is_call
+        character(len=*), intent(in) :: as(:)          !! (pointer)
         character(len=:), allocatable :: text
         integer :: i
 
@@ -201,13 +204,8 @@ contains
         do i = 1, size(routine%pointer)
             if (.not. routine%takes(i, p)) cycle
             if (text /= "") text = text//", "
-            if (is_call) then
-                text = text//trim(routine%pointer(i)%argument)
-            else
-                text = text//trim(routine%pointer(i)%declaration)
-            end if
+            text = text//trim(as(i))
         end do
-        if (text == "" .and. .not. is_call) text = "void"
     end function pointers
 
     !> Names for what a part reads.

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 STRICT = ("-std=c99 -Wall -Wextra -Wpedantic -Werror -Wconversion -Wshadow -Wstrict-prototypes -Wmissing-prototypes "
           "-Wdouble-promotion -Wundef -Wcast-qual -Wcast-align -Wwrite-strings -Wformat=2 -Wredundant-decls").split()
-OK, NOT_A_NUMBER, OUT_OF_REACH, ALARM = range(4)
+OK, NOT_A_NUMBER, OUT_OF_REACH, ALARM, _, NOT_FOLLOWED = range(6)
 ROUNDING = 4000 * np.finfo(float).eps
 """Of the largest number: two roads round on their own, and Watt's dyads multiply that by some hundreds where they stretch."""
 
@@ -34,6 +34,7 @@ class Compiled:
         self.prefix = re.search(r"#define (\w+)_H\n", code.header)[1].lower()
         self.counts = {name: int(n) for name, n in re.findall(r"(\w+_N_\w+) = (\d+)", code.header)}
         self.input, self.output = (self._struct(code.header, which) for which in ("input", "output"))
+        self.state = self._struct(code.header, "state") if "_assembly;" in code.header else None
         self.library = ctypes.CDLL(str(library))
         self.call = getattr(self.library, f"{self.prefix}_evaluate")
 
@@ -46,15 +47,22 @@ class Compiled:
 
     def start(self) -> np.ndarray:
         """The struct with the scene's start."""
-        size = self.input.itemsize
-        return np.frombuffer((ctypes.c_char * size).in_dll(self.library, f"{self.prefix}_start"), self.input).copy()
+        return self._constant("start", self.input)
 
-    def __call__(self, *, output: np.ndarray | None = None, **numbers: np.ndarray) -> tuple[int, np.void]:
+    def assembly(self) -> np.ndarray:
+        """And that of where links are that are placed by iteration."""
+        return self._constant("assembly", self.state)
+
+    def _constant(self, name: str, struct: np.dtype) -> np.ndarray:
+        return np.frombuffer((ctypes.c_char * struct.itemsize).in_dll(self.library, f"{self.prefix}_{name}"), struct).copy()
+
+    def __call__(self, *, state: np.ndarray | None = None, output: np.ndarray | None = None, **numbers: np.ndarray) -> tuple[int, np.void]:
         given = self.start()
         for name, values in numbers.items():
             given[name] = values
         found = np.full(1, np.nan, self.output) if output is None else output
-        status = self.call(given.ctypes.data_as(ctypes.c_void_p), found.ctypes.data_as(ctypes.c_void_p))
+        structs = [given, found] if self.state is None else [given, self.assembly() if state is None else state, found]
+        status = self.call(*(struct.ctypes.data_as(ctypes.c_void_p) for struct in structs))
         return status, found[0]
 
 
@@ -203,6 +211,81 @@ def test_kinematics(name: str, tmp_path: Path) -> None:
         omega = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=1)
         np.testing.assert_allclose(found["velocity"], velocity, atol=1e-7)
         np.testing.assert_allclose(found["angular_velocity"], omega, atol=1e-7)
+
+
+# ------------------------------------------------------------------------------------------------ loops closed by iteration
+@pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke"])
+def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
+    """Excavators, platforms on slides, spatial four-bars: from call to call in steps of a controller, all forces as the engine's."""
+    scene = load(f"../tests/scenes/{name}.toml")
+    compiled = Compiled(scene.generate(want="all", name="kernel"), tmp_path)
+    time = scene.description["time"]
+    t = np.linspace(time["first"], time["last"], 301)
+    run = scene.inverse(t=t)
+    loads = scene.load_values(t)[:, :, [0, 1, 5] if scene.planar else slice(None)]
+    state, start = compiled.assembly(), compiled.start()["q"][0]
+    for way in np.linspace(0.0, 1.0, 50):
+        assert compiled(state=state, q=start + way * (run.q.values[0] - start))[0] == OK
+    for i in range(len(t)):
+        given = dict(q=run.q[i], qd=run.qd[i], qdd=run.qdd[i])
+        if scene.loads:
+            given["load"] = loads[i]
+        status, found = compiled(state=state, **given)
+        assert (status, int(run.status[i])) == (OK, 0)
+        for result in ("driving_force", "reaction", "joint_rate"):
+            assert_alike(found[result], run[result].values[i])
+
+
+def test_iteration_forward(tmp_path: Path) -> None:
+    """Accelerations, and poses with velocities, of a loop that no closed form closes."""
+    scene = load("spatial_slider_crank")
+    run = scene.forward(t_end=0.5)
+    ahead = Compiled(scene.generate("forward", name="ahead"), tmp_path)
+    poses = Compiled(scene.generate("kinematics", name="poses"), tmp_path)
+    state, places = ahead.assembly(), poses.assembly()
+    for i in range(len(run.time)):
+        status, found = ahead(state=state, q=run.q[i], qd=run.qd[i])
+        assert status == OK
+        assert np.abs(found["qdd"] - run.qdd.values[i]).max() <= 1e-9 * max(1.0, np.abs(run.qdd.values).max())
+        status, found = poses(state=places, q=run.q[i], qd=run.qd[i])
+        assert status == OK
+        np.testing.assert_allclose(found["joint_rate"], run.joint_rate.values[i], atol=1e-9 * np.abs(run.joint_rate.values).max())
+
+
+def test_iteration_from_too_far(tmp_path: Path) -> None:
+    """A step through which the assembly cannot be followed is refused, whatever closes at its end; places stay, and smaller steps lead on."""
+    scene = load("../tests/scenes/rsur.toml")
+    compiled = Compiled(scene.generate(name="kernel"), tmp_path)
+    state, start = compiled.assembly(), compiled.start()["q"]
+    assert compiled(state=state, q=start)[0] == OK
+    kept, far = state.copy(), start + 1.0
+    output = np.full(1, 7.0, compiled.output)
+    assert compiled(state=state, output=output, q=far)[0] == NOT_FOLLOWED
+    assert state == kept
+    assert output["driving_force"] == 7.0
+    assert [compiled(state=state, q=start + way * (far - start))[0] for way in np.linspace(0.0, 1.0, 100)] == [OK] * 100
+    for way in np.linspace(0.3, 6.3, 21):      # at -3 rad Newton's method would close it, beyond a gap in which nothing closes
+        assert compiled(state=kept.copy(), q=start - way)[0] == NOT_FOLLOWED
+    spoilt = state.copy()
+    spoilt["place"][0, 0, 3] = np.nan
+    assert compiled(state=spoilt, q=far)[0] == NOT_A_NUMBER
+
+
+def test_iteration_ends_with_the_assembly(tmp_path: Path) -> None:
+    """A platform led out of reach by its cranks: an alarm or no way on, where the engine's assembly ends; never other numbers."""
+    scene = load("../tests/scenes/planar_platform.toml")
+    compiled = Compiled(scene.generate(want="all", name="kernel"), tmp_path)
+    run = scene.inverse(t=np.linspace(0.0, 1.0, 1001))
+    end = int(np.argmax(run.status.values != 0))
+    state = compiled.assembly()
+    outcomes = []
+    for i in range(end + 20):
+        status, found = compiled(state=state, q=run.q[i], qd=run.qd[i], qdd=run.qdd[i])
+        outcomes.append(status)
+        if status == OK:
+            assert np.abs(found["reaction"] - run.reaction.values[i]).max() <= 1e-6 * np.abs(run.reaction.values[i]).max()
+    assert outcomes[: end - 2] == [OK] * (end - 2)
+    assert OK not in outcomes[end:]
 
 
 def test_long_code_is_cut(tmp_path: Path) -> None:
@@ -367,8 +450,9 @@ def test_refused_arguments(arguments: dict[str, str], message: str) -> None:
 
 
 def test_refused_scenes() -> None:
-    with pytest.raises(linkdyn.InputError, match=r"links 'slider', 'rod' are placed by iteration \(expected closed forms"):
-        load("spatial_slider_crank").generate("forward")
+    driven = load("fourbar").with_({"coordinate.J1.driven": True})
+    with pytest.raises(linkdyn.InputError, match="no code can be generated: nothing is free to move"):
+        driven.generate("forward")
     with pytest.raises(linkdyn.InputError, match="inverse dynamics needs as many actuators"):
         load("flyball_governor").generate("inverse")
 
