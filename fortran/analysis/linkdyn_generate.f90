@@ -125,8 +125,19 @@ contains
         type(status_type), intent(inout) :: status
         type(controller_code) :: code
 
+        type(unknown_choice) :: unknown
+
         call hold_texts()
-        call make_code(model, wish, name, code, status)
+        call name_files(name, code, status)
+        code%title = model%scene%title
+        code%kernel = trim(kernel_text(wish%kernel))
+        call make_lists(model, code%list)
+        call list_outputs(wish, code%list, code%output)
+        call release_texts()
+        ! not while texts are held: whoever makes a record waits for these, and this waits for him
+        if (status%is_ok()) call check_equations(model, wish, code%output%id, unknown, status)
+        call hold_texts()
+        if (status%is_ok()) call trace_kernels(model, wish, unknown, code, status)
         if (status%is_ok()) then
             call write_header(code, header)
             call write_source(code, source)
@@ -134,13 +145,13 @@ contains
         call release_texts()
     end subroutine generate_code
 
-    subroutine make_code(model, wish, name, code, status)
+    !> The kernels, and what goes into them.
+    subroutine trace_kernels(model, wish, unknown, code, status)
         type(model_type), intent(in) :: model
         type(code_wish), intent(in) :: wish
-        character(len=*), intent(in) :: name
-        type(controller_code), intent(out) :: code
+        type(unknown_choice), intent(in) :: unknown
+        type(controller_code), intent(inout) :: code
         type(status_type), intent(inout) :: status
-        type(unknown_choice) :: unknown
         type(model_type), target :: own
         type(trace_request) :: request
         type(sample_set) :: sample
@@ -149,13 +160,6 @@ contains
         real(wp) :: stand(3, 4, 0:model%n_link)
         logical :: is_planned
 
-        call name_files(name, code, status)
-        code%title = model%scene%title
-        code%kernel = trim(kernel_text(wish%kernel))
-        call make_lists(model, code%list)
-        call list_outputs(wish, code%list, code%output)
-        call check_equations(model, wish, code%output%id, unknown, status)
-        if (.not. status%is_ok()) return
         call choose_poses(model, spread(model%start_q, 2, 1), pose, assembly, stand)
         call prepare_forces(model, pose, stand, own, request, sample, is_planned, assembly%place)
         if (size(pose, 2) == 0) then
@@ -176,7 +180,7 @@ contains
             //"(expected no more constraints than it needs)", status)
         call name_assemblies(own, code)
         call add_groups(model, own, sample, code, status)
-    end subroutine make_code
+    end subroutine trace_kernels
 
     !> Newton's steps of groups closed by iteration, and where their links are at the start.
     subroutine add_groups(model, own, sample, code, status)

@@ -4,7 +4,7 @@ module linkdyn_c_words
     use linkdyn_text, only: to_text, printable
     implicit none (type, external)
     private
-    public :: c_identifier, c_distinct, c_number, c_comment, upper
+    public :: c_identifier, c_distinct, c_number, c_numbers, c_comment, upper
 
     character(len=*), parameter :: small = "abcdefghijklmnopqrstuvwxyz", large = "ABCDEFGHIJKLMNOPQRSTUVWXYZ", digits = "0123456789"
 
@@ -93,6 +93,19 @@ contains
             text = trim(text)//in_place(plain_digits(mantissa), exponent)
         end associate
     end function c_number
+
+    !> Numbers with commas between.
+    pure function c_numbers(x) result(text)
+        real(wp), intent(in) :: x(:)
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ""
+        do i = 1, size(x)
+            if (i > 1) text = text//", "
+            text = text//c_number(x(i))
+        end do
+    end function c_numbers
 
     pure function plain_digits(mantissa) result(digit)
         character(len=*), intent(in) :: mantissa

@@ -434,6 +434,22 @@ def test_two_threads(tmp_path: Path) -> None:
             assert together == alone
 
 
+def test_written_while_others_compute() -> None:
+    """Whoever makes a record waits for texts: neither keeps the other waiting for ever."""
+    program = """
+import concurrent.futures, sys, linkdyn
+def compute(i):
+    return linkdyn.load(sys.argv[1]).inverse(want=["driving_force", "reaction"][: 1 + i % 2]).status.values.max()
+def write(i):
+    return linkdyn.load(sys.argv[1]).generate(want="all").source
+with concurrent.futures.ThreadPoolExecutor(4) as pool:
+    work = [pool.submit([compute, write][i % 2], i) for i in range(40)]
+    found = [one.result() for one in work]
+assert len(set(found[1::2])) == 1
+"""
+    subprocess.run([sys.executable, "-c", program, EXAMPLES / "stewart_tsai" / "scene.toml"], check=True, timeout=120)
+
+
 # ------------------------------------------------------------------------------------------------ what is refused
 @pytest.mark.parametrize(("arguments", "message"), [
     (dict(kernel="statics"), "kernel: 'statics' is not a kernel (expected one of 'inverse', 'forward', 'kinematics')"),
