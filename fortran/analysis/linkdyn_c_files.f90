@@ -301,11 +301,12 @@ contains
         character(len=*), intent(in) :: routine_name
         type(controller_kernel), intent(in) :: controller
         type(c_routine), intent(out) :: routine
-        type(c_value) :: input(controller%kernel%n_input), output(controller%kernel%n_output)
+        type(c_value), allocatable :: input(:), output(:)      ! too many for a stack, some of them
         type(c_pointer) :: pointer(4)
         character(len=:), allocatable :: name, item
         integer :: k
 
+        allocate (input(controller%kernel%n_input), output(controller%kernel%n_output))
         name = code%prefix
         pointer(1) = c_pointer("struct work *restrict work", "work->")
         pointer(2) = c_pointer("const struct "//name//"_input *restrict in", "in->")

@@ -41,9 +41,10 @@ contains
     subroutine make_straight_line(kernel, line)
         type(kernel_type), intent(in) :: kernel
         type(straight_line), intent(out) :: line
-        type(operand_type) :: in_slot(0:kernel%n_slot)
+        type(operand_type), allocatable :: in_slot(:)
         integer :: g, k, first, i
 
+        allocate (in_slot(0:kernel%n_slot))
         do i = 1, kernel%n_input
             in_slot(i) = operand_type(from_input, i)
         end do
@@ -79,10 +80,11 @@ contains
     !> A place is free for another value in the part after the last that reads it.
     subroutine find_places(line)
         type(straight_line), intent(inout) :: line
-        integer, dimension(size(line%of)) :: last_part, free, freed_in
+        integer, allocatable :: last_part(:), free(:), freed_in(:)
         integer :: k, i, p, n_free
 
         last_part = part_of([(k, k=1, size(line%of))])
+        allocate (free(size(line%of)), freed_in(size(line%of)))
         do k = 1, size(line%of)
             do i = 1, 3
                 if (line%of(k)%operand(i)%from /= from_statement) cycle

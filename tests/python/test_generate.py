@@ -121,6 +121,7 @@ INVERSE = ["stewart_tsai", "stewart_drilling", "fourbar", "watt_i", "stephenson_
            "rcsp_start", "fivebar_parallel", "arm"]
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("name", INVERSE)
 def test_inverse(name: str, tmp_path: Path) -> None:
     """Forces at random samples, with loads of their own; what has no solution has none for both."""
@@ -156,6 +157,7 @@ def compiled_labels(compiled: Compiled, kind: str) -> list[str]:
     return [label.split(" [")[0] for label in re.findall(r"/\* (.*?) \*/", body)]
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("name", ["stewart_tsai", "fourbar", "rcsp_start", "andrews", "arm"])
 def test_forward_undoes_inverse(name: str, tmp_path: Path) -> None:
     """Accelerations by driving forces are those for which inverse dynamics, another elimination, asks for these forces."""
@@ -176,6 +178,7 @@ def test_forward_undoes_inverse(name: str, tmp_path: Path) -> None:
     assert n_alarm <= 5
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("name", ["flyball_governor", "n_fourbar", "fivebar_motors", "fourbar_constant_torque", "stewart_forward",
                                   "sixbar_slider/scene_inclined.toml", "../tests/scenes/ball_joint.toml"])
 def test_forward_by_laws(name: str, tmp_path: Path) -> None:
@@ -192,6 +195,7 @@ def test_forward_by_laws(name: str, tmp_path: Path) -> None:
     assert np.abs(found["qdd"] - run.qdd.values[0]).max() <= ROUNDING * max(1.0, np.abs(run.qdd.values[0]).max())
 
 
+@pytest.mark.accuracy
 @pytest.mark.parametrize("name", ["stewart_tsai", "watt_i", "rcsp_start", "arm", "../tests/scenes/ball_joint.toml"])
 def test_kinematics(name: str, tmp_path: Path) -> None:
     """Places are those that the engine draws; velocities are their differences."""
@@ -214,6 +218,7 @@ def test_kinematics(name: str, tmp_path: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------------------ loops closed by iteration
+@pytest.mark.accuracy
 @pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke"])
 def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
     """Excavators, platforms on slides, spatial four-bars: from call to call in steps of a controller, all forces as the engine's."""
@@ -236,6 +241,7 @@ def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
             assert_alike(found[result], run[result].values[i])
 
 
+@pytest.mark.accuracy
 def test_iteration_forward(tmp_path: Path) -> None:
     """Accelerations, and poses with velocities, of a loop that no closed form closes."""
     scene = load("spatial_slider_crank")
@@ -298,6 +304,7 @@ def test_long_code_is_cut(tmp_path: Path) -> None:
     Compiled(code, tmp_path)
 
 
+@pytest.mark.accuracy
 def test_no_fused_products(tmp_path: Path) -> None:
     """Rounded once or twice: the same numbers but for rounding."""
     scene = load("stewart_tsai")
@@ -500,6 +507,7 @@ def test_neither_file_without_the_other(tmp_path: Path) -> None:
 
 
 # ------------------------------------------------------------------------------------------------ the example
+@pytest.mark.accuracy
 def test_controller(tmp_path: Path) -> None:
     """A loop of 1 kHz in plain C finds linkdyn's forces, in every period."""
     command = [sys.executable, EXAMPLES / "controller_c" / "run.py", "--out", tmp_path, "--seconds", "0.2"]
