@@ -124,7 +124,6 @@ contains
         integer, intent(in) :: header, source          !! units, open for formatted writing
         type(status_type), intent(inout) :: status
         type(controller_code) :: code
-
         type(unknown_choice) :: unknown
 
         call hold_texts()

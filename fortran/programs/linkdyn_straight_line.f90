@@ -15,7 +15,7 @@ module linkdyn_straight_line
     integer, parameter :: from_constant = 2
     integer, parameter :: from_statement = 3
 
-    integer, parameter :: longest_part = 2000          !! statements: compilers take a second over them
+    integer, parameter :: longest_part = 2000          !! statements: compilers take seconds over them, and more than in proportion
 
     type :: operand_type
         integer :: from = from_nothing
