@@ -1,6 +1,7 @@
 !> The command line as a typed value, and the help texts.
 module linkdyn_cli
     use linkdyn_forward, only: integrator_options, choose_method, method_name, method_rk4
+    use linkdyn_generate, only: code_wish, choose_language, choose_kernel, choose_code_results, kernel_name
     use linkdyn_input, only: parse_number
     use linkdyn_code, only: choose_code, code_name
     use linkdyn_inverse, only: inverse_options, choose_solver, solver_name
@@ -13,7 +14,8 @@ module linkdyn_cli
     implicit none (type, external)
     private
     public :: command_line, argument_type, read_arguments, parse_arguments, print_help
-    public :: command_none, command_inverse, command_forward, command_sweep, command_study, command_explain, command_version
+    public :: command_none, command_inverse, command_forward, command_sweep, command_study, command_explain, command_generate
+    public :: command_version
 
     integer, parameter :: command_none = 0
     integer, parameter :: command_inverse = 1
@@ -21,8 +23,10 @@ module linkdyn_cli
     integer, parameter :: command_sweep = 3
     integer, parameter :: command_study = 4
     integer, parameter :: command_explain = 5
-    integer, parameter :: command_version = 6
-    character(len=8), parameter :: command_name(5) = [character(len=8) :: "inverse", "forward", "sweep", "study", "explain"]
+    integer, parameter :: command_generate = 6
+    integer, parameter :: command_version = 7
+    character(len=8), parameter :: command_name(6) = [character(len=8) :: "inverse", "forward", "sweep", "study", "explain", &
+                                                      "generate"]
     character(len=10), parameter :: global_option(2) = [character(len=10) :: "--help", "--version"]
 
     !> What an option is, and of which commands.
@@ -34,31 +38,33 @@ module linkdyn_cli
 
     logical, parameter :: T = .true., F = .false.
     type(option_type), parameter :: option(*) = [ &
-        option_type("--output", T, [T, T, T, T, F]), &
-        option_type("--no-output", F, [T, T, F, T, F]), &
-        option_type("--csv", F, [T, T, F, F, F]), &
-        option_type("--compress", F, [T, T, F, F, F]), &
-        option_type("--want", T, [T, T, F, F, F]), &
-        option_type("--solver", T, [T, T, T, F, F]), &
-        option_type("--threads", T, [T, T, T, F, F]), &
-        option_type("--code", T, [T, T, T, F, F]), &
-        option_type("--error", F, [T, T, F, F, F]), &
-        option_type("--states", T, [T, F, F, F, F]), &
-        option_type("--method", T, [F, T, F, F, F]), &
-        option_type("--step", T, [F, T, F, F, F]), &
-        option_type("--rtol", T, [F, T, F, F, F]), &
-        option_type("--atol", T, [F, T, F, F, F]), &
-        option_type("--until", T, [F, T, F, T, F]), &
-        option_type("--samples", T, [F, T, F, F, F]), &
-        option_type("--no-switch", F, [F, T, F, F, F]), &
-        option_type("--keep", T, [F, F, T, F, F]), &
-        option_type("--sheet", T, [F, F, T, F, F]), &
-        option_type("--resume", F, [F, F, T, F, F]), &
-        option_type("--yes", F, [F, F, T, F, F]), &
-        option_type("--checkpoint", T, [F, F, T, F, F]), &
-        option_type("--matrix", F, [F, F, F, F, T]), &
-        option_type("--quiet", F, [T, T, T, T, F]), &
-        option_type("--help", F, [T, T, T, T, T])]
+        option_type("--output", T, [T, T, T, T, F, T]), &
+        option_type("--no-output", F, [T, T, F, T, F, F]), &
+        option_type("--csv", F, [T, T, F, F, F, F]), &
+        option_type("--compress", F, [T, T, F, F, F, F]), &
+        option_type("--want", T, [T, T, F, F, F, T]), &
+        option_type("--solver", T, [T, T, T, F, F, F]), &
+        option_type("--threads", T, [T, T, T, F, F, F]), &
+        option_type("--code", T, [T, T, T, F, F, F]), &
+        option_type("--error", F, [T, T, F, F, F, F]), &
+        option_type("--states", T, [T, F, F, F, F, F]), &
+        option_type("--method", T, [F, T, F, F, F, F]), &
+        option_type("--step", T, [F, T, F, F, F, F]), &
+        option_type("--rtol", T, [F, T, F, F, F, F]), &
+        option_type("--atol", T, [F, T, F, F, F, F]), &
+        option_type("--until", T, [F, T, F, T, F, F]), &
+        option_type("--samples", T, [F, T, F, F, F, F]), &
+        option_type("--no-switch", F, [F, T, F, F, F, F]), &
+        option_type("--keep", T, [F, F, T, F, F, F]), &
+        option_type("--sheet", T, [F, F, T, F, F, F]), &
+        option_type("--resume", F, [F, F, T, F, F, F]), &
+        option_type("--yes", F, [F, F, T, F, F, F]), &
+        option_type("--checkpoint", T, [F, F, T, F, F, F]), &
+        option_type("--matrix", F, [F, F, F, F, T, F]), &
+        option_type("--lang", T, [F, F, F, F, F, T]), &
+        option_type("--kernel", T, [F, F, F, F, F, T]), &
+        option_type("--quiet", F, [T, T, T, T, F, T]), &
+        option_type("--help", F, [T, T, T, T, T, T])]
     character(len=2), parameter :: short_name(3) = ["-o", "-q", "-h"]
     character(len=8), parameter :: long_name(3) = [character(len=8) :: "--output", "--quiet", "--help"]
 
@@ -93,6 +99,7 @@ module linkdyn_cli
         logical :: resume = .false.
         logical :: yes = .false.                      !! a sweep may be as large as it is
         real(wp) :: checkpoint = 5                    !! seconds between two
+        type(code_wish) :: code                       !! of generated code
         logical, private :: was_given(size(option)) = .false.
     end type command_line
 
@@ -143,7 +150,7 @@ contains
             if (config%command == command_none .and. index(word, "-") == 1) then
                 call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
             else if (config%command == command_none) then
-                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, view or explain)" &
+                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view or explain)" &
                             //suggestion(word, command_name))
             end if
         end associate
@@ -160,13 +167,28 @@ contains
             call refuse("--compress: only netCDF files are compressed (expected no --csv beside it)")
         if (config%integrator%method == method_rk4 .and. (is_given(config, "--rtol") .or. is_given(config, "--atol"))) &
             call refuse("--rtol, --atol: method rk4 has a fixed step and no tolerance (expected --step)")
+        if (config%command == command_generate) then
+            call take_code_results()
+            return
+        end if
         if (.not. allocated(config%want)) config%wanted = default_wanted(config)
         call add_free(config%options%solver, config%wanted)
         config%wanted%errors = config%error
         config%options%wants_errors = config%error
         config%options%wants_rcond = config%wanted%rcond
         config%options%wants_distance = config%wanted%distance
+
     contains
+
+        !> Which results there are depends on the kernel, which may be named later.
+        subroutine take_code_results()
+            type(status_type) :: outcome
+
+            if (.not. allocated(config%want)) config%want = ""
+            call choose_code_results(config%want, config%code, outcome)
+            if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message))
+        end subroutine take_code_results
+
         subroutine refuse(message)
             character(len=*), intent(in) :: message
 
@@ -301,10 +323,20 @@ contains
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, code_name))
             case ("--want")
                 config%want = value
+                if (config%command == command_generate) then
+                    if (len_trim(value) == 0) call refuse(name//": empty list")
+                    return
+                end if
                 call choose_wanted(value, config%wanted, outcome)
                 if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message))
                 if (config%command == command_forward .and. config%wanted%distance) &
                     call refuse("--want: singularity_distance is not a result of forward runs (expected linkdyn inverse)")
+            case ("--lang")
+                call choose_language(value, outcome)
+                if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message))
+            case ("--kernel")
+                call choose_kernel(value, config%code%kernel, outcome)
+                if (.not. outcome%is_ok()) call refuse("--"//trim(outcome%message)//suggestion(value, kernel_name))
             case ("--threads")
                 config%options%threads = whole_number(value)
                 if (config%options%threads < 1) &
@@ -395,6 +427,8 @@ contains
             call print_sweep_help(unit)
         case (command_study)
             call print_study_help(unit)
+        case (command_generate)
+            call print_generate_help(unit)
         case (command_explain)
             write (unit, "(a)") &
                 "linkdyn explain SCENE [--matrix]", &
@@ -412,6 +446,7 @@ contains
                 "  linkdyn forward SCENE [options]   motion and joint reactions from driving forces", &
                 "  linkdyn sweep SCENE [options]     peaks over a workspace, load cases and designs", &
                 "  linkdyn study SCENE [options]     time against error of every solver and integrator", &
+                "  linkdyn generate SCENE [options]  C code of forces or motion, for controllers", &
                 "  linkdyn view SCENE|RUN.nc         an interactive picture; needs the Python package", &
                 "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
                 "", &
@@ -422,6 +457,27 @@ contains
                 "and why); 3 done, but some samples failed: they are flagged and NaN in the results."
         end select
     end subroutine print_help
+
+    subroutine print_generate_help(unit)
+        integer, intent(in) :: unit
+
+        write (unit, "(a)") &
+            "linkdyn generate SCENE [options]", &
+            "", &
+            "One file of C99 and its header that compute a kernel of the scene: without memory to allocate, without", &
+            "libraries, in a time that does not vary; for controllers, Simulink, ROS 2 and whatever compiles C.", &
+            "", &
+            "  -o, --output FILE   the files, with .c and .h behind; identifiers begin with its name; default: the", &
+            "                      scene's name with _inverse, _forward or _kinematics in this folder", &
+            "  --lang NAME         the language: c", &
+            "  --kernel NAME       inverse (default: driving forces from q, qd, qdd and loads), forward (qdd from q, qd,", &
+            "                      loads and driving forces), kinematics (links and joints from q and qd)", &
+            "  --want LIST         driving_force, reaction, joint_variable, position, velocity (the last two of kinematics", &
+            "                      only) or all (if none is named: driving_force of inverse, all of kinematics, of", &
+            "                      forward nothing beside qdd)", &
+            "  -q, --quiet         do not say what was written", &
+            "  -h, --help          this text"
+    end subroutine print_generate_help
 
     subroutine print_study_help(unit)
         integer, intent(in) :: unit

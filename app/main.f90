@@ -1,8 +1,9 @@
 !> The executable: parse, dispatch, exit status.
 program linkdyn
     use linkdyn_cli, only: command_line, argument_type, read_arguments, parse_arguments, print_help, &
-        command_inverse, command_forward, command_sweep, command_study, command_explain, command_version
+        command_inverse, command_forward, command_sweep, command_study, command_explain, command_generate, command_version
     use linkdyn_drive_forward, only: drive_forward
+    use linkdyn_drive_generate, only: drive_generate
     use linkdyn_drive_inverse, only: drive_inverse, load_model
     use linkdyn_drive_study, only: drive_study
     use linkdyn_drive_sweep, only: drive_sweep
@@ -67,6 +68,8 @@ contains
             call drive_sweep(config, unit, exit_status)
         case (command_study)
             call drive_study(config, unit, exit_status)
+        case (command_generate)
+            call drive_generate(config, unit, exit_status)
         end select
     end subroutine run_command
 end program linkdyn

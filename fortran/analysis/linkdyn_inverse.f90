@@ -49,7 +49,7 @@ module linkdyn_inverse
     private
     public :: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_inverse, run_prepared, part_of_results
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain
-    public :: solver_name, choose_solver, are_alike
+    public :: solver_name, choose_solver, are_alike, look_for_record
 
     !> A program of Newton's steps takes some tens of milliseconds to make, as these samples take without.
     integer, parameter :: worth_closing = 256
@@ -525,6 +525,25 @@ contains
         !$omp end critical (linkdyn_need_record)
         if (.not. recorded%is_usable) nullify (recorded)
     end subroutine find_or_make
+
+    !> Is there a record for some results of a scene that finds what the lanes find?
+    !>
+    !> **Errors**: as of `prepare_inverse`.
+    subroutine look_for_record(model, wanted, is_there, status)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
+        logical, intent(out) :: is_there
+        type(status_type), intent(inout) :: status
+        type(inverse_solver) :: solver
+        type(recorded_forces), pointer :: recorded
+
+        is_there = .false.
+        call prepare_inverse(model, inverse_options(solver=solver_elimination), any(wanted == result_reaction), solver, status)
+        if (.not. status%is_ok()) return
+        call find_or_make(model, solver, wanted, spread(model%start_q, 2, 1), recorded)
+        is_there = associated(recorded)
+        call solver%free()
+    end subroutine look_for_record
 
     !> Programs of Newton's steps, made when they are wanted first; null if a group has none.
     subroutine need_closer(model, solver, q, closer)

@@ -15,6 +15,7 @@ module linkdyn_f2py_api
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, rounding_in_words, default_method, &
         method_name, method_rk4, run_ensemble
+    use linkdyn_generate, only: code_wish, choose_kernel, choose_code_results, generate_code
     use linkdyn_handles, only: close_handle
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, choose_solver
@@ -40,7 +41,7 @@ module linkdyn_f2py_api
     public :: api_version, api_choose_code, api_code, api_default_method
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene
     public :: api_describe_results, api_explain, api_motion, api_loads, api_inverse, api_forward, api_advance, api_finish, api_poses
-    public :: api_ensemble
+    public :: api_ensemble, api_generate
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
 
 contains
@@ -234,6 +235,40 @@ contains
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_explain
+
+    !> Header and source of a kernel in C, with a zero between them; text as in `api_describe_scene`.
+    subroutine api_generate(handle, kernel, want, n_name, name, capacity, text, length, code, message)
+        integer(c_intptr_t), intent(in) :: handle
+        character(len=*), intent(in) :: kernel             ! inverse, forward or kinematics
+        character(len=*), intent(in) :: want               ! "all" or names with commas; blank: what the kernel is usually for
+        integer(c_int), intent(in) :: n_name
+        integer(c_int), intent(in) :: name(n_name)         ! of the files, without ending
+        integer(c_int), intent(in) :: capacity
+        integer(c_int), intent(inout) :: text(capacity)
+        integer(c_int), intent(out) :: length
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(code_wish) :: wish
+        type(status_type) :: status
+        character(len=:), allocatable :: header, source
+        integer :: unit(2)
+
+        length = 0
+        call take_scene(handle, scene, status)
+        if (status%code == 0) call choose_kernel(kernel, wish%kernel, status)
+        if (status%code == 0) call choose_code_results(want, wish, status)
+        if (status%code == 0) call open_report(unit(1), status)
+        if (status%code == 0) call open_report(unit(2), status)
+        if (status%code == 0) then
+            call generate_code(scene%model, wish, from_bytes(name), unit(1), unit(2), status)
+            call read_report(unit(1), header, status)
+            call read_report(unit(2), source, status)
+            if (status%code == 0) call to_bytes(header//achar(0)//source, text, length)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_generate
 
     !> Coordinates, their derivatives and the loads of the scene at given instants.
     subroutine api_motion(handle, n, t, n_q_values, q, qd, qdd, n_load_values, load, code, message)

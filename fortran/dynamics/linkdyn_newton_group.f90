@@ -29,7 +29,7 @@ module linkdyn_newton_group
     implicit none (type, external)
     private
     public :: prepare_margins, close_group, shifted, place_rates
-    public :: is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin
+    public :: small_step, is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin
 
     integer, parameter :: most_steps = 30
     ! Newton's method squares the error: after a correction below this, the next error is below rounding.

@@ -9,7 +9,7 @@ module linkdyn_closing_programs
     use linkdyn_group_rates, only: group_constraints
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_branch, in_place
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_group, n_probe
+    use linkdyn_model, only: model_type, group_type, step_group, n_probe
     use linkdyn_newton_step, only: newton_step, trace_newton_step
     use linkdyn_placing, only: place_group
     use linkdyn_record, only: record_type, open_record, close_record
@@ -20,13 +20,14 @@ module linkdyn_closing_programs
     implicit none (type, external)
     private
     public :: closing_programs, make_closing_programs
+    public :: turning_each, trace_group_step, list_group_step, out_correction, out_response, out_determinant, out_closing_alarm
 
     ! ---- outputs
-    integer, parameter :: out_correction = 1
-    integer, parameter :: out_rate = 2
-    integer, parameter :: out_response = 3         !! sum of the squares of A^-1 v, in the units of the unknowns
-    integer, parameter :: out_determinant = 4
-    integer, parameter :: out_alarm = 5            !! beyond one, rounding may have grown
+    integer, parameter :: out_correction = 201
+    integer, parameter :: out_rate = 202
+    integer, parameter :: out_response = 203       !! sum of the squares of A^-1 v, in the units of the unknowns
+    integer, parameter :: out_determinant = 204
+    integer, parameter :: out_closing_alarm = 205  !! beyond one, rounding may have grown
 
     type :: closing_program
         type(scene_program) :: program
@@ -156,32 +157,51 @@ contains
         type(closing_program), intent(inout) :: closing
         type(record_type), target :: record
         type(traced_type) :: traced
-        type(group_constraints) :: constraints
         type(newton_step) :: step
         type(output_list) :: out
+
+        call open_record(record, sample%n)
+        call trace_group_step(model, g, sample, traced, step)
+        if (step%is_solved) then
+            closing%n = size(model%group(g)%unit)
+            call list_group_step(model%group(g), traced, step, out)
+            call add_output(out, out_rate, step%rate)
+            call make_scene_program(record, traced%in, out, closing%program)
+        end if
+        call close_record(record)
+    end subroutine make_program_of_group
+
+    !> Newton's step of a group into the open record; ask `is_solved` whether there is one.
+    subroutine trace_group_step(model, g, sample, traced, step)
+        type(model_type), intent(in), target :: model          !! with all links turning on their own
+        integer, intent(in) :: g
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+        type(newton_step), intent(out) :: step
+        type(group_constraints) :: constraints
         integer :: at
 
         at = findloc(model%step%kind == step_group .and. model%step%first == g, .true., dim=1)
-        call open_record(record, sample%n)
         call begin_trace(model, trace_request(), sample, traced)
         call trace_steps(at - 1, .false., traced, steps_needed(model, at))
         call place_group(traced%mechanism, g, traced%place, constraints)
-        associate (group => model%group(g))
-            if (all(constraints%turns) .and. traced%mechanism%is_solved) &
-                call trace_newton_step(traced%mechanism, constraints, group%probe, step)
-            if (step%is_solved) then
-                closing%n = size(group%unit)
-                traced%mechanism%watched = [traced%mechanism%watched, step%watched]
-                call add_output(out, out_correction, step%correction)
-                call add_output(out, out_rate, step%rate)
-                call add_output(out, out_response, [sum_of_squares(step%response, group%unit)])
-                call add_output(out, out_determinant, [step%determinant])
-                call add_output(out, out_alarm, [alarm_of(traced)])
-                call make_scene_program(record, traced%in, out, closing%program)
-            end if
-        end associate
-        call close_record(record)
-    end subroutine make_program_of_group
+        if (all(constraints%turns) .and. traced%mechanism%is_solved) &
+            call trace_newton_step(traced%mechanism, constraints, model%group(g)%probe, step)
+        if (step%is_solved) traced%mechanism%watched = [traced%mechanism%watched, step%watched]
+    end subroutine trace_group_step
+
+    !> What it takes from the places, and what it is judged by.
+    subroutine list_group_step(group, traced, step, out)
+        type(group_type), intent(in) :: group
+        type(traced_type), intent(in) :: traced
+        type(newton_step), intent(in) :: step
+        type(output_list), intent(inout) :: out
+
+        call add_output(out, out_correction, step%correction)
+        call add_output(out, out_response, [sum_of_squares(step%response, group%unit)])
+        call add_output(out, out_determinant, [step%determinant])
+        call add_output(out, out_closing_alarm, [alarm_of(traced)])
+    end subroutine list_group_step
 
     !> In units of the unknowns.
     function sum_of_squares(response, unit) result(s)
@@ -258,7 +278,7 @@ contains
         arrays%of(in_branch)%x => branch
         arrays%of(in_place)%x => place
         to = [goes_to(out_correction, correction), goes_to(out_rate, rate), goes_to(out_response, response), &
-              goes_to(out_determinant, determinant), goes_to(out_alarm, alarm)]
+              goes_to(out_determinant, determinant), goes_to(out_closing_alarm, alarm)]
         do first = 1, n, block_lanes()
             count = min(block_lanes(), n - first + 1)
             call load_samples(closing%program, arrays, first, count, slots)

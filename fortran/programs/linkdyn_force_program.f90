@@ -11,7 +11,7 @@ module linkdyn_force_program
         alarm_of, reach_of
     implicit none (type, external)
     private
-    public :: make_force_program, out_alarm, out_reach
+    public :: make_force_program, trace_forces, list_forces, out_alarm, out_reach
 
     ! ---- outputs beside the results of the catalogue
     integer, parameter :: out_alarm = 101      !! beyond one, rounding may have grown; not a number if anything was none
@@ -29,24 +29,43 @@ contains
         type(record_type), target :: record
         type(traced_type) :: traced
         type(output_list) :: out
-        integer :: i
 
         call open_record(record, sample%n)
-        call trace_motion(model, request, sample, traced, merged=.false.)
-        if (any(needs_equations(wanted))) then
-            call trace_equations(request, sparse_layout(model), traced)
-            call solve_equations(traced, is_last=wanted_last(traced, wanted))
-        end if
+        call trace_forces(model, request, wanted, sample, traced)
         if (traced%mechanism%is_solved) then
-            do i = 1, size(wanted)
-                call add_output(out, wanted(i), quantity_values(traced, wanted(i)))
-            end do
-            call add_output(out, out_alarm, [alarm_of(traced)])
-            call add_output(out, out_reach, [reach_of(traced)])
+            call list_forces(wanted, traced, out)
             call make_scene_program(record, traced%in, out, program)
         end if
         call close_record(record)
     end subroutine make_force_program
+
+    !> Trace into the open record what is wanted; ask `mechanism%is_solved` whether pivots have served.
+    subroutine trace_forces(model, request, wanted, sample, traced)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request
+        integer, intent(in) :: wanted(:)           !! `result_*`
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+
+        call trace_motion(model, request, sample, traced, merged=.false.)
+        if (.not. any(needs_equations(wanted))) return
+        call trace_equations(request, sparse_layout(model), traced)
+        call solve_equations(traced, is_last=wanted_last(traced, wanted))
+    end subroutine trace_forces
+
+    !> What is wanted of a traced scene, and what says whether it counts.
+    subroutine list_forces(wanted, traced, out)
+        integer, intent(in) :: wanted(:)           !! `result_*`
+        type(traced_type), intent(inout) :: traced
+        type(output_list), intent(out) :: out
+        integer :: i
+
+        do i = 1, size(wanted)
+            call add_output(out, wanted(i), quantity_values(traced, wanted(i)))
+        end do
+        call add_output(out, out_alarm, [alarm_of(traced)])
+        call add_output(out, out_reach, [reach_of(traced)])
+    end subroutine list_forces
 
     !> If no reaction is wanted, driving forces are solved for last, and nothing is computed behind them.
     function wanted_last(traced, wanted) result(is_last)

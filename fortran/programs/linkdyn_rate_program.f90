@@ -15,7 +15,7 @@ module linkdyn_rate_program
     use linkdyn_value, only: value, zero, operator(+), operator(*)
     implicit none (type, external)
     private
-    public :: rate_outputs, make_rate_program, out_rates
+    public :: rate_outputs, make_rate_program, trace_accelerations, out_rates
 
     integer, parameter :: out_rates = 103      !! all that the program gives, in the order of `rate_outputs`
 
@@ -50,9 +50,7 @@ contains
         type(value) :: power(2)
 
         call open_record(record, sample%n)
-        call trace_motion(model, request, sample, traced, merged=.true.)
-        call trace_equations(request, sparse_layout(model), traced)
-        call solve_equations(traced, is_last=are_wanted(traced))
+        call trace_accelerations(model, request, sample, traced)
         if (traced%mechanism%is_solved) then
             call assembly_margins(traced%mechanism, margin, drift)
             power = zero()
@@ -68,6 +66,18 @@ contains
         end if
         call close_record(record)
     end subroutine make_rate_program
+
+    !> Trace motion and equations into the open record, and solve these; ask `mechanism%is_solved` whether pivots have served.
+    subroutine trace_accelerations(model, request, sample, traced)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+
+        call trace_motion(model, request, sample, traced, merged=.true.)
+        call trace_equations(request, sparse_layout(model), traced)
+        call solve_equations(traced, is_last=are_wanted(traced))
+    end subroutine trace_accelerations
 
     !> Unknown accelerations of the coordinates, or driving forces if there are none, are solved for last: reactions, which
     !> nobody wants, are not computed behind them.

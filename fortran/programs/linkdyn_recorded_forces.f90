@@ -20,7 +20,8 @@ module linkdyn_recorded_forces
     use linkdyn_threads, only: team_size
     implicit none (type, external)
     private
-    public :: recorded_forces, record_shelf, record_forces, run_recorded, free_recorded, plan_for_records
+    public :: recorded_forces, record_shelf, record_forces, run_recorded, free_recorded, plan_for_records, &
+        prepare_forces
 
     integer, parameter :: largest_share = 8    !! blocks that a thread takes at a time: their work outweighs the taking
 
@@ -117,24 +118,40 @@ contains
                                                                !! absent: there are none
         type(trace_request) :: request
         type(sample_set) :: sample
+        logical :: is_planned
 
         recorded%wanted = wanted
         allocate (recorded%model, recorded%pool)
-        if (size(q, 2) == 0 .or. .not. plan_for_records(model, stand, recorded%model)) return
-        associate (own => recorded%model)
-            recorded%needs_branches = any(own%step%has_branches)
-            recorded%needs_places = size(own%group) > 0
-            allocate (request%has_load(6, own%n_load))
-            request%has_load = .true.
-            sample%n = size(q, 2)
-            sample%of(in_q)%x = q
-            sample%of(in_branch)%x = spread(own%branch, 2, sample%n)
-            if (present(place)) &
-                sample%of(in_place)%x = reshape(place(:, :, :sample%n), [size(place, 1)*size(place, 2), sample%n])
-            call make_force_program(own, request, wanted, sample, recorded%program)
-        end associate
+        call prepare_forces(model, q, stand, recorded%model, request, sample, is_planned, place)
+        if (.not. is_planned) return
+        recorded%needs_branches = any(recorded%model%step%has_branches)
+        recorded%needs_places = size(recorded%model%group) > 0
+        call make_force_program(recorded%model, request, wanted, sample, recorded%program)
         recorded%is_usable = recorded%program%is_made
     end subroutine record_forces
+
+    !> What a trace of inverse dynamics takes: the mechanism planned for records, inputs, samples.
+    subroutine prepare_forces(model, q, stand, own, request, sample, is_planned, place)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:, :)                        !! (n_q, pose)
+        real(wp), intent(in) :: stand(:, :, 0:)                !! (3, 4, 0:n_link)
+        type(model_type), intent(out) :: own
+        type(trace_request), intent(out) :: request
+        type(sample_set), intent(out) :: sample
+        logical, intent(out) :: is_planned                     !! false: there is no pose, or no such plan
+        real(wp), intent(in), optional :: place(:, :, :)       !! (place_size, n_link, pose)
+
+        is_planned = size(q, 2) > 0
+        if (is_planned) is_planned = plan_for_records(model, stand, own)
+        if (.not. is_planned) return
+        allocate (request%has_load(6, own%n_load))
+        request%has_load = .true.
+        sample%n = size(q, 2)
+        sample%of(in_q)%x = q
+        sample%of(in_branch)%x = spread(own%branch, 2, sample%n)
+        if (present(place)) &
+            sample%of(in_place)%x = reshape(place(:, :, :sample%n), [size(place, 1)*size(place, 2), sample%n])
+    end subroutine prepare_forces
 
     !> The same mechanism, planned anew. False: a link is closed by iteration that was not so before, or a branch has no place
     !> of its own.

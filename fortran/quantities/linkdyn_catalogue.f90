@@ -3,7 +3,7 @@ module linkdyn_catalogue
     use linkdyn_force_system, only: reaction_of
     use linkdyn_margins, only: assembly_margins
     use linkdyn_motion_quantities, only: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, &
-        potential_energy, largest_gap, scene_position, scene_rotation
+        potential_energy, largest_gap, scene_position, scene_rotation, scene_velocity, scene_angular_velocity
     use linkdyn_power_balance, only: power_imbalance
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type
@@ -19,6 +19,7 @@ module linkdyn_catalogue
     public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_position, result_rotation, result_margin, result_margin_rate
+    public :: result_velocity, result_angular_velocity
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -55,6 +56,8 @@ module linkdyn_catalogue
     integer, parameter :: result_rotation = 32
     integer, parameter :: result_margin = 33                ! of groups in closed form: from where assemblies meet
     integer, parameter :: result_margin_rate = 34
+    integer, parameter :: result_velocity = 35              ! of links' origins
+    integer, parameter :: result_angular_velocity = 36
 
 contains
 
@@ -111,6 +114,14 @@ contains
             case (result_rotation)
                 do i = 1, model%n_link
                     v = [v, scene_rotation(mechanism, i)]
+                end do
+            case (result_velocity)
+                do i = 1, model%n_link
+                    v = [v, scene_velocity(mechanism, i)]
+                end do
+            case (result_angular_velocity)
+                do i = 1, model%n_link
+                    v = [v, scene_angular_velocity(mechanism, i)]
                 end do
             case (result_margin, result_margin_rate)
                 deallocate (v)

@@ -1,6 +1,6 @@
 !> Results of the motion alone: energies, power balance, gaps, poses, transmission angles.
 module linkdyn_motion_quantities
-    use linkdyn_bodies, only: own_axes, omega_of, point_position, point_velocity, rotation_of
+    use linkdyn_bodies, only: own_axes, world_axes, omega_of, point_position, point_velocity, rotation_of
     use linkdyn_inertia_wrench, only: mass_properties
     use linkdyn_joint_variables, only: within_half_a_turn, joint_rates
     use linkdyn_kinds, only: wp
@@ -11,7 +11,7 @@ module linkdyn_motion_quantities
     implicit none (type, external)
     private
     public :: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, potential_energy, largest_gap
-    public :: scene_position, scene_rotation
+    public :: scene_position, scene_rotation, scene_velocity, scene_angular_velocity
 
 contains
 
@@ -127,4 +127,22 @@ contains
         turned_axes = rotation_of(mechanism%bodies, l)*mechanism%own(l)%r
         r = [components(turned_axes%x), components(turned_axes%y), components(turned_axes%z)]
     end function scene_rotation
+
+    !> Velocity of a link's origin as the scene has it, world axes.
+    function scene_velocity(mechanism, l) result(v)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: l
+        type(value) :: v(3)
+
+        v = components(point_velocity(mechanism%bodies, l, mechanism%own(l)%shift))
+    end function scene_velocity
+
+    !> World axes.
+    function scene_angular_velocity(mechanism, l) result(omega)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: l
+        type(value) :: omega(3)
+
+        omega = components(omega_of(mechanism%bodies, l, world_axes))
+    end function scene_angular_velocity
 end module linkdyn_motion_quantities

@@ -16,6 +16,7 @@ from .errors import ClosedSceneError, FileError, InputError, Interrupted, Linkdy
 if TYPE_CHECKING:
     from . import lecture, plot, widget
     from ._bind import code_in_use, use_code
+    from ._code import GeneratedCode
     from ._sheet import sheet
     from ._view import view
     from .results import read
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ClosedSceneError",
     "FileError",
+    "GeneratedCode",
     "InputError",
     "Interrupted",
     "LinkdynError",
@@ -43,8 +45,17 @@ __all__ = [
 ]
 
 _MODULES = ("lecture", "plot", "widget")
-_HOMES = {"Poses": "scene", "Scene": "scene", "load": "scene", "read": "results", "sheet": "_sheet", "view": "_view",
-          "code_in_use": "_bind", "use_code": "_bind"}
+_HOMES = {
+    "GeneratedCode": "_code",
+    "Poses": "scene",
+    "Scene": "scene",
+    "load": "scene",
+    "read": "results",
+    "sheet": "_sheet",
+    "code_in_use": "_bind",
+    "use_code": "_bind",
+    "view": "_view",
+}
 """Numpy, xarray and matplotlib take their time to load: only who computes or plots waits for them."""
 
 

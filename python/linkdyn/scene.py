@@ -23,6 +23,7 @@ from . import _bind
 from ._accessor import table
 from ._arguments import as_count, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, dimensions, quoted
 from ._changes import changed
+from ._code import GeneratedCode
 from ._keys import told_by_keys
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, SceneError
@@ -199,6 +200,40 @@ class Scene:
             Write the equations [A]{F} = b at the scene's first instant out as well, in symbols and in numbers.
         """
         return _bind.explain(self._handle, as_flag("matrix", matrix))
+
+    def generate(self, kernel: str = "inverse", want: str | Iterable[str] | None = None, name: str | None = None) -> GeneratedCode:
+        """C code of a kernel of the scene, for controllers: one file of C99 and its header, as ``linkdyn generate`` writes them.
+
+        Parameters
+        ----------
+        kernel
+            "inverse": driving forces from coordinates, their rates and accelerations, and loads. "forward":
+            accelerations from coordinates, rates, loads and driving forces. "kinematics": links and joints from
+            coordinates and rates.
+        want
+            Of "driving_force", "reaction", "joint_variable" and, of kinematics, "position", "velocity"; or "all". Default:
+            driving forces of "inverse", all of "kinematics", none beside the accelerations of "forward".
+        name
+            Of the files, without ending; identifiers begin with it. Default: the kernel's name.
+
+        Returns
+        -------
+        GeneratedCode
+            Texts; ``write(folder)`` makes the files.
+
+        Raises
+        ------
+        InputError
+            A name is unknown, or the scene has no such kernel, as where links are placed by iteration.
+
+        Examples
+        --------
+        >>> code = linkdyn.load("examples/stewart_tsai/scene.toml").generate("inverse", name="hexapod")
+        >>> code.write("controller")
+        """
+        kernel = as_name("kernel", kernel)
+        name = as_name("name", kernel if name is None else name)
+        return GeneratedCode(name, *_bind.generate(self._handle, kernel, as_names("want", want), name))
 
     def times(self) -> NDArray[np.float64]:
         """Instants of the scene's own run [s], shape (N,)."""
