@@ -37,6 +37,19 @@ std::vector<const toml::key *> keys_as_written(const toml::table &table) {
     return keys;
 }
 
+// The document is the caller's own; nodes are handed out const because nothing else changes it.
+template <class Value>
+int put_value(const void *handle, std::string_view key, Value value) {
+    auto *table = const_cast<toml::table *>(handle ? as_node(handle)->as_table() : nullptr);
+    if (!table || !table->contains(key)) return 0;
+    try {
+        table->insert_or_assign(key, value);
+    } catch (const std::bad_alloc &) {
+        return 0;
+    }
+    return 1;
+}
+
 }  // namespace
 
 extern "C" {
@@ -155,17 +168,13 @@ int64_t linkdyn_toml_text(const void *handle, char *text, int64_t text_len) {
     return copy_text(string->get(), text, text_len);
 }
 
-// The document is the caller's own; nodes are handed out const because nothing else changes it.
 int linkdyn_toml_put(const void *handle, const char *key, int key_len, double value) {
-    auto *table = const_cast<toml::table *>(handle ? as_node(handle)->as_table() : nullptr);
-    const std::string_view name(key, static_cast<size_t>(key_len));
-    if (!table || !table->contains(name)) return 0;
-    try {
-        table->insert_or_assign(name, value);
-    } catch (const std::bad_alloc &) {
-        return 0;
-    }
-    return 1;
+    return put_value(handle, std::string_view(key, static_cast<size_t>(key_len)), value);
+}
+
+int linkdyn_toml_put_text(const void *handle, const char *key, int key_len, const char *text, int64_t text_len) {
+    return put_value(handle, std::string_view(key, static_cast<size_t>(key_len)),
+                     std::string_view(text, static_cast<size_t>(text_len)));
 }
 
 int linkdyn_toml_put_at(const void *handle, int64_t index, double value) {

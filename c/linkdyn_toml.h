@@ -44,8 +44,9 @@ int linkdyn_toml_bool(const void *node, int *value);
 /* Length of the string, -1 if the node is none. */
 int64_t linkdyn_toml_text(const void *node, char *text, int64_t text_len);
 
-/* Another number in place of a value that is there; 1 if it was. Its line is lost. */
+/* Another number or text in place of a value that is there; 1 if it was. Its line is lost. */
 int linkdyn_toml_put(const void *table, const char *key, int key_len, double value);
+int linkdyn_toml_put_text(const void *table, const char *key, int key_len, const char *text, int64_t text_len);
 int linkdyn_toml_put_at(const void *array, int64_t index, double value);
 
 #ifdef __cplusplus

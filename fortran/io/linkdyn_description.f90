@@ -40,6 +40,11 @@ contains
         do i = 1, size(scene%load)
             text = text//separator(i)//load_object(scene, scene%load(i))
         end do
+        text = text//'],"variables":['
+        do i = 1, size(scene%variable)
+            text = text//separator(i)//"{"//pair("name", string(scene%variable(i)%name))//","// &
+                pair("value", number(scene%variable(i)%value))//","//pair("unit", string(scene%variable(i)%unit))//"}"
+        end do
         text = text//"]}"
     end function scene_as_json
 

@@ -7,7 +7,8 @@ module linkdyn_scene_keys
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_scene, only: name_len, path_len
     use linkdyn_toml, only: toml_node, toml_string, toml_table, toml_array
-    use linkdyn_units, only: quantity_type, quantity_value
+    use linkdyn_units, only: quantity_type
+    use linkdyn_variables, only: variable_table, quantity_of_text
     use linkdyn_suggest, only: suggestion
     implicit none (type, external)
     private
@@ -22,6 +23,7 @@ module linkdyn_scene_keys
         character(len=path_len) :: file = ""
         character(len=2*name_len) :: what = ""     !! "link 'rocker'"; blank: the scene itself
         integer :: line = 0
+        type(variable_table), pointer :: variables => null()   !! that numbers may refer to
     end type scene_place
 
 contains
@@ -34,6 +36,7 @@ contains
 
         place%node = node
         place%file = parent%file
+        place%variables => parent%variables
         place%what = what
         place%line = node%line()
         if (place%line == 0) place%line = parent%line
@@ -155,7 +158,7 @@ contains
         end if
     end subroutine get_quantity
 
-    !> A number or a text with unit.
+    !> A number, or a text with unit or arithmetic.
     subroutine quantity_of(place, key, node, quantity, value, status)
         type(scene_place), intent(in) :: place
         character(len=*), intent(in) :: key            !! what to call the value in messages
@@ -182,7 +185,7 @@ contains
             call refuse_value(place, key, node, "is "//node%kind_text()//" (expected "//expected_text(quantity)//")", status)
             return
         end if
-        call quantity_value(text, quantity, number, problem)
+        call quantity_of_text(text, quantity, place%variables, number, problem)
         if (problem /= "") then
             call refuse_value(place, key, node, "= "//problem//" (expected "//expected_text(quantity)//")", status)
             return

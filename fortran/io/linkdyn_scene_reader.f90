@@ -22,10 +22,12 @@ module linkdyn_scene_reader
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_time, only: read_time
     use linkdyn_scene_sweep, only: read_sweep
+    use linkdyn_scene_variables, only: read_variables, list_variables
     use linkdyn_toml, only: toml_node
+    use linkdyn_variables, only: variable_table
     implicit none (type, external)
     private
-    public :: read_scene, parse_scene, open_document, read_document, check_actuators
+    public :: read_scene, parse_scene, open_document, read_document, root_of, check_actuators
 
 contains
 
@@ -82,14 +84,26 @@ contains
         type(scene_type), intent(out) :: scene
         type(status_type), intent(inout) :: status
         type(scene_place) :: root
+        type(variable_table), target :: variables
 
         scene%file = file
-        root%file = file
-        root%node = document%root()
+        root = root_of(document, file)
+        root%variables => variables
+        call read_variables(root, variables, status)
+        call list_variables(variables, scene)
         call read_tables(root, folder, scene, status)
         if (wants_sweep) call read_sweep(root, scene, status)
         if (status%is_ok()) call start_on_motion(scene)
     end subroutine read_document
+
+    !> The table at the top.
+    type(scene_place) function root_of(document, file) result(root)
+        type(toml_document), intent(in) :: document
+        character(len=*), intent(in) :: file
+
+        root%file = file
+        root%node = document%root()
+    end function root_of
 
     !> Inverse dynamics finds one driving force for each coordinate: refuse any other number of actuators.
     subroutine check_actuators(scene, status)
@@ -153,7 +167,7 @@ contains
             return
         end if
         call allow_keys(root, [character(len=13) :: "title", "space", "gravity", "change_points", "frame", "link", &
-            "joint", "coordinate", "actuator", "load", "chain", "spring", "time", "sweep"], status)
+            "joint", "coordinate", "actuator", "load", "chain", "spring", "time", "sweep", "variables"], status)
         call get_text(root, "title", title, status, found)
         scene%title = title
         call get_word(root, "space", [character(len=7) :: "planar", "spatial"], space, status)

@@ -36,6 +36,7 @@ module linkdyn_toml
         procedure :: get_flag
         procedure :: get_text
         procedure :: put => node_put
+        procedure :: put_text => node_put_text
         procedure :: put_at => node_put_at
     end type toml_node
 
@@ -126,6 +127,15 @@ module linkdyn_toml
             integer(c_int), value :: key_len
             real(c_double), value :: value
         end function c_put
+
+        integer(c_int) function c_put_text(node, key, key_len, text, text_len) bind(c, name="linkdyn_toml_put_text")
+            import :: c_ptr, c_char, c_int, c_int64_t
+            type(c_ptr), value :: node
+            character(kind=c_char), intent(in) :: key(*)
+            integer(c_int), value :: key_len
+            character(kind=c_char), intent(in) :: text(*)
+            integer(c_int64_t), value :: text_len
+        end function c_put_text
 
         integer(c_int) function c_put_at(node, index, value) bind(c, name="linkdyn_toml_put_at")
             import :: c_ptr, c_int, c_int64_t, c_double
@@ -331,6 +341,15 @@ contains
 
         done = c_put(self%handle, key, int(len_trim(key), c_int), real(value, c_double))
     end subroutine node_put
+
+    !> A text in place of the value of a key, which must be there.
+    subroutine node_put_text(self, key, text)
+        class(toml_node), intent(in) :: self
+        character(len=*), intent(in) :: key, text
+        integer(c_int) :: done
+
+        done = c_put_text(self%handle, key, int(len_trim(key), c_int), text, int(len(text), c_int64_t))
+    end subroutine node_put_text
 
     !> Another number in place of item i of a list, from 1, which must be there.
     subroutine node_put_at(self, i, value)

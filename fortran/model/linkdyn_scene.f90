@@ -9,7 +9,7 @@ module linkdyn_scene
     implicit none (type, external)
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
-    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec
+    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     public :: joint_kind_name, joint_n_variable, variable_name
@@ -169,6 +169,13 @@ module linkdyn_scene
         integer :: line = 0
     end type spring_spec
 
+    !> A named number that others in the scene file refer to.
+    type :: variable_spec
+        character(len=name_len) :: name = ""
+        real(wp) :: value = 0                     !! SI
+        character(len=64) :: unit = ""            !! SI unit, "kg m^2"; blank: none
+    end type variable_spec
+
     !> Instants of the run along the scene's motion.
     type :: time_spec
         real(wp) :: first = 0                     !! [s]
@@ -196,6 +203,7 @@ module linkdyn_scene
         real(wp) :: gravity(3) = 0                !! [m/s2]
         logical :: has_gravity = .false.
         logical :: passes_change_points = .true.  !! on the smooth continuation; false: the assembly is lost there
+        type(variable_spec), allocatable :: variable(:)
         type(link_spec) :: frame
         type(link_spec), allocatable :: link(:)
         type(joint_spec), allocatable :: joint(:)

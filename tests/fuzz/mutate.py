@@ -24,7 +24,7 @@ WORDS = (
     "universal", "cylindrical", "constant", "harmonic", "table", "planar", "spatial", "true", "1", "1 m", "1 mm", "90 deg", "-90deg",
     "3 furlong", "1e400 m", "1 m/0", "1/0", "2*pi", "pi", "sqrt(2)", "N m", "1 kg m2", "60 rpm", "2 Hz", "nan", "inf", "NaN m", "é", "名前", "\u202e",
     "a\nb", "a\tb", "\x1b[31mred\x1b[0m", "\x7f", "'", '"', "\\", "/", "../../etc/passwd", "/dev/zero", "x" * 40, "x" * 1000,
-    "%s%n", "$(id)", "{0}", "name with blanks",
+    "L/2", "2*r + 12 mm", "-r*cos(pi/3)", "sqrt(", "x^x", "1/(r-r)", "((((", "m*s", "2/s", "#", "leg#", "z", "xz", "%s%n", "$(id)", "{0}", "name with blanks",
 )  # fmt: skip
 BYTES = (b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\x1b[2J", b"\r", b"\r\n", b"\n\n", b"\t", b"[", b"]", b"[[", b"{", b"}", b'"', b"'''", b"=", b"#",
          b",", b".", b"-", b"e9", b"_", b"\xc3", b"\xed\xa0\x80", b"nan", b"1e999", b"\x85", b"\xe2\x80\xa8")  # fmt: skip
