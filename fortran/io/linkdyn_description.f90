@@ -45,7 +45,9 @@ contains
             text = text//separator(i)//"{"//pair("name", string(scene%variable(i)%name))//","// &
                 pair("value", number(scene%variable(i)%value))//","//pair("unit", string(scene%variable(i)%unit))//"}"
         end do
-        text = text//"]}"
+        text = text//"]"
+        if (size(scene%source) > 1) text = text//","//pair("text", string(scene%text))
+        text = text//"}"
     end function scene_as_json
 
     !> Dimensions with labels and units, variables with their dimensions: see `linkdyn_results`.
@@ -225,22 +227,34 @@ contains
         character(len=*), intent(in) :: value
         character(len=:), allocatable :: text
         character(len=6) :: escape
-        integer :: i
+        integer :: i, n
 
-        text = '"'
+        allocate (character(len=6*len_trim(value) + 2) :: text)
+        n = 0
+        call add('"', text, n)
         do i = 1, len_trim(value)
             select case (value(i:i))
             case ('"', "\")
-                text = text//"\"//value(i:i)
+                call add("\"//value(i:i), text, n)
             case (achar(0):achar(31))
                 write (escape, '("\u", z4.4)') iachar(value(i:i))
-                text = text//escape
+                call add(escape, text, n)
             case default
-                text = text//value(i:i)
+                call add(value(i:i), text, n)
             end select
         end do
-        text = text//'"'
+        call add('"', text, n)
+        text = text(:n)
     end function string
+
+    pure subroutine add(part, text, n)
+        character(len=*), intent(in) :: part
+        character(len=*), intent(inout) :: text
+        integer, intent(inout) :: n             !! letters so far
+
+        text(n + 1:n + len(part)) = part
+        n = n + len(part)
+    end subroutine add
 
     pure function strings(values) result(text)
         character(len=*), intent(in) :: values(:)

@@ -9,7 +9,7 @@ module linkdyn_scene_forces
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
         damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, counted, &
+    use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, counted, &
         table_list, get_quantity, get_name, get_word, get_text, require_table
     use linkdyn_scene_names, only: find_marker, find_joint, find_variable
     use linkdyn_scene_joints, only: require_two_links, variable_quantity
@@ -432,16 +432,17 @@ contains
         type(actuator_spec), intent(in) :: actuator(:)
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
-        integer :: i, j
+        integer :: i, j, first, second
 
         do i = 2, size(actuator)
             do j = 1, i - 1
                 if (actuator(i)%joint /= actuator(j)%joint .or. actuator(i)%variable /= actuator(j)%variable) cycle
                 place = root
+                first = min(actuator(i)%line, actuator(j)%line)
+                second = max(actuator(i)%line, actuator(j)%line)
                 place%what = "actuator "//quoted(actuator(i)%name)
-                call refuse(place, "this joint variable is already driven on line "// &
-                    to_text(min(actuator(i)%line, actuator(j)%line))//" (expected one actuator for each)", &
-                    status, max(actuator(i)%line, actuator(j)%line))
+                call refuse(place, "this joint variable is already driven on "// &
+                    line_text(place, first, second)//" (expected one actuator for each)", status, second)
                 return
             end do
         end do

@@ -5,14 +5,14 @@ module linkdyn_scene_keys
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: to_text, quoted, join
-    use linkdyn_scene, only: name_len, path_len
+    use linkdyn_scene, only: name_len, path_len, source_shelf
     use linkdyn_toml, only: toml_node, toml_string, toml_table, toml_array
     use linkdyn_units, only: quantity_type
     use linkdyn_variables, only: variable_table, quantity_of_text
     use linkdyn_suggest, only: suggestion
     implicit none (type, external)
     private
-    public :: scene_place, place_at, refuse, refuse_value, refuse_missing
+    public :: scene_place, place_at, place_text, line_text, refuse, refuse_value, refuse_missing
     public :: allow_keys, require_table, table_list
     public :: get_quantity, quantity_of, get_vector, vector_of, list_of, get_direction, direction_of
     public :: get_text, get_name, get_word, get_flag, get_integer, require_name, counted
@@ -23,6 +23,7 @@ module linkdyn_scene_keys
         character(len=path_len) :: file = ""
         character(len=2*name_len) :: what = ""     !! "link 'rocker'"; blank: the scene itself
         integer :: line = 0
+        type(source_shelf), pointer :: sources => null()       !! files that lines count through; none: one file
         type(variable_table), pointer :: variables => null()   !! that numbers may refer to
     end type scene_place
 
@@ -36,6 +37,7 @@ contains
 
         place%node = node
         place%file = parent%file
+        place%sources => parent%sources
         place%variables => parent%variables
         place%what = what
         place%line = node%line()
@@ -55,11 +57,54 @@ contains
         if (present(line)) then
             if (line > 0) at = line
         end if
-        text = trim(place%file)
-        if (at > 0) text = text//":"//to_text(at)
+        text = place_text(place, at)
         if (place%what /= "") text = text//": "//trim(place%what)
         call fail(status, status_bad_input, text//": "//problem)
     end subroutine refuse
+
+    !> "FILE:LINE", or the file alone.
+    function place_text(place, line) result(text)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: line                    !! counted through all files; 0: unknown
+        character(len=:), allocatable :: text
+        integer :: own, i
+
+        own = line
+        text = trim(place%file)
+        i = source_of(place, line)
+        if (i > 0) then
+            text = trim(place%sources%item(i)%file)
+            own = line - place%sources%item(i)%lines_before
+        end if
+        if (line > 0) text = text//":"//to_text(own)
+    end function place_text
+
+    !> "line 12", "line 3 of legs.toml" if that is another file than a second line's.
+    function line_text(place, line, beside) result(text)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: line, beside            !! counted through all files
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = "line "//to_text(line)
+        i = source_of(place, line)
+        if (i == 0) return
+        text = "line "//to_text(line - place%sources%item(i)%lines_before)
+        if (i /= source_of(place, beside)) text = text//" of "//trim(place%sources%item(i)%file)
+    end function line_text
+
+    !> The file that a line lies in; 0 if there is but one.
+    integer function source_of(place, line) result(i)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: line
+        integer :: k
+
+        i = 0
+        if (.not. associated(place%sources) .or. line == 0) return
+        do k = 1, size(place%sources%item)
+            if (line > place%sources%item(k)%lines_before) i = k
+        end do
+    end function source_of
 
     !> A key has a value that it cannot have.
     subroutine refuse_value(place, key, node, problem, status)

@@ -8,7 +8,7 @@ module linkdyn_scene_motion
         law_none, law_constant
     use linkdyn_toml, only: toml_node, toml_table
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
+    use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, &
         require_table, table_list, get_quantity, quantity_of, get_vector, get_flag
     use linkdyn_scene_names, only: find_link, find_joint, find_variable
     use linkdyn_scene_joints, only: variable_quantity
@@ -302,7 +302,7 @@ contains
                 if (coordinate(i)%name /= coordinate(j)%name) cycle
                 place = root
                 place%what = "coordinate "//quoted(coordinate(i)%name)
-                call refuse(place, "is already declared on line "//to_text(coordinate(j)%line)// &
+                call refuse(place, "is already declared on "//line_text(place, coordinate(j)%line, coordinate(i)%line)// &
                     " (expected each coordinate once)", status, coordinate(i)%line)
                 return
             end do

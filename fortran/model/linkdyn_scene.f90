@@ -9,14 +9,14 @@ module linkdyn_scene
     implicit none (type, external)
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
-    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec
+    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     public :: joint_kind_name, joint_n_variable, variable_name
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table
-    public :: axes_world, axes_link
+    public :: axes_world, axes_link, put_file_first
     public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
@@ -83,6 +83,8 @@ module linkdyn_scene
         real(wp) :: start(6) = 0                  !! x y z roll pitch yaw near which closure starts [m, rad]
         logical :: has_start = .false.
         type(marker_spec), allocatable :: marker(:)
+        character(len=:), allocatable :: mesh     !! file of the body's form, for pictures
+        real(wp) :: mesh_unit = 1                 !! of its coordinates [m]
         integer :: line = 0
     end type link_spec
 
@@ -193,11 +195,24 @@ module linkdyn_scene
         logical :: is_foreign = .false.           !! not of the scene's folder: no message quotes what stands in it
     end type table_spec
 
+    !> A file that the scene is made of. Lines count on from one to the next, in the order of reading.
+    type :: source_spec
+        character(len=path_len) :: file = ""      !! as messages call it
+        character(len=:), allocatable :: text
+        integer :: lines_before = 0
+    end type source_spec
+
+    !> All files that a scene is made of.
+    type :: source_shelf
+        type(source_spec), allocatable :: item(:)
+    end type source_shelf
+
     !> The whole scene.
     type :: scene_type
         character(len=256) :: title = ""
         character(len=path_len) :: file = ""      !! as given, for messages
-        character(len=:), allocatable :: text     !! the scene file itself, kept in results
+        character(len=:), allocatable :: text     !! the scene file itself, with all that it includes, kept in results
+        type(source_spec), allocatable :: source(:)  !! the scene file and those that it includes
         character(len=path_len), allocatable :: table_file(:)   !! files read beside it
         logical :: planar = .false.
         real(wp) :: gravity(3) = 0                !! [m/s2]
@@ -214,4 +229,22 @@ module linkdyn_scene
         type(time_spec) :: time
         type(sweep_spec) :: sweep
     end type scene_type
+
+contains
+
+    !> The file in front of a message, unless it begins with one of the scene's already.
+    pure subroutine put_file_first(file, scene, message)
+        character(len=*), intent(in) :: file
+        type(scene_type), intent(in) :: scene
+        character(len=*), intent(inout) :: message
+        integer :: i
+
+        if (index(message, trim(file)//":") == 1) return
+        if (allocated(scene%source)) then
+            do i = 2, size(scene%source)
+                if (index(message, trim(scene%source(i)%file)//":") == 1) return
+            end do
+        end if
+        message = trim(file)//": "//trim(message)
+    end subroutine put_file_first
 end module linkdyn_scene

@@ -112,7 +112,7 @@ class Scene:
     actuators, joints, links, loads : tuple of str
         Names; ``links`` are the moving ones.
     text : str
-        The scene file.
+        The scene file; if it includes others, written anew with all of them.
     folder : str
         Where its tables are looked up.
     description : dict
@@ -133,6 +133,7 @@ class Scene:
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
+        self.text = self.description.pop("text", self.text)  # with what it includes
         self.title: str = self.description["title"]
         self.planar: bool = self.description["planar"]
         self.coordinates = _names(self.description["coordinates"])
