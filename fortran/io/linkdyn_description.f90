@@ -80,7 +80,9 @@ contains
                 text = text//separator(i)//marker_object(link%marker(i))
             end do
         end if
-        text = text//"]}"
+        text = text//"]"
+        if (allocated(link%mesh)) text = text//","//pair("mesh", string(link%mesh))//","//pair("mesh_unit", number(link%mesh_unit))
+        text = text//"}"
     end function link_object
 
     function marker_object(marker) result(text)

@@ -15,7 +15,10 @@ module linkdyn_scene_keys
     public :: scene_place, place_at, place_text, line_text, refuse, refuse_value, refuse_missing
     public :: allow_keys, require_table, table_list
     public :: get_quantity, quantity_of, get_vector, vector_of, list_of, get_direction, direction_of
-    public :: get_text, get_name, get_word, get_flag, get_integer, require_name, counted
+    public :: pattern_key, text_of, get_text, get_name, get_word, get_flag, get_integer, require_name, counted
+
+    !> Keys of a table that is there several times.
+    character(len=6), parameter :: pattern_key(*) = [character(len=6) :: "repeat", "about", "angles", "mirror"]
 
     !> A table of the scene file and how to call it.
     type :: scene_place
@@ -23,6 +26,8 @@ module linkdyn_scene_keys
         character(len=path_len) :: file = ""
         character(len=2*name_len) :: what = ""     !! "link 'rocker'"; blank: the scene itself
         integer :: line = 0
+        integer :: copy = 0                        !! number of a table that is there several times, `#` in its texts; 0: once
+        integer :: n_pattern_key = 0               !! of `pattern_key` that it may have beside its own
         type(source_shelf), pointer :: sources => null()       !! files that lines count through; none: one file
         type(variable_table), pointer :: variables => null()   !! that numbers may refer to
     end type scene_place
@@ -37,6 +42,7 @@ contains
 
         place%node = node
         place%file = parent%file
+        place%copy = parent%copy
         place%sources => parent%sources
         place%variables => parent%variables
         place%what = what
@@ -136,7 +142,7 @@ contains
         if (.not. status%is_ok()) return
         do i = 1, place%node%count()
             call place%node%key(i, key, line)
-            if (any(keys == key)) cycle
+            if (any(keys == key) .or. any(pattern_key(:place%n_pattern_key) == key)) cycle
             hint = suggestion(key, keys)
             if (hint == "") hint = " (expected one of "//join(keys)//")"
             call refuse(place, "unknown key "//quoted(key)//hint, status, line)
@@ -225,7 +231,7 @@ contains
             value = number
             return
         end if
-        call node%get_text(text, is_one)
+        call text_of(place, node, text, is_one)
         if (.not. is_one) then
             call refuse_value(place, key, node, "is "//node%kind_text()//" (expected "//expected_text(quantity)//")", status)
             return
@@ -365,9 +371,44 @@ contains
             if (.not. present(found)) call refuse_missing(place, key, "a text in quotes", status)
             return
         end if
-        call node%get_text(value, is_one)
+        call text_of(place, node, value, is_one)
         if (.not. is_one) call refuse_value(place, key, node, "is "//node%kind_text()//" (expected a text in quotes)", status)
     end subroutine get_text
+
+    !> A text of a table; in a copy with the copy's number for `#`.
+    subroutine text_of(place, node, text, is_one)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        character(len=:), allocatable, intent(out) :: text
+        logical, intent(out) :: is_one                 !! the node is a text
+        character(len=:), allocatable :: rest
+        integer :: i
+
+        call node%get_text(text, is_one)
+        if (place%copy == 0 .or. .not. is_one) return
+        rest = text
+        text = ""
+        do
+            i = index(rest, "#")
+            if (i == 0) exit
+            text = text//rest(:i - 1)//to_text(place%copy)
+            rest = rest(i + 1:)
+        end do
+        text = text//rest
+    end subroutine text_of
+
+    !> The name of a copy: with its number behind it, unless it has the number already.
+    function numbered(place, node, text) result(name)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: name, written
+        logical :: is_one
+
+        call node%get_text(written, is_one)
+        name = text
+        if (place%copy > 0 .and. index(written, "#") == 0) name = text//to_text(place%copy)
+    end function numbered
 
     !> A name under a key: a text of reasonable length without blanks or control characters.
     subroutine get_name(place, key, value, status, found)
@@ -384,6 +425,7 @@ contains
         if (present(found)) then
             if (.not. found) return
         end if
+        if (key == "name" .and. status%is_ok()) text = numbered(place, node, text)
         call require_name(place, text, node%line(), status)
         if (status%is_ok()) value = text
     end subroutine get_name

@@ -11,10 +11,11 @@ module linkdyn_scene_reader
     use linkdyn_toml, only: toml_document, free_toml
     use linkdyn_units, only: acceleration
     use linkdyn_input, only: read_file_text, folder_of
-    use linkdyn_scene_keys, only: scene_place, refuse, allow_keys, table_list, get_text, get_word, get_vector, &
+    use linkdyn_scene_keys, only: scene_place, refuse, allow_keys, get_text, get_word, get_vector, &
         counted
     use linkdyn_scene_include, only: open_document, scene_key
     use linkdyn_scene_links, only: read_frame, read_links
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated
     use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
     use linkdyn_scene_joints, only: read_joints
     use linkdyn_scene_chain, only: count_legs, read_chains
@@ -24,7 +25,6 @@ module linkdyn_scene_reader
     use linkdyn_scene_time, only: read_time
     use linkdyn_scene_sweep, only: read_sweep
     use linkdyn_scene_variables, only: read_variables, list_variables
-    use linkdyn_toml, only: toml_node
     use linkdyn_variables, only: variable_table
     implicit none (type, external)
     private
@@ -121,14 +121,17 @@ contains
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(table_shelf) :: shelf
+        type(repeated_tables) :: links, joints
         integer, allocatable :: driven(:)
         integer :: n_link, n_joint, n_leg
 
         shelf%folder = folder
         call read_head(root, scene, status)
-        call count_tables(root, "link", n_link, status)
-        call count_tables(root, "joint", n_joint, status)
-        call count_legs(root, n_leg, status)
+        call list_repeated(root, "link", scene%planar, .true., links, status)
+        call list_repeated(root, "joint", scene%planar, .false., joints, status)
+        call count_legs(root, scene%planar, n_leg, status)
+        n_link = size(links%table)
+        n_joint = size(joints%table)
         if (status%is_ok() .and. n_link == 0) &
             call refuse(root, "the scene has no links (expected at least one [[link]])", status)
         if (.not. status%is_ok()) return
@@ -171,16 +174,6 @@ contains
         call get_word(root, "change_points", [character(len=4) :: "pass", "stop"], at_change_point, status, found)
         scene%passes_change_points = at_change_point == 1
     end subroutine read_head
-
-    subroutine count_tables(root, key, n, status)
-        type(scene_place), intent(in) :: root
-        character(len=*), intent(in) :: key
-        integer, intent(out) :: n
-        type(status_type), intent(inout) :: status
-        type(toml_node) :: list
-
-        call table_list(root, key, list, n, status)
-    end subroutine count_tables
 
     !> A coordinate without a start of its own starts where its motion does.
     pure subroutine start_on_motion(scene)

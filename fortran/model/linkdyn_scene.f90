@@ -71,6 +71,7 @@ module linkdyn_scene
         real(wp) :: axis(3) = [0, 0, 1]           !! unit vector in link axes; planar: direction of a slide, default x
         real(wp) :: x_axis(3) = [1, 0, 0]         !! unit vector square to `axis`: where joint angles count from
         logical :: has_axis = .false.             !! written by the user
+        logical :: has_x = .false.                !! and so `x_axis`
         integer :: line = 0                       !! in the scene file
     end type marker_spec
 
