@@ -15,6 +15,7 @@ from .errors import ClosedSceneError, FileError, InputError, Interrupted, Linkdy
 
 if TYPE_CHECKING:
     from . import lecture, plot, widget
+    from ._new import new
     from ._sheet import sheet
     from ._view import view
     from .results import read
@@ -32,6 +33,7 @@ __all__ = [
     "UnavailableError",
     "lecture",
     "load",
+    "new",
     "plot",
     "read",
     "sheet",
@@ -40,7 +42,7 @@ __all__ = [
 ]
 
 _MODULES = ("lecture", "plot", "widget")
-_HOMES = {"Poses": "scene", "Scene": "scene", "load": "scene", "read": "results", "sheet": "_sheet", "view": "_view"}
+_HOMES = {"Poses": "scene", "Scene": "scene", "load": "scene", "new": "_new", "read": "results", "sheet": "_sheet", "view": "_view"}
 """Numpy, xarray and matplotlib take their time to load: only who computes or plots waits for them."""
 
 

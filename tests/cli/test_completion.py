@@ -11,7 +11,7 @@ import pytest
 from linkdyn.cli import executable
 
 SHARE = Path(sys.prefix) / "share"
-COMMANDS = ("inverse", "forward", "sweep", "study", "view", "explain")
+COMMANDS = ("inverse", "forward", "sweep", "study", "view", "new", "explain")
 
 
 def options_of(command: str) -> set[str]:
@@ -41,6 +41,8 @@ def test_all_commands_and_options_are_known(file):
     (["inverse", "--threads", ""], ""),
     (["inverse", "s"], "scene.toml"),
     (["view", "r"], "run.nc"),
+    (["new", "h"], "hexapod"),
+    (["new", "--f"], "--force"),
     (["inverse", "r"], ""),
 ])
 def test_bash(typed, offered, tmp_path):
