@@ -145,12 +145,15 @@ contains
             case ("view")
                 call refuse("view: the page is made by the Python package (expected the command linkdyn that it installs)")
                 return
+            case ("new")
+                call refuse("new: scenes to start from are in the Python package (expected the command linkdyn that it installs)")
+                return
             end select
             config%command = findloc(command_name, word, dim=1)
             if (config%command == command_none .and. index(word, "-") == 1) then
                 call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
             else if (config%command == command_none) then
-                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view or explain)" &
+                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view, new or explain)" &
                             //suggestion(word, command_name))
             end if
         end associate
@@ -448,6 +451,7 @@ contains
                 "  linkdyn study SCENE [options]     time against error of every solver and integrator", &
                 "  linkdyn generate SCENE [options]  C code of forces or motion, for controllers", &
                 "  linkdyn view SCENE|RUN.nc         an interactive picture; needs the Python package", &
+                "  linkdyn new [KIND]                a scene to start from; needs the Python package", &
                 "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
                 "", &
                 "  linkdyn COMMAND --help            options of a command", &

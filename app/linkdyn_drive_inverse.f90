@@ -20,7 +20,7 @@ module linkdyn_drive_inverse
         result_power_imbalance, result_driving_force_error, result_reaction_error, result_assembly, variable_index
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
         exit_done, exit_bad_input, exit_samples_failed
-    use linkdyn_scene, only: scene_type
+    use linkdyn_scene, only: scene_type, put_file_first
     use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
@@ -104,8 +104,7 @@ contains
         call read_scene(file, scene, status)
         if (status%is_ok() .and. is_inverse) call check_actuators(scene, status)
         if (status%is_ok()) call build_model(scene, model, status)
-        if (.not. status%is_ok() .and. index(status%message, file//":") /= 1) &
-            status%message = file//": "//trim(status%message)
+        if (.not. status%is_ok()) call put_file_first(file, scene, status%message)
     end subroutine load_model
 
     !> Compute, store and sum up block by block.

@@ -23,8 +23,9 @@ enum linkdyn_toml_kind {
     linkdyn_toml_date = 7
 };
 
-/* The document, or NULL with a message (without position) and the place of the error. */
-void *linkdyn_toml_parse(const char *text, int64_t text_len, char *message, int message_len,
+/* The document, or NULL with a message (without position) and the place of the error. `before` is what lines of nodes
+ * count on from: 0, or the number of lines of all files before. */
+void *linkdyn_toml_parse(const char *text, int64_t text_len, int before, char *message, int message_len,
                          int *line, int *column);
 void linkdyn_toml_free(void *document);
 const void *linkdyn_toml_root(const void *document);
@@ -44,9 +45,18 @@ int linkdyn_toml_bool(const void *node, int *value);
 /* Length of the string, -1 if the node is none. */
 int64_t linkdyn_toml_text(const void *node, char *text, int64_t text_len);
 
-/* Another number in place of a value that is there; 1 if it was. Its line is lost. */
+/* Another number or text in place of a value that is there; 1 if it was. Its line is lost. */
 int linkdyn_toml_put(const void *table, const char *key, int key_len, double value);
+int linkdyn_toml_put_text(const void *table, const char *key, int key_len, const char *text, int64_t text_len);
 int linkdyn_toml_put_at(const void *array, int64_t index, double value);
+
+/* Documents of several files: one key less; names of files (`table`, `mesh`) with a folder in front; all of another document
+ * moved into this one, 1 if nothing is there twice, else 0 with the key and both lines; the document as a text (free with
+ * linkdyn_file_free). */
+void linkdyn_toml_take_out(void *document, const char *key, int key_len);
+int linkdyn_toml_move_files(void *document, const char *folder, int folder_len);
+int linkdyn_toml_join(void *document, void *other, char *key, int key_len, int *first_line, int *second_line);
+int linkdyn_toml_write(const void *document, char **text, int64_t *text_len);
 
 #ifdef __cplusplus
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import re
 import subprocess
 import sys
@@ -9,9 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 SOURCES = Path(__file__).resolve().parent.parent / "python"
-COMMAND = re.compile(r"^  linkdyn (\w+) (SCENE\S*)(?: \[options\])? +(.*)$", re.M)
+COMMAND = re.compile(r"^  linkdyn (\w+) (SCENE\S*|\[KIND\])(?: \[options\])? +(.*)$", re.M)
 OPTION = re.compile(r"^  (-.*?)  +(\S.*(?:\n {8,}\S.*)*)", re.M)
-SUFFIXES = {"SCENE": ["toml"], "SCENE|RUN.nc": ["toml", "nc"]}
+SUFFIXES = {"SCENE": ["toml"], "SCENE|RUN.nc": ["toml", "nc"], "[KIND]": []}
+IN_PACKAGE = {"view": "_view_command", "new": "_new"}
+"""Commands that are a part of the Python package, and where."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,8 @@ class Command:
     text: str
     """A paragraph."""
     options: tuple[Option, ...]
+    words: tuple[str, ...] = ()
+    """What the argument may be, if it is no file."""
 
 
 def parse_options(text: str) -> tuple[Option, ...]:
@@ -62,15 +67,16 @@ def parse_options(text: str) -> tuple[Option, ...]:
     return tuple(found)
 
 
-def view_options() -> tuple[str, tuple[Option, ...]]:
-    """What `linkdyn view` says of itself, which is a part of the Python package."""
-    sys.path.insert(0, str(SOURCES))
+def command_in_package(name: str, argument: str, summary: str) -> Command:
+    """What a command of the Python package says of itself."""
+    if str(SOURCES) not in sys.path:
+        sys.path.insert(0, str(SOURCES))
     sys.dont_write_bytecode = True
-    from linkdyn._view_command import parser
-
-    view = parser()
-    options = [Option(tuple(a.option_strings), a.metavar or "", a.help or "") for a in view._actions if a.option_strings]
-    return " ".join((view.description or "").split()), tuple(options)
+    module = importlib.import_module(f"linkdyn.{IN_PACKAGE[name]}")
+    parser = module.parser()
+    options = tuple(Option(tuple(a.option_strings), a.metavar or "", a.help or "") for a in parser._actions if a.option_strings)
+    words = tuple(module.kinds()) if argument == "[KIND]" else ()
+    return Command(name, argument, summary, " ".join((parser.description or "").split()), options, words)
 
 
 def commands_of(executable: str) -> list[Command]:
@@ -81,10 +87,9 @@ def commands_of(executable: str) -> list[Command]:
 
     found = []
     for name, argument, summary in COMMAND.findall(help_of()):
-        if name == "view":
-            text, options = view_options()
+        if name in IN_PACKAGE:
+            found.append(command_in_package(name, argument, summary))
         else:
             said = help_of(name)
-            text, options = " ".join(said.split("\n\n")[1].split()), parse_options(said)
-        found.append(Command(name, argument, summary, text, options))
+            found.append(Command(name, argument, summary, " ".join(said.split("\n\n")[1].split()), parse_options(said)))
     return found

@@ -52,6 +52,8 @@ def bash(commands: list[Command]) -> str:
             elif option.value == "FILE":
                 action = 'COMPREPLY=($(compgen -f -- "$word")); return'
             values += f"        {pattern}) {action} ;;\n"
+        if command.words:
+            options += f'        {command.name}:*) COMPREPLY=($(compgen -W "{" ".join(command.words)}" -- "$word")) ;;\n'
     return BASH % {"commands": " ".join(command.name for command in commands), "values": values, "options": options}
 
 
@@ -96,7 +98,8 @@ def zsh(commands: list[Command]) -> str:
             for name in option.names:
                 cases += f"                '{alone}{name}[{plain(option.text.partition(';')[0])}]{taken(option)}' \\\n"
         suffixes = "|".join(SUFFIXES[command.argument])
-        cases += f"                '1:{command.argument}:_files -g \"*.({suffixes})\"' ;;\n"
+        offered = f"({' '.join(command.words)})" if command.words else f'_files -g "*.({suffixes})"'
+        cases += f"                '1:{plain(command.argument)}:{offered}' ;;\n"
     return ZSH % {"commands": lines, "options": cases}
 
 
@@ -113,6 +116,8 @@ def fish(commands: list[Command]) -> str:
         lines.append(f"complete -c linkdyn -n __fish_use_subcommand -a {command.name} -d {quoted(command.summary)}")
         for suffix in SUFFIXES[command.argument]:
             lines.append(f"complete -c linkdyn {seen} -a '(__fish_complete_suffix .{suffix})'")
+        if command.words:
+            lines.append(f"complete -c linkdyn {seen} -a '{' '.join(command.words)}'")
         for option in command.options:
             names = " ".join(f"-l {name[2:]}" if name.startswith("--") else f"-s {name[1:]}" for name in option.names)
             takes = {"": "", "FILE": " -r -F"}.get(option.value, " -x")

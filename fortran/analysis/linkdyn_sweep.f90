@@ -7,7 +7,7 @@ module linkdyn_sweep
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_scene, only: scene_type
+    use linkdyn_scene, only: scene_type, put_file_first
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk
     use linkdyn_sweep_design, only: sweep_design, open_design, close_design
@@ -80,8 +80,7 @@ contains
             call open_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
             if (run%plan%n_design == 1 .and. .not. design%status%is_ok()) then
                 status = design%status
-                if (index(status%message, trim(scene%file)//":") /= 1) &
-                    status%message = trim(scene%file)//": "//trim(status%message)
+                call put_file_first(scene%file, scene, status%message)
                 return
             end if
         end associate

@@ -11,7 +11,7 @@ module linkdyn_open_scene
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_results, only: layout_type, wanted_type, describe_results
-    use linkdyn_scene, only: scene_type, load_spec, name_len
+    use linkdyn_scene, only: scene_type, load_spec, name_len, put_file_first
     use linkdyn_scene_reader, only: parse_scene, read_scene, check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
@@ -50,7 +50,7 @@ contains
         call hold_texts()
         call parse_scene(text, file, folder, scene, status)
         if (status%is_ok()) call plan_scene(scene, handle, status)
-        if (.not. status%is_ok()) call name_file(file, status)
+        if (.not. status%is_ok()) call put_file_first(file, scene, status%message)
         call release_texts()
     end subroutine open_scene_text
 
@@ -65,7 +65,7 @@ contains
         call hold_texts()
         call read_scene(file, scene, status)
         if (status%is_ok()) call plan_scene(scene, handle, status)
-        if (.not. status%is_ok()) call name_file(file, status)
+        if (.not. status%is_ok()) call put_file_first(file, scene, status%message)
         call release_texts()
     end subroutine open_scene_file
 
@@ -231,12 +231,4 @@ contains
         call fail(status, status_bad_input, "wrench: no marker "//quoted(name)// &
             " on a moving link (expected ""link.marker"")"//suggestion(name, known))
     end subroutine add_load
-
-    !> The planner knows no file: put its name in front.
-    subroutine name_file(file, status)
-        character(len=*), intent(in) :: file
-        type(status_type), intent(inout) :: status
-
-        if (index(status%message, trim(file)//":") /= 1) status%message = trim(file)//": "//status%message
-    end subroutine name_file
 end module linkdyn_open_scene

@@ -40,7 +40,14 @@ contains
         do i = 1, size(scene%load)
             text = text//separator(i)//load_object(scene, scene%load(i))
         end do
-        text = text//"]}"
+        text = text//'],"variables":['
+        do i = 1, size(scene%variable)
+            text = text//separator(i)//"{"//pair("name", string(scene%variable(i)%name))//","// &
+                pair("value", number(scene%variable(i)%value))//","//pair("unit", string(scene%variable(i)%unit))//"}"
+        end do
+        text = text//"]"
+        if (size(scene%source) > 1) text = text//","//pair("text", string(scene%text))
+        text = text//"}"
     end function scene_as_json
 
     !> Dimensions with labels and units, variables with their dimensions: see `linkdyn_results`.
@@ -73,7 +80,9 @@ contains
                 text = text//separator(i)//marker_object(link%marker(i))
             end do
         end if
-        text = text//"]}"
+        text = text//"]"
+        if (allocated(link%mesh)) text = text//","//pair("mesh", string(link%mesh))//","//pair("mesh_unit", number(link%mesh_unit))
+        text = text//"}"
     end function link_object
 
     function marker_object(marker) result(text)
@@ -220,22 +229,34 @@ contains
         character(len=*), intent(in) :: value
         character(len=:), allocatable :: text
         character(len=6) :: escape
-        integer :: i
+        integer :: i, n
 
-        text = '"'
+        allocate (character(len=6*len_trim(value) + 2) :: text)
+        n = 0
+        call add('"', text, n)
         do i = 1, len_trim(value)
             select case (value(i:i))
             case ('"', "\")
-                text = text//"\"//value(i:i)
+                call add("\"//value(i:i), text, n)
             case (achar(0):achar(31))
                 write (escape, '("\u", z4.4)') iachar(value(i:i))
-                text = text//escape
+                call add(escape, text, n)
             case default
-                text = text//value(i:i)
+                call add(value(i:i), text, n)
             end select
         end do
-        text = text//'"'
+        call add('"', text, n)
+        text = text(:n)
     end function string
+
+    pure subroutine add(part, text, n)
+        character(len=*), intent(in) :: part
+        character(len=*), intent(inout) :: text
+        integer, intent(inout) :: n             !! letters so far
+
+        text(n + 1:n + len(part)) = part
+        n = n + len(part)
+    end subroutine add
 
     pure function strings(values) result(text)
         character(len=*), intent(in) :: values(:)

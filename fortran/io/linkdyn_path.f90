@@ -6,7 +6,7 @@ module linkdyn_path
     implicit none (type, external)
     private
     public :: path_missing, path_file, path_other
-    public :: resolve_path, path_exists, is_inside, refuse_inputs
+    public :: resolve_path, path_exists, is_inside, is_same_file, refuse_inputs
 
     integer, parameter :: path_missing = 0, path_file = 1, path_directory = 2, path_other = 3, path_failed = 4   !! of linkdyn_path.h
     integer, parameter :: longest_path = 4095
@@ -77,6 +77,13 @@ contains
         is_inside = linkdyn_is_inside(file, len_trim(file), folder, len_trim(folder)) /= 0
     end function is_inside
 
+    !> True if two names stand for one file that is there.
+    logical function is_same_file(one, other)
+        character(len=*), intent(in) :: one, other
+
+        is_same_file = linkdyn_is_same_file(one, len_trim(one), other, len_trim(other)) /= 0
+    end function is_same_file
+
     !> Nothing that a run writes may be a file that it reads, by whatever name.
     subroutine refuse_inputs(output, scene, status, states)
         character(len=*), intent(in) :: output
@@ -89,6 +96,9 @@ contains
         do i = 1, size(scene%table_file)
             call refuse(scene%table_file(i), "is a table of the scene")
         end do
+        do i = 2, size(scene%source)
+            call refuse(scene%source(i)%file, "is included by the scene")
+        end do
         if (present(states)) call refuse(states, "is the file of --states")
 
     contains
@@ -96,8 +106,8 @@ contains
         subroutine refuse(input, what)
             character(len=*), intent(in) :: input, what
 
-            if (linkdyn_is_same_file(output, len_trim(output), input, len_trim(input)) /= 0) call fail(status, &
-                status_bad_input, trim(output)//": cannot be written: "//what//" (expected another file, --output FILE)")
+            if (is_same_file(output, input)) call fail(status, status_bad_input, &
+                trim(output)//": cannot be written: "//what//" (expected another file, --output FILE)")
         end subroutine refuse
     end subroutine refuse_inputs
 end module linkdyn_path

@@ -8,12 +8,13 @@ module linkdyn_scene_chain
     use linkdyn_text, only: to_text, quoted
     use linkdyn_scene, only: scene_type, link_spec, joint_spec, marker_spec, name_len, frame_link, &
         joint_universal, joint_prismatic, joint_spherical
-    use linkdyn_toml, only: toml_node, toml_array, toml_table
+    use linkdyn_toml, only: toml_node, toml_array, toml_string, toml_table
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
-        require_table, table_list, direction_of, get_name, get_word, get_flag, require_name
+        require_table, direction_of, text_of, get_name, get_word, get_flag, require_name
     use linkdyn_scene_names, only: find_marker
     use linkdyn_scene_links, only: read_mass_properties, new_marker, add_marker
     use linkdyn_scene_joints, only: require_two_links
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern
     implicit none (type, external)
     private
     public :: count_legs, read_chains
@@ -21,19 +22,21 @@ module linkdyn_scene_chain
 contains
 
     !> Number of legs of all chains, for the scene's lists.
-    subroutine count_legs(root, n_leg, status)
+    subroutine count_legs(root, planar, n_leg, status)
         type(scene_place), intent(in) :: root
+        logical, intent(in) :: planar
         integer, intent(out) :: n_leg
         type(status_type), intent(inout) :: status
-        type(toml_node) :: list, chain, base
-        integer :: i, n
+        type(repeated_tables) :: tables
+        type(scene_place) :: place
+        integer :: i
 
         n_leg = 0
-        call table_list(root, "chain", list, n, status)
-        do i = 1, n
-            chain = list%at(i)
-            base = chain%get("base")
-            n_leg = n_leg + base%count()
+        call list_repeated(root, "chain", planar, .true., tables, status)
+        if (.not. status%is_ok()) return
+        do i = 1, size(tables%table)
+            place = repeated_at(root, tables, i, "chain")
+            n_leg = n_leg + n_marker(place%node%get("base"))
         end do
     end subroutine count_legs
 
@@ -44,16 +47,16 @@ contains
         type(scene_type), intent(inout) :: scene
         integer, allocatable, intent(out) :: driven(:) !! joints that chains drive
         type(status_type), intent(inout) :: status
-        type(toml_node) :: list
+        type(repeated_tables) :: tables
         type(scene_place) :: place
-        integer :: i, n, next_link, next_joint
+        integer :: i, next_link, next_joint
 
         allocate (driven(0))
         next_link = first_link
         next_joint = first_joint
-        call table_list(root, "chain", list, n, status)
-        do i = 1, n
-            place = place_at(root, list%at(i), "chain "//to_text(i))
+        call list_repeated(root, "chain", scene%planar, .true., tables, status)
+        do i = 1, size(tables%table)
+            place = repeated_at(root, tables, i, "chain")
             call read_chain(place, next_link, next_joint, scene, driven, status)
             if (.not. status%is_ok()) return
         end do
@@ -72,6 +75,7 @@ contains
         integer :: kind, i
 
         chain_name = "leg"
+        if (place%copy > 0) chain_name = "leg"//to_text(place%copy)
         call get_name(place, "name", chain_name, status, found)
         if (.not. status%is_ok()) return
         place%what = "chain "//quoted(chain_name)
@@ -81,11 +85,11 @@ contains
         if (status%is_ok() .and. scene%planar) call refuse(place, &
             "a UPS chain does not exist in a plane (expected space = ""spatial"")", status)
         base = marker_list(place, "base", -1, status)
-        platform = marker_list(place, "platform", base%count(), status)
-        call leg_names(place, chain_name, base%count(), names, status)
+        platform = marker_list(place, "platform", n_marker(base), status)
+        call leg_names(place, chain_name, n_marker(base), names, status)
         is_driven = .true.
         call get_flag(place, "actuated", is_driven, status)
-        do i = 1, base%count()
+        do i = 1, n_marker(base)
             if (.not. status%is_ok()) return
             call read_leg(place, i, trim(names(i)), base, platform, next_link, next_joint, scene, status)
             if (is_driven) driven = [driven, next_joint + 1]
@@ -105,6 +109,9 @@ contains
         if (.not. status%is_ok()) return
         if (.not. list%is_present()) then
             call refuse_missing(place, key, "a list of markers, one a leg", status)
+        else if (list%kind() == toml_string) then
+            if (n_leg > 1) call refuse_value(place, key, list, "is one marker (expected "//to_text(n_leg)//", as many as 'base')", &
+                                             status)
         else if (list%kind() /= toml_array) then
             call refuse_value(place, key, list, "is "//list%kind_text()//" (expected a list of markers, one a leg)", status)
         else if (n_leg >= 0 .and. list%count() /= n_leg) then
@@ -114,6 +121,23 @@ contains
             call refuse_value(place, key, list, "is empty (expected a marker for each leg)", status)
         end if
     end function marker_list
+
+    !> Markers in a list; a name alone is one.
+    integer function n_marker(list)
+        type(toml_node), intent(in) :: list
+
+        n_marker = list%count()
+        if (list%kind() == toml_string) n_marker = 1
+    end function n_marker
+
+    !> The i-th of them.
+    type(toml_node) function marker_at(list, i) result(marker)
+        type(toml_node), intent(in) :: list
+        integer, intent(in) :: i
+
+        marker = list%at(i)
+        if (list%kind() == toml_string) marker = list
+    end function marker_at
 
     !> Names of the legs: the chain's name and a number, or as the file has them.
     subroutine leg_names(place, chain_name, n_leg, names, status)
@@ -135,9 +159,10 @@ contains
             counted(list%count(), "element")//" (expected "//to_text(n_leg)//", one a leg)", status)
         do i = 1, n_leg
             text = trim(chain_name)//to_text(i)
+            if (place%copy > 0 .and. n_leg == 1) text = trim(chain_name)
             if (list%is_present()) then
                 item = list%at(i)
-                call item%get_text(text, is_text)
+                call text_of(place, item, text, is_text)
                 if (.not. is_text) call refuse_value(place, "names", list, "holds "//item%kind_text()// &
                     " (expected names in quotes)", status)
             end if
@@ -159,9 +184,9 @@ contains
         real(wp) :: axis(3), at(3)
         integer :: base_link, base_marker, top_link, top_marker
 
-        call find_marker(scene, place, "base", base%at(i), base_link, base_marker, status)
-        call find_marker(scene, place, "platform", platform%at(i), top_link, top_marker, status)
-        call require_two_links(place, "platform", platform%at(i), scene, [base_link, top_link], status)
+        call find_marker(scene, place, "base", marker_at(base, i), base_link, base_marker, status)
+        call find_marker(scene, place, "platform", marker_at(platform, i), top_link, top_marker, status)
+        call require_two_links(place, "platform", marker_at(platform, i), scene, [base_link, top_link], status)
         call read_axis(place, i, axis, status)
         call read_leg_link(place, "lower", i, name, scene%link(link), status)
         call read_leg_link(place, "upper", i, name, scene%link(link + 1), status)
@@ -197,6 +222,7 @@ contains
         real(wp), intent(out) :: axis(3)
         type(status_type), intent(inout) :: status
         type(toml_node) :: node, base, item
+        type(pattern_type) :: pattern
 
         axis = [0, 1, 0]
         if (.not. status%is_ok()) return
@@ -207,12 +233,15 @@ contains
             call refuse_missing(place, "axis", "the universal joint's first axis in the base link, [0, 1, 0]", status)
         else if (item%kind() /= toml_array) then
             call direction_of(place, "axis", node, axis, status)
-        else if (node%count() /= base%count()) then
+        else if (node%count() /= n_marker(base)) then
             call refuse_value(place, "axis", node, "has "//to_text(node%count())//" axes (expected one, or "// &
-                to_text(base%count())//", one a leg)", status)
+                to_text(n_marker(base))//", one a leg)", status)
         else
             call direction_of(place, "axis", node%at(i), axis, status)
         end if
+        if (place%copy == 0) return
+        call read_pattern(place, .false., .true., pattern, status)
+        if (status%is_ok()) axis = matmul(pattern%turn(:, :, place%copy), axis)
     end subroutine read_axis
 
     !> Mass properties of one half of leg i: one table for all, or one a leg.
@@ -237,9 +266,9 @@ contains
             return
         end if
         if (node%kind() == toml_array) then
-            if (node%count() /= base%count()) then
+            if (node%count() /= n_marker(base)) then
                 call refuse_value(place, key, node, "has "//counted(node%count(), "element")//" (expected one table, or "// &
-                    to_text(base%count())//", one a leg)", status)
+                    to_text(n_marker(base))//", one a leg)", status)
                 return
             end if
             node = node%at(i)

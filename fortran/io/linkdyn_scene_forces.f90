@@ -9,11 +9,12 @@ module linkdyn_scene_forces
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
         damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, counted, &
-        table_list, get_quantity, get_name, get_word, get_text, require_table
+    use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, counted, &
+        get_quantity, get_name, get_word, get_text, require_table
     use linkdyn_scene_names, only: find_marker, find_joint, find_variable
     use linkdyn_scene_joints, only: require_two_links, variable_quantity
     use linkdyn_scene_motion, only: joint_variable_name
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, &
         has_column, constant_law, spline, straight_lines, require_positive
     implicit none (type, external)
@@ -32,15 +33,16 @@ contains
         type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
-        type(toml_node) :: list
+        type(repeated_tables) :: tables
         type(scene_place) :: place
         integer :: i, n
 
-        call table_list(root, "actuator", list, n, status)
+        call list_repeated(root, "actuator", scene%planar, .false., tables, status)
         if (.not. status%is_ok()) return
+        n = size(tables%table)
         allocate (scene%actuator(n + size(driven)))
         do i = 1, n
-            place = place_at(root, list%at(i), "actuator "//to_text(i))
+            place = repeated_at(root, tables, i, "actuator")
             call read_actuator(place, shelf, scene, scene%actuator(i), status)
             if (.not. status%is_ok()) return
         end do
@@ -221,15 +223,16 @@ contains
         type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
-        type(toml_node) :: list
+        type(repeated_tables) :: tables
         type(scene_place) :: place
         integer :: i, n
 
-        call table_list(root, "load", list, n, status)
+        call list_repeated(root, "load", scene%planar, .false., tables, status)
         if (.not. status%is_ok()) return
+        n = size(tables%table)
         allocate (scene%load(n))
         do i = 1, n
-            place = place_at(root, list%at(i), "load "//to_text(i))
+            place = repeated_at(root, tables, i, "load")
             call read_load(place, shelf, scene, scene%load(i), status)
             if (.not. status%is_ok()) return
         end do
@@ -360,15 +363,16 @@ contains
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
-        type(toml_node) :: list
+        type(repeated_tables) :: tables
         type(scene_place) :: place
         integer :: i, n
 
-        call table_list(root, "spring", list, n, status)
+        call list_repeated(root, "spring", scene%planar, .false., tables, status)
         if (.not. status%is_ok()) return
+        n = size(tables%table)
         allocate (scene%spring(n))
         do i = 1, n
-            place = place_at(root, list%at(i), "spring "//to_text(i))
+            place = repeated_at(root, tables, i, "spring")
             call read_spring(place, scene, scene%spring(i), status)
             if (.not. status%is_ok()) return
         end do
@@ -432,16 +436,17 @@ contains
         type(actuator_spec), intent(in) :: actuator(:)
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
-        integer :: i, j
+        integer :: i, j, first, second
 
         do i = 2, size(actuator)
             do j = 1, i - 1
                 if (actuator(i)%joint /= actuator(j)%joint .or. actuator(i)%variable /= actuator(j)%variable) cycle
                 place = root
+                first = min(actuator(i)%line, actuator(j)%line)
+                second = max(actuator(i)%line, actuator(j)%line)
                 place%what = "actuator "//quoted(actuator(i)%name)
-                call refuse(place, "this joint variable is already driven on line "// &
-                    to_text(min(actuator(i)%line, actuator(j)%line))//" (expected one actuator for each)", &
-                    status, max(actuator(i)%line, actuator(j)%line))
+                call refuse(place, "this joint variable is already driven on "// &
+                    line_text(place, first, second)//" (expected one actuator for each)", status, second)
                 return
             end do
         end do

@@ -8,8 +8,9 @@ module linkdyn_scene_joints
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, length, angle
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
-        table_list, get_quantity, quantity_of, get_name, get_word, get_integer
+        get_quantity, quantity_of, get_name, get_word, get_integer
     use linkdyn_scene_names, only: find_marker
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     implicit none (type, external)
     private
     public :: read_joints, require_two_links, variable_quantity
@@ -21,13 +22,13 @@ contains
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene       !! %joint allocated for these and for the chains
         type(status_type), intent(inout) :: status
-        type(toml_node) :: list
+        type(repeated_tables) :: tables
         type(scene_place) :: place
-        integer :: i, n
+        integer :: i
 
-        call table_list(root, "joint", list, n, status)
-        do i = 1, n
-            place = place_at(root, list%at(i), "joint "//to_text(i))
+        call list_repeated(root, "joint", scene%planar, .false., tables, status)
+        do i = 1, size(tables%table)
+            place = repeated_at(root, tables, i, "joint")
             call read_joint(place, scene, scene%joint(i), status)
             if (.not. status%is_ok()) return
         end do

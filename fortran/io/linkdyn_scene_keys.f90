@@ -5,16 +5,20 @@ module linkdyn_scene_keys
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: to_text, quoted, join
-    use linkdyn_scene, only: name_len, path_len
+    use linkdyn_scene, only: name_len, path_len, source_shelf
     use linkdyn_toml, only: toml_node, toml_string, toml_table, toml_array
-    use linkdyn_units, only: quantity_type, quantity_value
+    use linkdyn_units, only: quantity_type
+    use linkdyn_variables, only: variable_table, quantity_of_text
     use linkdyn_suggest, only: suggestion
     implicit none (type, external)
     private
-    public :: scene_place, place_at, refuse, refuse_value, refuse_missing
+    public :: scene_place, place_at, place_text, line_text, refuse, refuse_value, refuse_missing
     public :: allow_keys, require_table, table_list
     public :: get_quantity, quantity_of, get_vector, vector_of, list_of, get_direction, direction_of
-    public :: get_text, get_name, get_word, get_flag, get_integer, require_name, counted
+    public :: pattern_key, text_of, get_text, get_name, get_word, get_flag, get_integer, require_name, counted
+
+    !> Keys of a table that is there several times.
+    character(len=6), parameter :: pattern_key(*) = [character(len=6) :: "repeat", "about", "angles", "mirror"]
 
     !> A table of the scene file and how to call it.
     type :: scene_place
@@ -22,6 +26,10 @@ module linkdyn_scene_keys
         character(len=path_len) :: file = ""
         character(len=2*name_len) :: what = ""     !! "link 'rocker'"; blank: the scene itself
         integer :: line = 0
+        integer :: copy = 0                        !! number of a table that is there several times, `#` in its texts; 0: once
+        integer :: n_pattern_key = 0               !! of `pattern_key` that it may have beside its own
+        type(source_shelf), pointer :: sources => null()       !! files that lines count through; none: one file
+        type(variable_table), pointer :: variables => null()   !! that numbers may refer to
     end type scene_place
 
 contains
@@ -34,6 +42,9 @@ contains
 
         place%node = node
         place%file = parent%file
+        place%copy = parent%copy
+        place%sources => parent%sources
+        place%variables => parent%variables
         place%what = what
         place%line = node%line()
         if (place%line == 0) place%line = parent%line
@@ -52,11 +63,54 @@ contains
         if (present(line)) then
             if (line > 0) at = line
         end if
-        text = trim(place%file)
-        if (at > 0) text = text//":"//to_text(at)
+        text = place_text(place, at)
         if (place%what /= "") text = text//": "//trim(place%what)
         call fail(status, status_bad_input, text//": "//problem)
     end subroutine refuse
+
+    !> "FILE:LINE", or the file alone.
+    function place_text(place, line) result(text)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: line                    !! counted through all files; 0: unknown
+        character(len=:), allocatable :: text
+        integer :: own, i
+
+        own = line
+        text = trim(place%file)
+        i = source_of(place, line)
+        if (i > 0) then
+            text = trim(place%sources%item(i)%file)
+            own = line - place%sources%item(i)%lines_before
+        end if
+        if (line > 0) text = text//":"//to_text(own)
+    end function place_text
+
+    !> "line 12", "line 3 of legs.toml" if that is another file than a second line's.
+    function line_text(place, line, beside) result(text)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: line, beside            !! counted through all files
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = "line "//to_text(line)
+        i = source_of(place, line)
+        if (i == 0) return
+        text = "line "//to_text(line - place%sources%item(i)%lines_before)
+        if (i /= source_of(place, beside)) text = text//" of "//trim(place%sources%item(i)%file)
+    end function line_text
+
+    !> The file that a line lies in; 0 if there is but one.
+    integer function source_of(place, line) result(i)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: line
+        integer :: k
+
+        i = 0
+        if (.not. associated(place%sources) .or. line == 0) return
+        do k = 1, size(place%sources%item)
+            if (line > place%sources%item(k)%lines_before) i = k
+        end do
+    end function source_of
 
     !> A key has a value that it cannot have.
     subroutine refuse_value(place, key, node, problem, status)
@@ -88,7 +142,7 @@ contains
         if (.not. status%is_ok()) return
         do i = 1, place%node%count()
             call place%node%key(i, key, line)
-            if (any(keys == key)) cycle
+            if (any(keys == key) .or. any(pattern_key(:place%n_pattern_key) == key)) cycle
             hint = suggestion(key, keys)
             if (hint == "") hint = " (expected one of "//join(keys)//")"
             call refuse(place, "unknown key "//quoted(key)//hint, status, line)
@@ -155,7 +209,7 @@ contains
         end if
     end subroutine get_quantity
 
-    !> A number or a text with unit.
+    !> A number, or a text with unit or arithmetic.
     subroutine quantity_of(place, key, node, quantity, value, status)
         type(scene_place), intent(in) :: place
         character(len=*), intent(in) :: key            !! what to call the value in messages
@@ -177,12 +231,12 @@ contains
             value = number
             return
         end if
-        call node%get_text(text, is_one)
+        call text_of(place, node, text, is_one)
         if (.not. is_one) then
             call refuse_value(place, key, node, "is "//node%kind_text()//" (expected "//expected_text(quantity)//")", status)
             return
         end if
-        call quantity_value(text, quantity, number, problem)
+        call quantity_of_text(text, quantity, place%variables, number, problem)
         if (problem /= "") then
             call refuse_value(place, key, node, "= "//problem//" (expected "//expected_text(quantity)//")", status)
             return
@@ -317,9 +371,44 @@ contains
             if (.not. present(found)) call refuse_missing(place, key, "a text in quotes", status)
             return
         end if
-        call node%get_text(value, is_one)
+        call text_of(place, node, value, is_one)
         if (.not. is_one) call refuse_value(place, key, node, "is "//node%kind_text()//" (expected a text in quotes)", status)
     end subroutine get_text
+
+    !> A text of a table; in a copy with the copy's number for `#`.
+    subroutine text_of(place, node, text, is_one)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        character(len=:), allocatable, intent(out) :: text
+        logical, intent(out) :: is_one                 !! the node is a text
+        character(len=:), allocatable :: rest
+        integer :: i
+
+        call node%get_text(text, is_one)
+        if (place%copy == 0 .or. .not. is_one) return
+        rest = text
+        text = ""
+        do
+            i = index(rest, "#")
+            if (i == 0) exit
+            text = text//rest(:i - 1)//to_text(place%copy)
+            rest = rest(i + 1:)
+        end do
+        text = text//rest
+    end subroutine text_of
+
+    !> The name of a copy: with its number behind it, unless it has the number already.
+    function numbered(place, node, text) result(name)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        character(len=*), intent(in) :: text
+        character(len=:), allocatable :: name, written
+        logical :: is_one
+
+        call node%get_text(written, is_one)
+        name = text
+        if (place%copy > 0 .and. index(written, "#") == 0) name = text//to_text(place%copy)
+    end function numbered
 
     !> A name under a key: a text of reasonable length without blanks or control characters.
     subroutine get_name(place, key, value, status, found)
@@ -336,6 +425,7 @@ contains
         if (present(found)) then
             if (.not. found) return
         end if
+        if (key == "name" .and. status%is_ok()) text = numbered(place, node, text)
         call require_name(place, text, node%line(), status)
         if (status%is_ok()) value = text
     end subroutine get_name

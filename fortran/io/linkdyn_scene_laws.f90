@@ -11,7 +11,7 @@ module linkdyn_scene_laws
     use linkdyn_input, only: path_in_folder
     use linkdyn_path, only: is_inside
     use linkdyn_csv, only: read_csv, column_of, as_shown
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
+    use linkdyn_scene_keys, only: scene_place, place_at, place_text, refuse, refuse_value, refuse_missing, counted, allow_keys, &
         get_quantity, quantity_of, list_of, get_text, get_word
     implicit none (type, external)
     private
@@ -224,7 +224,7 @@ contains
                 //" letters", status)
             return
         end if
-        where = trim(place%file)//":"//to_text(place%line)//": "//trim(place%what)//": table "//quoted(path)
+        where = place_text(place, place%line)//": "//trim(place%what)//": table "//quoted(path)
         call read_csv(path, where, shelf%place(n + 1)%table, status, is_foreign=.not. is_inside(path, trim(shelf%folder)))
     end subroutine take_table
 

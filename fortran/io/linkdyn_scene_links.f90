@@ -7,8 +7,10 @@ module linkdyn_scene_links
     use linkdyn_scene, only: scene_type, link_spec, marker_spec
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: length, angle, mass, inertia
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
-        require_table, table_list, get_quantity, quantity_of, get_vector, vector_of, get_direction, &
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern, mirrored_tensor, &
+        angles_of_matrix, matrix_of_angles
+    use linkdyn_scene_keys, only: scene_place, place_at, line_text, pattern_key, refuse, refuse_value, refuse_missing, allow_keys, &
+        require_table, get_quantity, quantity_of, get_vector, vector_of, get_direction, &
         get_name, get_text, get_word, get_flag, require_name
     implicit none (type, external)
     private
@@ -43,13 +45,13 @@ contains
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene       !! %link allocated for these and for the chains
         type(status_type), intent(inout) :: status
-        type(toml_node) :: list
+        type(repeated_tables) :: tables
         type(scene_place) :: place
-        integer :: i, n
+        integer :: i
 
-        call table_list(root, "link", list, n, status)
-        do i = 1, n
-            place = place_at(root, list%at(i), "link "//to_text(i))
+        call list_repeated(root, "link", scene%planar, .true., tables, status)
+        do i = 1, size(tables%table)
+            place = repeated_at(root, tables, i, "link")
             call read_link(place, scene%planar, scene%link(i), status)
             if (.not. status%is_ok()) return
         end do
@@ -71,23 +73,60 @@ contains
         call read_markers(place, planar, link, status)
         call read_mass_properties(place, planar, link, status)
         call read_start(place, planar, link, status)
-        call check_mesh(place, status)
+        call read_mesh(place, link, status)
+        if (place%copy > 0) call move_copy(place, planar, link, status)
     end subroutine read_link
 
-    !> The body's form is for pictures; they read it themselves.
-    subroutine check_mesh(place, status)
+    !> Turn the start of a copy, mirror an image.
+    subroutine move_copy(place, planar, link, status)
         type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(link_spec), intent(inout) :: link
         type(status_type), intent(inout) :: status
+        type(pattern_type) :: pattern
+        real(wp) :: turn(3, 3), image(3), mirror(3, 3)
+        integer :: i
+
+        call read_pattern(place, planar, .true., pattern, status)
+        if (.not. status%is_ok()) return
+        image = 1
+        if (pattern%is_image(place%copy)) image = pattern%reflection
+        mirror = 0
+        do i = 1, 3
+            mirror(i, i) = image(i)
+        end do
+        do i = 1, size(link%marker)
+            call move_marker(mirror, planar, link%marker(i))
+        end do
+        link%cog = link%cog*image
+        link%inertia = mirrored_tensor(link%inertia, image)
+        if (any(image < 0) .and. allocated(link%mesh)) call refuse_value(place, "mesh", place%node%get("mesh"), &
+            "cannot be mirrored (expected a link of its own for the image)", status)
+        turn = pattern%turn(:, :, place%copy)
+        link%start(:3) = matmul(turn, link%start(:3))
+        ! The image has its form mirrored in its own axes, and its axes are mirrored in space: together a rotation.
+        link%start(4:) = angles_of_matrix(matmul(turn, matmul(matrix_of_angles(link%start(4:)), mirror)))
+        if (planar) link%start(3:5) = 0
+    end subroutine move_copy
+
+    !> The body's form is for pictures.
+    subroutine read_mesh(place, link, status)
+        type(scene_place), intent(in) :: place
+        type(link_spec), intent(inout) :: link
+        type(status_type), intent(inout) :: status
+        real(wp), parameter :: factor(4) = [1.0_wp, 0.01_wp, 0.001_wp, 0.0254_wp]
         character(len=:), allocatable :: file
         integer :: unit
         logical :: has_file, has_unit
 
-        unit = 0
+        unit = 1
         call get_text(place, "mesh", file, status, has_file)
+        if (has_file) link%mesh = file
         call get_word(place, "mesh_unit", mesh_units, unit, status, has_unit)
         if (status%is_ok() .and. has_unit .and. .not. has_file) &
             call refuse_missing(place, "mesh", "a file of the body's form, which 'mesh_unit' is the unit of", status)
-    end subroutine check_mesh
+        link%mesh_unit = factor(unit)
+    end subroutine read_mesh
 
     !> Mass, centre of mass and inertia, for a body that can exist.
     subroutine read_mass_properties(place, planar, link, status)
@@ -223,8 +262,10 @@ contains
         type(status_type), intent(inout) :: status
         type(scene_place) :: inner
         type(toml_node) :: list
+        type(pattern_type) :: pattern
+        type(marker_spec) :: marker
         character(len=:), allocatable :: name
-        integer :: i, line
+        integer :: i, k, line
 
         if (.not. allocated(link%marker)) allocate (link%marker(0))
         if (.not. status%is_ok()) return
@@ -235,19 +276,81 @@ contains
                 " (expected a table of points, { A = [0, 0, 0], ... })", status)
             return
         end if
-        deallocate (link%marker)
-        allocate (link%marker(list%count()))
         do i = 1, list%count()
             call list%key(i, name, line)
             call require_name(place, name, line, status)
             if (.not. status%is_ok()) return
             inner = place_at(place, list%get(name), "marker "//quoted(trim(link%name)//"."//name))
-            if (planar) link%marker(i)%axis = [1, 0, 0]
-            link%marker(i)%name = name
-            link%marker(i)%line = line
-            call read_marker(inner, planar, link%marker(i), status)
+            marker = marker_spec(name=name, line=line)
+            if (planar) marker%axis = [1, 0, 0]
+            call read_marker_pattern(inner, planar, pattern, status)
+            call read_marker(inner, planar, marker, status)
+            if (.not. status%is_ok()) return
+            if (.not. pattern%is_given) then
+                call add_marker(link, marker)
+                cycle
+            end if
+            do k = 1, pattern%n
+                call require_name(place, name//to_text(k), line, status)
+                call add_marker(link, marker)
+                call move_marker(pattern%turn(:, :, k), planar, link%marker(size(link%marker)))
+                link%marker(size(link%marker))%name = name//to_text(k)
+            end do
         end do
+        call refuse_double_markers(place, link, status)
     end subroutine read_markers
+
+    !> Copies of a marker, which want a way to differ.
+    subroutine read_marker_pattern(place, planar, pattern, status)
+        type(scene_place), intent(inout) :: place
+        logical, intent(in) :: planar
+        type(pattern_type), intent(out) :: pattern
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: about, angles
+
+        if (place%node%kind() /= toml_table) return
+        place%n_pattern_key = size(pattern_key)
+        call read_pattern(place, planar, .true., pattern, status)
+        about = place%node%get("about")
+        angles = place%node%get("angles")
+        if (status%is_ok() .and. pattern%n > 1 .and. all(pattern%reflection > 0) .and. &
+            .not. (about%is_present() .or. angles%is_present())) &
+            call refuse_missing(place, "about", "the axis that the markers stand around, ""z""", status)
+    end subroutine read_marker_pattern
+
+    !> What the file says of a marker by a rotation, or rotation and reflection; what it leaves out stays as it is without.
+    pure subroutine move_marker(turn, planar, marker)
+        real(wp), intent(in) :: turn(3, 3)
+        logical, intent(in) :: planar
+        type(marker_spec), intent(inout) :: marker
+
+        marker%at = matmul(turn, marker%at)
+        if (marker%has_axis) marker%axis = matmul(turn, marker%axis)
+        if (marker%has_x) then
+            marker%x_axis = matmul(turn, marker%x_axis)
+        else if (.not. planar) then
+            marker%x_axis = carried_x(marker%axis)
+        end if
+    end subroutine move_marker
+
+    !> A copy may be called as another marker is.
+    subroutine refuse_double_markers(place, link, status)
+        type(scene_place), intent(in) :: place
+        type(link_spec), intent(in) :: link
+        type(status_type), intent(inout) :: status
+        integer :: i, j
+
+        if (.not. status%is_ok()) return
+        do i = 2, size(link%marker)
+            do j = 1, i - 1
+                if (link%marker(i)%name /= link%marker(j)%name) cycle
+                call refuse(place, "there is another marker "//quoted(link%marker(i)%name)//" on "// &
+                    line_text(place, link%marker(j)%line, link%marker(i)%line)//" (expected a name of its own)", status, &
+                    link%marker(i)%line)
+                return
+            end do
+        end do
+    end subroutine refuse_double_markers
 
     !> A point, or a table with a point and directions.
     subroutine read_marker(place, planar, marker, status)
@@ -255,7 +358,6 @@ contains
         logical, intent(in) :: planar
         type(marker_spec), intent(inout) :: marker
         type(status_type), intent(inout) :: status
-        logical :: has_x
         integer :: n
 
         if (.not. status%is_ok()) return
@@ -267,9 +369,9 @@ contains
             call allow_keys(place, [character(len=4) :: "at", "axis", "x"], status)
             call get_vector(place, "at", length, marker%at(:n), status)
             call get_direction(place, "axis", marker%axis(:n), status, marker%has_axis)
-            call get_direction(place, "x", marker%x_axis(:n), status, has_x)
+            call get_direction(place, "x", marker%x_axis(:n), status, marker%has_x)
             if (.not. status%is_ok() .or. planar) return
-            if (has_x) then
+            if (marker%has_x) then
                 call square_up(place, marker, status)
             else
                 marker%x_axis = carried_x(marker%axis)

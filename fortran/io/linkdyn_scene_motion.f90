@@ -8,10 +8,11 @@ module linkdyn_scene_motion
         law_none, law_constant
     use linkdyn_toml, only: toml_node, toml_table
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
-    use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
-        require_table, table_list, get_quantity, quantity_of, get_vector, get_flag
+    use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, &
+        require_table, get_quantity, quantity_of, get_vector, get_flag
     use linkdyn_scene_names, only: find_link, find_joint, find_variable
     use linkdyn_scene_joints, only: variable_quantity
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, &
         constant_law, spline
     implicit none (type, external)
@@ -29,25 +30,27 @@ contains
         type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
-        type(toml_node) :: list, item
+        type(repeated_tables) :: tables
+        type(toml_node) :: item
         type(scene_place) :: place
         integer, allocatable :: components(:)
         integer :: i, n, n_coordinate, next
 
-        call table_list(root, "coordinate", list, n, status)
+        call list_repeated(root, "coordinate", scene%planar, .false., tables, status)
         if (.not. status%is_ok()) return
+        n = size(tables%table)
         components = merge_components(scene%planar)
         n_coordinate = 0
         do i = 1, n
             n_coordinate = n_coordinate + 1
-            item = list%at(i)
+            item = tables%list%at(tables%table(i))
             item = item%get("link")
             if (item%is_present()) n_coordinate = n_coordinate + size(components) - 1
         end do
         allocate (scene%coordinate(n_coordinate))
         next = 1
         do i = 1, n
-            place = place_at(root, list%at(i), "coordinate "//to_text(i))
+            place = repeated_at(root, tables, i, "coordinate")
             call read_coordinate(place, components, shelf, scene, next, status)
             if (.not. status%is_ok()) return
         end do
@@ -302,7 +305,7 @@ contains
                 if (coordinate(i)%name /= coordinate(j)%name) cycle
                 place = root
                 place%what = "coordinate "//quoted(coordinate(i)%name)
-                call refuse(place, "is already declared on line "//to_text(coordinate(j)%line)// &
+                call refuse(place, "is already declared on "//line_text(place, coordinate(j)%line, coordinate(i)%line)// &
                     " (expected each coordinate once)", status, coordinate(i)%line)
                 return
             end do

@@ -6,7 +6,7 @@ module linkdyn_scene_names
         variable_name
     use linkdyn_toml, only: toml_node
     use linkdyn_suggest, only: suggestion
-    use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, get_name
+    use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, get_name, text_of
     implicit none (type, external)
     private
     public :: find_marker, find_link, find_joint, find_variable, refuse_double_links, refuse_double_joints
@@ -31,7 +31,7 @@ contains
         link = no_index
         marker = no_index
         if (.not. status%is_ok()) return
-        call node%get_text(text, is_text)
+        call text_of(place, node, text, is_text)
         if (.not. is_text) then
             call refuse_value(place, key, node, "is "//node%kind_text()//" (expected a marker, ""link.marker"")", status)
             return
@@ -173,7 +173,6 @@ contains
         integer, intent(in) :: lines(:)
         type(status_type), intent(inout) :: status
         type(scene_place) :: place
-        character(len=12) :: line
         integer :: i, j
 
         if (.not. status%is_ok()) return
@@ -183,8 +182,7 @@ contains
                 place = root
                 place%what = what//" "//quoted(names(i))
                 place%line = lines(i)
-                write (line, "(i0)") lines(j)
-                call refuse(place, "there is another "//what//" of that name on line "//trim(line)// &
+                call refuse(place, "there is another "//what//" of that name on "//line_text(place, lines(j), lines(i))// &
                     " (expected a name of its own)", status)
                 return
             end do

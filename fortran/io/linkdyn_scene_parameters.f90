@@ -11,7 +11,11 @@ module linkdyn_scene_parameters
     use linkdyn_sweep_spec, only: axis_spec, axis_parameter, multiply_by, add_to, operation_name
     use linkdyn_text, only: quoted, to_text
     use linkdyn_toml, only: toml_node, toml_table, toml_array, toml_string
-    use linkdyn_units, only: si_value
+    use linkdyn_input, only: number_length, put_number
+    use linkdyn_units, only: si_unit_text
+    use linkdyn_scene_variables, only: read_variables
+    use linkdyn_variables, only: variable_table, measured_of_text
+    use linkdyn_expression, only: measured_value
     implicit none (type, external)
     private
     public :: number_at, varied_numbers, check_parameter, find_numbers, vary_numbers
@@ -24,6 +28,9 @@ module linkdyn_scene_parameters
         type(toml_node) :: parent
         character(len=key_len) :: key = ""      !! in a table
         integer :: item = 0                     !! in a list, from 1
+        character(len=:), allocatable :: text   !! as it is written; absent if it is a number
+        logical :: is_variable = .false.        !! of [variables]: what refers to it wants its unit
+        character(len=64) :: unit = ""
     end type number_at
 
     !> What one axis does to one number.
@@ -51,76 +58,89 @@ contains
         logical, intent(in) :: allows_list      !! a list of numbers will do
         type(status_type), intent(inout) :: status
         type(number_at) :: found
+        type(variable_table) :: variables       !! a copy: looking is no use of them
         character(len=:), allocatable :: problem
 
         if (.not. status%is_ok()) return
+        variables = place%variables
         call walk(root, trim(path), found, problem)
-        if (problem == "") call check_numbers(found%node, allows_list, problem)
+        if (problem == "") call check_numbers(found%node, variables, allows_list, problem)
         if (problem /= "") call refuse(place, "parameter "//quoted(path)//": "//problem, status)
     end subroutine check_parameter
 
-    recursive subroutine check_numbers(node, allows_list, problem)
+    recursive subroutine check_numbers(node, variables, allows_list, problem)
         type(toml_node), intent(in) :: node
+        type(variable_table), intent(inout) :: variables
         logical, intent(in) :: allows_list
         character(len=:), allocatable, intent(inout) :: problem
-        real(wp) :: value
+        type(measured_value) :: value
         integer :: i
 
         if (node%kind() == toml_array .and. allows_list) then
             do i = 1, node%count()
-                call check_numbers(node%at(i), .true., problem)
+                call check_numbers(node%at(i), variables, .true., problem)
             end do
         else
-            call number_of(node, value, problem)
+            call number_of(node, variables, value, problem)
         end if
     end subroutine check_numbers
 
     !> The numbers that the axes of a sweep change, as they stand in a document that has just been read.
     subroutine find_numbers(root, axis, varied)
-        type(toml_node), intent(in) :: root
+        type(scene_place), intent(in) :: root
         type(axis_spec), intent(in) :: axis(:)
         type(varied_numbers), intent(out) :: varied
         type(number_at) :: found
+        type(variable_table) :: variables
+        type(status_type) :: status
         character(len=:), allocatable :: problem
         integer :: i, k
 
+        call read_variables(root, variables, status)
         allocate (varied%place(0), varied%original(0), varied%change(0))
         do i = 1, size(axis)
             if (axis(i)%kind /= axis_parameter) cycle
             do k = 1, size(axis(i)%parameter)
-                call walk(root, trim(axis(i)%parameter(k)%path), found, problem)
+                call walk(root%node, trim(axis(i)%parameter(k)%path), found, problem)
                 if (problem /= "") cycle
-                call add_numbers(found, change_type(i, 0, axis(i)%operation, axis(i)%parameter(k)%weight), varied)
+                found%is_variable = found%parent%is_same_as(root%node%get("variables"))
+                call add_numbers(found, variables, change_type(i, 0, axis(i)%operation, axis(i)%parameter(k)%weight), varied)
             end do
         end do
     end subroutine find_numbers
 
     !> A number, or all in a list.
-    recursive subroutine add_numbers(found, change, varied)
+    recursive subroutine add_numbers(found, variables, change, varied)
         type(number_at), intent(in) :: found
+        type(variable_table), intent(inout) :: variables
         type(change_type), intent(in) :: change
         type(varied_numbers), intent(inout) :: varied
         type(change_type) :: own
         character(len=:), allocatable :: problem
-        real(wp) :: number
+        type(number_at) :: place
+        type(measured_value) :: number
+        logical :: is_text
         integer :: i
 
         if (found%node%kind() == toml_array) then
             do i = 1, found%node%count()
-                call add_numbers(number_at(found%node%at(i), found%node, "", i), change, varied)
+                call add_numbers(number_at(found%node%at(i), found%node, "", i), variables, change, varied)
             end do
             return
         end if
         problem = ""
-        call number_of(found%node, number, problem)
+        call number_of(found%node, variables, number, problem)
         if (problem /= "") return
         own = change
         do i = 1, size(varied%place)
             if (is_same_place(varied%place(i), found)) own%number = i
         end do
         if (own%number == 0) then
-            varied%place = [varied%place, found]
-            varied%original = [varied%original, number]
+            place = found
+            if (found%node%kind() == toml_string) call found%node%get_text(place%text, is_text)
+            if (number%has_unit) place%unit = si_unit_text(number%power)
+            varied%place = [varied%place, place]
+            varied%original = [varied%original, number%value]
             own%number = size(varied%place)
         end if
         varied%change = [varied%change, own]
@@ -133,53 +153,124 @@ contains
     end function is_same_place
 
     !> Put the values of one design into the document, whatever values stand there now.
-    subroutine vary_numbers(varied, value)
-        type(varied_numbers), intent(in) :: varied
+    !>
+    !> A number that arithmetic gives may follow from variables that vary, too. So all variables get their values first, those
+    !> that follow from others as often as there may be steps from one to the next.
+    subroutine vary_numbers(root, varied, value)
+        type(scene_place), intent(in) :: root
+        type(varied_numbers), intent(inout) :: varied
         real(wp), intent(in) :: value(:)        !! of the axes
-        real(wp) :: number(size(varied%original)), given
-        integer :: i
+        type(variable_table) :: variables
+        integer :: i, pass, n_pass
 
-        number = varied%original
-        do i = 1, size(varied%change)
-            associate (change => varied%change(i))
-                given = change%weight*value(change%axis)
-                select case (change%operation)
-                case (multiply_by)
-                    number(change%number) = number(change%number)*given
-                case (add_to)
-                    number(change%number) = number(change%number) + given
-                case default
-                    number(change%number) = given
-                end select
-            end associate
+        do i = 1, size(varied%place)
+            if (allocated(varied%place(i)%text)) call put_text(varied%place(i), varied%place(i)%text)
         end do
-        do i = 1, size(number)
-            associate (place => varied%place(i))
-                if (place%item > 0) then
-                    call place%parent%put_at(place%item, number(i))
-                else
-                    call place%parent%put(place%key, number(i))
-                end if
-            end associate
+        do i = 1, size(varied%place)
+            if (varied%place(i)%is_variable) call put_value(varied%place(i), changed(varied, i, value))
+        end do
+        n_pass = 1 + count([(varied%place(i)%is_variable .and. allocated(varied%place(i)%text), i=1, size(varied%place))])
+        do pass = 1, n_pass
+            if (.not. any([(allocated(varied%place(i)%text), i=1, size(varied%place))])) exit
+            call find_variables(root, variables)
+            do i = 1, size(varied%place)
+                if (allocated(varied%place(i)%text)) call find_original(varied%place(i), variables, varied%original(i))
+                if (varied%place(i)%is_variable) call put_value(varied%place(i), changed(varied, i, value))
+            end do
+        end do
+        do i = 1, size(varied%place)
+            if (.not. varied%place(i)%is_variable) call put_value(varied%place(i), changed(varied, i, value))
         end do
     end subroutine vary_numbers
 
-    !> A number, or a text with a number and its unit.
-    subroutine number_of(node, value, problem)
+    !> The variables as the document has them now; what is wrong in them is told when the scene is read.
+    subroutine find_variables(root, variables)
+        type(scene_place), intent(in) :: root
+        type(variable_table), intent(out) :: variables
+        type(status_type) :: status
+
+        call read_variables(root, variables, status)
+        call variables%forget()
+    end subroutine find_variables
+
+    !> The number that stands in the file where arithmetic gives it.
+    subroutine find_original(place, variables, original)
+        type(number_at), intent(in) :: place
+        type(variable_table), intent(inout) :: variables
+        real(wp), intent(inout) :: original
+        type(measured_value) :: number
+        character(len=:), allocatable :: problem
+
+        call measured_of_text(place%text, variables, number, problem)
+        if (problem == "") original = number%value
+    end subroutine find_original
+
+    !> What all axes make of a number.
+    pure real(wp) function changed(varied, i, value) result(number)
+        type(varied_numbers), intent(in) :: varied
+        integer, intent(in) :: i
+        real(wp), intent(in) :: value(:)
+        real(wp) :: given
+        integer :: k
+
+        number = varied%original(i)
+        do k = 1, size(varied%change)
+            associate (change => varied%change(k))
+                if (change%number /= i) cycle
+                given = change%weight*value(change%axis)
+                select case (change%operation)
+                case (multiply_by)
+                    number = number*given
+                case (add_to)
+                    number = number + given
+                case default
+                    number = given
+                end select
+            end associate
+        end do
+    end function changed
+
+    !> A number, with its unit where others refer to it.
+    subroutine put_value(place, number)
+        type(number_at), intent(in) :: place
+        real(wp), intent(in) :: number
+        character(len=number_length) :: text
+        integer :: n
+
+        if (place%is_variable .and. place%unit /= "") then
+            call put_number(number, text, n)
+            call put_text(place, text(:n)//" "//trim(place%unit))
+        else if (place%item > 0) then
+            call place%parent%put_at(place%item, number)
+        else
+            call place%parent%put(place%key, number)
+        end if
+    end subroutine put_value
+
+    subroutine put_text(place, text)
+        type(number_at), intent(in) :: place
+        character(len=*), intent(in) :: text
+
+        if (place%item == 0) call place%parent%put_text(place%key, text)
+    end subroutine put_text
+
+    !> A number, or a text with a number and its unit, or with arithmetic.
+    subroutine number_of(node, variables, value, problem)
         type(toml_node), intent(in) :: node
-        real(wp), intent(out) :: value
+        type(variable_table), intent(inout) :: variables
+        type(measured_value), intent(out) :: value
         character(len=:), allocatable, intent(inout) :: problem
         character(len=:), allocatable :: text, wrong
         logical :: is_one
 
-        call node%get_number(value, is_one)
+        call node%get_number(value%value, is_one)
         if (is_one) return
         call node%get_text(text, is_one)
         if (.not. is_one) then
             problem = "leads to "//node%kind_text()//" (expected a number, or a text with its unit)"
             return
         end if
-        call si_value(text, value, wrong)
+        call measured_of_text(text, variables, value, wrong)
         if (wrong /= "") problem = wrong//" (expected a number, or a text with its unit)"
     end subroutine number_of
 

@@ -6,14 +6,16 @@ module linkdyn_scene_reader
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: to_text, join
-    use linkdyn_scene, only: scene_type, path_len, law_none
+    use linkdyn_scene, only: scene_type, source_spec, source_shelf, path_len, law_none
     use linkdyn_laws, only: evaluate_law
-    use linkdyn_toml, only: toml_document, parse_toml, free_toml
+    use linkdyn_toml, only: toml_document, free_toml
     use linkdyn_units, only: acceleration
     use linkdyn_input, only: read_file_text, folder_of
-    use linkdyn_scene_keys, only: scene_place, refuse, allow_keys, table_list, get_text, get_word, get_vector, &
+    use linkdyn_scene_keys, only: scene_place, refuse, allow_keys, get_text, get_word, get_vector, &
         counted
+    use linkdyn_scene_include, only: open_document, scene_key
     use linkdyn_scene_links, only: read_frame, read_links
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated
     use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
     use linkdyn_scene_joints, only: read_joints
     use linkdyn_scene_chain, only: count_legs, read_chains
@@ -22,10 +24,11 @@ module linkdyn_scene_reader
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_time, only: read_time
     use linkdyn_scene_sweep, only: read_sweep
-    use linkdyn_toml, only: toml_node
+    use linkdyn_scene_variables, only: read_variables, list_variables
+    use linkdyn_variables, only: variable_table
     implicit none (type, external)
     private
-    public :: read_scene, parse_scene, open_document, read_document, check_actuators
+    public :: read_scene, parse_scene, read_document, root_of, check_actuators
 
 contains
 
@@ -52,44 +55,49 @@ contains
         type(scene_type), intent(out) :: scene
         type(status_type), intent(out) :: status
         type(toml_document) :: document
+        type(source_spec), allocatable :: source(:)
 
-        call open_document(text, file, document, status)
-        if (status%is_ok()) call read_document(document, file, folder, .true., scene, status)
+        call open_document(text, file, folder, document, source, status)
+        if (status%is_ok()) call read_document(document, source, folder, .true., scene, status)
+        scene%source = source                          ! whatever came of it, so that its files are known
         scene%text = text
+        if (status%is_ok() .and. size(source) > 1) scene%text = document%as_text()
         call free_toml(document)
     end subroutine parse_scene
 
-    !> The text as a document, to be freed by `free_toml`.
-    subroutine open_document(text, file, document, status)
-        character(len=*), intent(in) :: text
-        character(len=*), intent(in) :: file           !! for messages
-        type(toml_document), intent(out) :: document
-        type(status_type), intent(inout) :: status
-        type(scene_place) :: root
-        character(len=:), allocatable :: message
-        integer :: line
-
-        root%file = file
-        call parse_toml(text, document, message, line)
-        if (message /= "") call refuse(root, "this is not TOML: "//message, status, line)
-    end subroutine open_document
-
     !> Read a scene from a document.
-    subroutine read_document(document, file, folder, wants_sweep, scene, status)
+    subroutine read_document(document, source, folder, wants_sweep, scene, status)
         type(toml_document), intent(in) :: document
-        character(len=*), intent(in) :: file, folder   !! as in `parse_scene`
+        type(source_spec), intent(in) :: source(:)     !! files that it is made of
+        character(len=*), intent(in) :: folder         !! as in `parse_scene`
         logical, intent(in) :: wants_sweep             !! read the table [sweep], too
         type(scene_type), intent(out) :: scene
         type(status_type), intent(inout) :: status
         type(scene_place) :: root
+        type(variable_table), target :: variables
+        type(source_shelf), target :: sources
 
-        scene%file = file
-        root%file = file
-        root%node = document%root()
+        scene%file = source(1)%file
+        scene%source = source
+        sources%item = source
+        root = root_of(document, source)
+        root%sources => sources
+        root%variables => variables
+        call read_variables(root, variables, status)
+        call list_variables(variables, scene)
         call read_tables(root, folder, scene, status)
         if (wants_sweep) call read_sweep(root, scene, status)
         if (status%is_ok()) call start_on_motion(scene)
     end subroutine read_document
+
+    !> The table at the top.
+    type(scene_place) function root_of(document, source) result(root)
+        type(toml_document), intent(in) :: document
+        type(source_spec), intent(in) :: source(:)
+
+        root%file = source(1)%file
+        root%node = document%root()
+    end function root_of
 
     !> Inverse dynamics finds one driving force for each coordinate: refuse any other number of actuators.
     subroutine check_actuators(scene, status)
@@ -113,14 +121,17 @@ contains
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(table_shelf) :: shelf
+        type(repeated_tables) :: links, joints
         integer, allocatable :: driven(:)
         integer :: n_link, n_joint, n_leg
 
         shelf%folder = folder
         call read_head(root, scene, status)
-        call count_tables(root, "link", n_link, status)
-        call count_tables(root, "joint", n_joint, status)
-        call count_legs(root, n_leg, status)
+        call list_repeated(root, "link", scene%planar, .true., links, status)
+        call list_repeated(root, "joint", scene%planar, .false., joints, status)
+        call count_legs(root, scene%planar, n_leg, status)
+        n_link = size(links%table)
+        n_joint = size(joints%table)
         if (status%is_ok() .and. n_link == 0) &
             call refuse(root, "the scene has no links (expected at least one [[link]])", status)
         if (.not. status%is_ok()) return
@@ -152,8 +163,7 @@ contains
             call refuse(root, "the scene is empty (expected 'space', links, joints, coordinates)", status)
             return
         end if
-        call allow_keys(root, [character(len=13) :: "title", "space", "gravity", "change_points", "frame", "link", &
-            "joint", "coordinate", "actuator", "load", "chain", "spring", "time", "sweep"], status)
+        call allow_keys(root, scene_key, status)
         call get_text(root, "title", title, status, found)
         scene%title = title
         call get_word(root, "space", [character(len=7) :: "planar", "spatial"], space, status)
@@ -164,16 +174,6 @@ contains
         call get_word(root, "change_points", [character(len=4) :: "pass", "stop"], at_change_point, status, found)
         scene%passes_change_points = at_change_point == 1
     end subroutine read_head
-
-    subroutine count_tables(root, key, n, status)
-        type(scene_place), intent(in) :: root
-        character(len=*), intent(in) :: key
-        integer, intent(out) :: n
-        type(status_type), intent(inout) :: status
-        type(toml_node) :: list
-
-        call table_list(root, key, list, n, status)
-    end subroutine count_tables
 
     !> A coordinate without a start of its own starts where its motion does.
     pure subroutine start_on_motion(scene)

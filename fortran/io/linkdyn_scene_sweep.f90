@@ -22,7 +22,10 @@ module linkdyn_scene_sweep
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
-        time_span, wattage, per_second, si_value
+        time_span, wattage, per_second
+    use linkdyn_expression, only: measured_value
+    use linkdyn_variables, only: measured_of_text
+    use linkdyn_scene_variables, only: forbid_varied_variables
     implicit none (type, external)
     private
     public :: read_sweep
@@ -50,6 +53,7 @@ contains
         if (.not. node%is_present()) return
         place = place_at(root, node, "sweep")
         scene%sweep%is_given = .true.
+        call place%variables%forget()
         call require_table(place, "a table with axes, written [sweep] and [[sweep.axis]]", status)
         call allow_keys(place, [character(len=11) :: "axis", "combination", "reduce", "moments", "histogram", "keep", "map", "on", &
             "length", "constraint", "limit", "clearance", "swing", "chunk"], status)
@@ -61,6 +65,7 @@ contains
         call read_bodies(place, scene, status)
         call read_swings(place, scene, status)
         call check_wishes(place, scene, status)
+        call forbid_varied_variables(place, place%variables, scene, status)
     end subroutine read_sweep
 
     ! ---------------------------------------------------------------- axes
@@ -386,13 +391,15 @@ contains
         type(axis_spec), intent(in) :: axis
         real(wp), intent(inout) :: value
         type(status_type), intent(inout) :: status
+        type(measured_value) :: found
         character(len=:), allocatable :: text, problem
         logical :: is_text
 
         if (.not. status%is_ok()) return
         if (axis%kind == axis_parameter .and. node%kind() == toml_string) then
             call node%get_text(text, is_text)
-            call si_value(text, value, problem)
+            call measured_of_text(text, place%variables, found, problem)
+            value = found%value
             if (problem /= "") call refuse_value(place, key, node, "= "//problem//" (expected a number, or a text with its unit)", &
                 status)
         else

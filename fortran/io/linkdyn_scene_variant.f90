@@ -4,7 +4,8 @@ module linkdyn_scene_variant
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_parameters, only: varied_numbers, find_numbers, vary_numbers
-    use linkdyn_scene_reader, only: open_document, read_document
+    use linkdyn_scene_reader, only: read_document, root_of
+    use linkdyn_scene_include, only: reopen_document
     use linkdyn_status, only: status_type
     use linkdyn_sweep_source, only: design_source
     use linkdyn_sweep_spec, only: axis_parameter
@@ -61,8 +62,8 @@ contains
         end if
         call take_document(self, taken, status)
         if (.not. status%is_ok()) return
-        call vary_numbers(taken%varied, value)
-        call read_document(taken%document, trim(self%scene%file), self%folder, .false., scene, status)
+        call vary_numbers(root_of(taken%document, self%scene%source), taken%varied, value)
+        call read_document(taken%document, self%scene%source, self%folder, .false., scene, status)
         ! Markers that carry a load only in the sweep got one when [sweep] was read.
         if (status%is_ok()) scene%load = [scene%load, self%scene%load(size(scene%load) + 1:)]
         !$omp critical (linkdyn_document_shelf)
@@ -83,9 +84,9 @@ contains
         !$omp end critical (linkdyn_document_shelf)
         if (associated(taken)) return
         allocate (taken)
-        call open_document(self%scene%text, trim(self%scene%file), taken%document, status)
+        call reopen_document(self%scene%source, self%folder, taken%document, status)
         if (status%is_ok()) then
-            call find_numbers(taken%document%root(), self%scene%sweep%axis, taken%varied)
+            call find_numbers(root_of(taken%document, self%scene%source), self%scene%sweep%axis, taken%varied)
         else
             deallocate (taken)
         end if

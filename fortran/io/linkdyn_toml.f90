@@ -1,6 +1,7 @@
 !> A parsed TOML document and its nodes, over the C view of toml++.
 module linkdyn_toml
     use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_int, c_int64_t, c_double, c_char, c_associated
+    use linkdyn_input, only: take_text
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
@@ -15,6 +16,10 @@ module linkdyn_toml
         type(c_ptr) :: handle = c_null_ptr
     contains
         procedure :: root => document_root
+        procedure :: take_out
+        procedure :: move_files
+        procedure :: join => join_document
+        procedure :: as_text
     end type toml_document
 
     !> A value, an array or a table; or nothing, for what was not there.
@@ -36,15 +41,17 @@ module linkdyn_toml
         procedure :: get_flag
         procedure :: get_text
         procedure :: put => node_put
+        procedure :: put_text => node_put_text
         procedure :: put_at => node_put_at
     end type toml_node
 
     interface
-        function c_parse(text, text_len, message, message_len, line, column) &
+        function c_parse(text, text_len, before, message, message_len, line, column) &
             bind(c, name="linkdyn_toml_parse") result(handle)
             import :: c_ptr, c_char, c_int, c_int64_t
             character(kind=c_char), intent(in) :: text(*)
             integer(c_int64_t), value :: text_len
+            integer(c_int), value :: before
             character(kind=c_char), intent(out) :: message(*)
             integer(c_int), value :: message_len
             integer(c_int), intent(out) :: line, column
@@ -55,6 +62,36 @@ module linkdyn_toml
             import :: c_ptr
             type(c_ptr), value :: handle
         end subroutine c_free
+
+        subroutine c_take_out(document, key, key_len) bind(c, name="linkdyn_toml_take_out")
+            import :: c_ptr, c_char, c_int
+            type(c_ptr), value :: document
+            character(kind=c_char), intent(in) :: key(*)
+            integer(c_int), value :: key_len
+        end subroutine c_take_out
+
+        integer(c_int) function c_move_files(document, folder, folder_len) bind(c, name="linkdyn_toml_move_files")
+            import :: c_ptr, c_char, c_int
+            type(c_ptr), value :: document
+            character(kind=c_char), intent(in) :: folder(*)
+            integer(c_int), value :: folder_len
+        end function c_move_files
+
+        integer(c_int) function c_join(document, other, key, key_len, first_line, second_line) &
+            bind(c, name="linkdyn_toml_join")
+            import :: c_ptr, c_char, c_int
+            type(c_ptr), value :: document, other
+            character(kind=c_char), intent(inout) :: key(*)
+            integer(c_int), value :: key_len
+            integer(c_int), intent(out) :: first_line, second_line
+        end function c_join
+
+        integer(c_int) function c_write(document, text, text_len) bind(c, name="linkdyn_toml_write")
+            import :: c_ptr, c_int, c_int64_t
+            type(c_ptr), value :: document
+            type(c_ptr), intent(out) :: text
+            integer(c_int64_t), intent(out) :: text_len
+        end function c_write
 
         function c_root(document) bind(c, name="linkdyn_toml_root") result(node)
             import :: c_ptr
@@ -127,6 +164,15 @@ module linkdyn_toml
             real(c_double), value :: value
         end function c_put
 
+        integer(c_int) function c_put_text(node, key, key_len, text, text_len) bind(c, name="linkdyn_toml_put_text")
+            import :: c_ptr, c_char, c_int, c_int64_t
+            type(c_ptr), value :: node
+            character(kind=c_char), intent(in) :: key(*)
+            integer(c_int), value :: key_len
+            character(kind=c_char), intent(in) :: text(*)
+            integer(c_int64_t), value :: text_len
+        end function c_put_text
+
         integer(c_int) function c_put_at(node, index, value) bind(c, name="linkdyn_toml_put_at")
             import :: c_ptr, c_int, c_int64_t, c_double
             type(c_ptr), value :: node
@@ -145,8 +191,9 @@ module linkdyn_toml
 contains
 
     !> Parse a text. On failure the document's handle is null and `message` says why.
-    subroutine parse_toml(text, document, message, line)
+    subroutine parse_toml(text, before, document, message, line)
         character(len=*), intent(in) :: text
+        integer, intent(in) :: before                          !! lines of nodes count on from here: 0, or lines of other files
         type(toml_document), intent(out) :: document
         character(len=:), allocatable, intent(out) :: message  !! empty if all is well
         integer, intent(out) :: line                           !! of the error; 0 if unknown
@@ -155,7 +202,8 @@ contains
         character(len=12) :: column
 
         buffer = ""
-        document%handle = c_parse(text, int(len(text), c_int64_t), buffer, int(len(buffer), c_int), c_row, c_column)
+        document%handle = c_parse(text, int(len(text), c_int64_t), int(before, c_int), buffer, int(len(buffer), c_int), c_row, &
+                                  c_column)
         line = int(c_row)
         message = ""
         if (c_associated(document%handle)) return
@@ -170,6 +218,49 @@ contains
         if (c_associated(document%handle)) call c_free(document%handle)
         document%handle = c_null_ptr
     end subroutine free_toml
+
+    !> One key at the top less.
+    subroutine take_out(self, key)
+        class(toml_document), intent(in) :: self
+        character(len=*), intent(in) :: key
+
+        call c_take_out(self%handle, key, int(len(key), c_int))
+    end subroutine take_out
+
+    !> Names of tables and meshes with a folder in front.
+    subroutine move_files(self, folder)
+        class(toml_document), intent(in) :: self
+        character(len=*), intent(in) :: folder             !! with its last slash
+        integer(c_int) :: done
+
+        done = c_move_files(self%handle, folder, int(len(folder), c_int))
+    end subroutine move_files
+
+    !> Move all of another document into this one.
+    subroutine join_document(self, other, key, line)
+        class(toml_document), intent(in) :: self
+        type(toml_document), intent(in) :: other
+        character(len=:), allocatable, intent(out) :: key      !! that is in both and should not; empty if all is well
+        integer, intent(out) :: line(2)                        !! where
+        character(len=256) :: buffer
+        integer(c_int) :: row(2)
+
+        key = ""
+        buffer = ""
+        if (c_join(self%handle, other%handle, buffer, int(len(buffer), c_int), row(1), row(2)) == 0) key = trim(buffer)
+        line = int(row)
+    end subroutine join_document
+
+    !> The document written anew.
+    function as_text(self) result(text)
+        class(toml_document), intent(in) :: self
+        character(len=:), allocatable :: text
+        type(c_ptr) :: data
+        integer(c_int64_t) :: n
+
+        if (c_write(self%handle, data, n) == 0) n = 0
+        call take_text(data, n, text)
+    end function as_text
 
     type(toml_node) function document_root(self) result(node)
         class(toml_document), intent(in) :: self
@@ -331,6 +422,15 @@ contains
 
         done = c_put(self%handle, key, int(len_trim(key), c_int), real(value, c_double))
     end subroutine node_put
+
+    !> A text in place of the value of a key, which must be there.
+    subroutine node_put_text(self, key, text)
+        class(toml_node), intent(in) :: self
+        character(len=*), intent(in) :: key, text
+        integer(c_int) :: done
+
+        done = c_put_text(self%handle, key, int(len_trim(key), c_int), text, int(len(text), c_int64_t))
+    end subroutine node_put_text
 
     !> Another number in place of item i of a list, from 1, which must be there.
     subroutine node_put_at(self, i, value)

@@ -6,16 +6,19 @@
 module linkdyn_units
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: pi, two_pi
-    use linkdyn_text, only: quoted
+    use linkdyn_text, only: quoted, to_text
     use linkdyn_input, only: parse_number
     implicit none (type, external)
     private
-    public :: quantity_type, per_second, over, is_unit, unit_factor, quantity_value, si_value
+    public :: quantity_type, per_second, over, is_unit, unit_factor
+    public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
     public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
 
     integer, parameter :: n_dimension = 5          !! kg m s A rad
+
+    character(len=3), parameter :: base_unit(n_dimension) = [character(len=3) :: "kg", "m", "s", "A", "rad"]
 
     !> What a number stands for.
     type :: quantity_type
@@ -182,34 +185,21 @@ contains
         factor = reading%factor
     end subroutine unit_factor
 
-    !> Value in SI of a text such as "12 mm". `problem` is empty if all is well.
-    pure subroutine quantity_value(text, quantity, value, problem)
-        character(len=*), intent(in) :: text
+    !> Why a value is not what is expected; empty if it is.
+    pure function misfit(text, has_unit, power, quantity) result(problem)
+        character(len=*), intent(in) :: text           !! as it is written
+        logical, intent(in) :: has_unit
+        integer, intent(in) :: power(n_dimension)
         type(quantity_type), intent(in) :: quantity    !! what is expected
-        real(wp), intent(out) :: value
-        character(len=:), allocatable, intent(out) :: problem
-        logical :: has_unit
-        integer :: power(n_dimension)
+        character(len=:), allocatable :: problem
 
-        call read_value(text, value, has_unit, power, problem)
-        if (len(problem) > 0) return
+        problem = ""
         if (.not. has_unit) then
             if (any(quantity%power /= 0)) problem = quoted(trim(adjustl(text)))//" has no unit"
         else if (.not. is_same_dimension(power, quantity)) then
             problem = quoted(trim(adjustl(text)))//" is "//dimension_text(power)
         end if
-    end subroutine quantity_value
-
-    !> The same whatever the quantity.
-    pure subroutine si_value(text, value, problem)
-        character(len=*), intent(in) :: text
-        real(wp), intent(out) :: value
-        character(len=:), allocatable, intent(out) :: problem
-        logical :: has_unit
-        integer :: power(n_dimension)
-
-        call read_value(text, value, has_unit, power, problem)
-    end subroutine si_value
+    end function misfit
 
     !> A number and its unit, if it has one.
     pure subroutine read_value(text, value, has_unit, power, problem)
@@ -262,7 +252,6 @@ contains
         character(len=:), allocatable :: text
         type(quantity_type), parameter :: known(*) = [plain_number, length, angle, mass, inertia, time_span, &
             force, speed, angular_rate, acceleration, stiffness, damping, wattage, resistance]
-        character(len=3), parameter :: base(n_dimension) = [character(len=3) :: "kg", "m", "s", "A", "rad"]
         character(len=8) :: exponent
         integer :: i
 
@@ -276,11 +265,48 @@ contains
         text = "something in"
         do i = 1, n_dimension
             if (power(i) == 0) cycle
-            text = text//" "//trim(base(i))
+            text = text//" "//trim(base_unit(i))
             write (exponent, "(i0)") power(i)
             if (power(i) /= 1) text = text//"^"//trim(exponent)
         end do
     end function dimension_text
+
+    !> The SI unit of a dimension, as a text has it behind its number: "kg m^2 s^-2"; empty for a plain number.
+    pure function si_unit_text(power) result(text)
+        integer, intent(in) :: power(n_dimension)
+        character(len=:), allocatable :: text
+        integer, parameter :: largest = 9              !! exponents have one digit
+        integer :: i, left, part
+
+        text = ""
+        do i = 1, n_dimension
+            left = power(i)
+            do while (left /= 0)
+                part = sign(min(abs(left), largest), left)
+                text = text//" "//trim(base_unit(i))
+                if (part /= 1) text = text//"^"//to_text(part)
+                left = left - part
+            end do
+        end do
+        text = trim(adjustl(text))
+    end function si_unit_text
+
+    !> The unit name, or units in brackets, at a place of a text, with its exponent.
+    pure subroutine read_unit(text, next, factor, power, is_one)
+        character(len=*), intent(in) :: text           !! as `ascii_unit` gives it
+        integer, intent(inout) :: next                 !! where it starts; behind it, if it is one
+        real(wp), intent(out) :: factor
+        integer, intent(out) :: power(n_dimension)
+        logical, intent(out) :: is_one
+        type(unit_reading) :: reading
+
+        reading%next = next
+        call read_factor(text, reading, 0)
+        factor = reading%factor
+        power = reading%power
+        is_one = reading%is_good
+        if (is_one) next = reading%next
+    end subroutine read_unit
 
     !> Factors and divisors up to the end of the text or a closing bracket.
     pure recursive subroutine read_product(text, reading, depth)

@@ -9,14 +9,14 @@ module linkdyn_scene
     implicit none (type, external)
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
-    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec
+    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     public :: joint_kind_name, joint_n_variable, variable_name
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table
-    public :: axes_world, axes_link
+    public :: axes_world, axes_link, put_file_first
     public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
@@ -71,6 +71,7 @@ module linkdyn_scene
         real(wp) :: axis(3) = [0, 0, 1]           !! unit vector in link axes; planar: direction of a slide, default x
         real(wp) :: x_axis(3) = [1, 0, 0]         !! unit vector square to `axis`: where joint angles count from
         logical :: has_axis = .false.             !! written by the user
+        logical :: has_x = .false.                !! and so `x_axis`
         integer :: line = 0                       !! in the scene file
     end type marker_spec
 
@@ -83,6 +84,8 @@ module linkdyn_scene
         real(wp) :: start(6) = 0                  !! x y z roll pitch yaw near which closure starts [m, rad]
         logical :: has_start = .false.
         type(marker_spec), allocatable :: marker(:)
+        character(len=:), allocatable :: mesh     !! file of the body's form, for pictures
+        real(wp) :: mesh_unit = 1                 !! of its coordinates [m]
         integer :: line = 0
     end type link_spec
 
@@ -169,6 +172,13 @@ module linkdyn_scene
         integer :: line = 0
     end type spring_spec
 
+    !> A named number that others in the scene file refer to.
+    type :: variable_spec
+        character(len=name_len) :: name = ""
+        real(wp) :: value = 0                     !! SI
+        character(len=64) :: unit = ""            !! SI unit, "kg m^2"; blank: none
+    end type variable_spec
+
     !> Instants of the run along the scene's motion.
     type :: time_spec
         real(wp) :: first = 0                     !! [s]
@@ -186,16 +196,30 @@ module linkdyn_scene
         logical :: is_foreign = .false.           !! not of the scene's folder: no message quotes what stands in it
     end type table_spec
 
+    !> A file that the scene is made of. Lines count on from one to the next, in the order of reading.
+    type :: source_spec
+        character(len=path_len) :: file = ""      !! as messages call it
+        character(len=:), allocatable :: text
+        integer :: lines_before = 0
+    end type source_spec
+
+    !> All files that a scene is made of.
+    type :: source_shelf
+        type(source_spec), allocatable :: item(:)
+    end type source_shelf
+
     !> The whole scene.
     type :: scene_type
         character(len=256) :: title = ""
         character(len=path_len) :: file = ""      !! as given, for messages
-        character(len=:), allocatable :: text     !! the scene file itself, kept in results
+        character(len=:), allocatable :: text     !! the scene file itself, with all that it includes, kept in results
+        type(source_spec), allocatable :: source(:)  !! the scene file and those that it includes
         character(len=path_len), allocatable :: table_file(:)   !! files read beside it
         logical :: planar = .false.
         real(wp) :: gravity(3) = 0                !! [m/s2]
         logical :: has_gravity = .false.
         logical :: passes_change_points = .true.  !! on the smooth continuation; false: the assembly is lost there
+        type(variable_spec), allocatable :: variable(:)
         type(link_spec) :: frame
         type(link_spec), allocatable :: link(:)
         type(joint_spec), allocatable :: joint(:)
@@ -206,4 +230,22 @@ module linkdyn_scene
         type(time_spec) :: time
         type(sweep_spec) :: sweep
     end type scene_type
+
+contains
+
+    !> The file in front of a message, unless it begins with one of the scene's already.
+    pure subroutine put_file_first(file, scene, message)
+        character(len=*), intent(in) :: file
+        type(scene_type), intent(in) :: scene
+        character(len=*), intent(inout) :: message
+        integer :: i
+
+        if (index(message, trim(file)//":") == 1) return
+        if (allocated(scene%source)) then
+            do i = 2, size(scene%source)
+                if (index(message, trim(scene%source(i)%file)//":") == 1) return
+            end do
+        end if
+        message = trim(file)//": "//trim(message)
+    end subroutine put_file_first
 end module linkdyn_scene

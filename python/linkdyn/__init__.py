@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from . import lecture, plot, widget
     from ._bind import code_in_use, use_code
     from ._code import GeneratedCode
+    from ._new import new
     from ._sheet import sheet
     from ._view import view
     from .results import read
@@ -36,6 +37,7 @@ __all__ = [
     "code_in_use",
     "lecture",
     "load",
+    "new",
     "plot",
     "read",
     "sheet",
@@ -50,6 +52,7 @@ _HOMES = {
     "Poses": "scene",
     "Scene": "scene",
     "load": "scene",
+    "new": "_new",
     "read": "results",
     "sheet": "_sheet",
     "code_in_use": "_bind",

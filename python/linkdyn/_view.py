@@ -44,7 +44,6 @@ PAGE = """<!DOCTYPE html>
 </html>
 """
 VIEWER = Path(__file__).parent / "_viewer"
-MESH_UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 HEIGHT = 640
 """Of a view in a notebook [px]."""
 
@@ -178,8 +177,8 @@ def run_of(scene: Scene) -> xr.Dataset:
 def meshes_of(scene: Scene) -> dict[str, tuple[str, float]]:
     """Link to STL file and the unit of its coordinates [m], as the scene names them."""
     return {
-        link["name"]: (os.path.join(scene.folder, link["mesh"]), MESH_UNITS[link.get("mesh_unit", "m")])
-        for link in tomllib.loads(scene.text).get("link", [])
+        link["name"]: (os.path.join(scene.folder, link["mesh"]), link["mesh_unit"])
+        for link in scene.description["links"]
         if "mesh" in link
     }
 

@@ -1,4 +1,4 @@
-"""The command ``linkdyn``: hands over to the executable inside the package, draws the sheet of a sweep after it, and views runs."""
+"""The command ``linkdyn``: hands over to the executable inside the package, draws the sheet of a sweep after it, views runs and writes new scenes."""
 
 from __future__ import annotations
 
@@ -43,13 +43,17 @@ def quadruple_twin() -> Path | None:
 
 def main() -> None:
     """Become the executable, with the same arguments; stay for a sizing sheet."""
+    arguments = sys.argv[1:]
+    if arguments[:1] == ["new"]:
+        from ._new import new_command
+
+        sys.exit(new_command(arguments[1:]))
     try:
         path = executable()
     except FileNotFoundError as error:
         sys.exit(str(error))
     if twin := quadruple_twin():
         os.environ["LINKDYN_REAL128"] = os.fspath(twin)
-    arguments = sys.argv[1:]
     if arguments[:1] == ["view"]:
         from ._view_command import view_command
 

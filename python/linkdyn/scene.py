@@ -113,7 +113,7 @@ class Scene:
     actuators, joints, links, loads : tuple of str
         Names; ``links`` are the moving ones.
     text : str
-        The scene file.
+        The scene file; if it includes others, written anew with all of them.
     folder : str
         Where its tables are looked up.
     description : dict
@@ -134,6 +134,7 @@ class Scene:
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
         self.description = _bind.describe_scene(handle)
+        self.text = self.description.pop("text", self.text)  # with what it includes
         self.title: str = self.description["title"]
         self.planar: bool = self.description["planar"]
         self.coordinates = _names(self.description["coordinates"])
@@ -173,7 +174,8 @@ class Scene:
         changes
             Path in the scene file to new value. Tables of a list go by their name, coordinates and actuators by their
             joint (or link), loads by their marker: "link.crank.mass", "actuator.J1.law.value", "spring.S1.rest",
-            "coordinate.J1.start", "time.end"; "link.crank.cog[0]" is the first of a list: as in sweeps. ``None`` takes a key or table out; a table puts or replaces one:
+            "coordinate.J1.start", "time.end"; "link.crank.cog[0]" is the first of a list: as in sweeps. What refers to
+            "variables.L" follows it. ``None`` takes a key or table out; a table puts or replaces one:
             ``{"actuator.J1.law": {"type": "constant", "value": 3.0}}``.
 
         Raises
@@ -189,7 +191,14 @@ class Scene:
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
         paths = as_mapping("changes", changes, "new values by their paths, such as 'link.crank.mass'")
-        return Scene(changed(tomllib.loads(self.text), paths), folder=self.folder)
+        return Scene(changed(tomllib.loads(self.text), self._with_units(paths)), folder=self.folder)
+
+    def _with_units(self, paths: Mapping[str, Any]) -> dict[str, Any]:
+        """Numbers for variables that have a unit are in SI, as in sweeps: what refers to them wants the unit."""
+        units = {f"variables.{variable['name']}": variable["unit"] for variable in self.description["variables"]}
+        return {
+            path: f"{float(value)!r} {units[path]}" if units.get(path) and _is_number(value) else value for path, value in paths.items()
+        }
 
     def explain(self, matrix: bool = False) -> str:
         """What is modelled, how it is computed, what is left out.
@@ -860,6 +869,10 @@ def _plain(value: Any, place: str = "") -> Any:
     if not isinstance(value, (str, bool, int, float, datetime.date, datetime.time)):
         raise InputError(f"scene: {quoted(place)} holds what a scene file cannot: {quoted(value)} (expected a number, a text, a list or a table)")
     return value
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.integer, np.floating)) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def _names(entries: list[dict[str, Any]]) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import pytest
 from linkdyn.cli import executable
 
 SHARE = Path(sys.prefix) / "share"
-COMMANDS = ("inverse", "forward", "sweep", "study", "generate", "view", "explain")
+COMMANDS = ("inverse", "forward", "sweep", "study", "generate", "view", "new", "explain")
 
 
 def options_of(command: str) -> set[str]:
@@ -43,6 +43,8 @@ def test_all_commands_and_options_are_known(file):
     (["view", "r"], "run.nc"),
     (["generate", "--kernel", "kin"], "kinematics"),
     (["generate", "--want", "driving_force,vel"], "driving_force,velocity"),
+    (["new", "h"], "hexapod"),
+    (["new", "--f"], "--force"),
     (["inverse", "r"], ""),
 ])
 def test_bash(typed, offered, tmp_path):

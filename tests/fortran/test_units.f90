@@ -3,9 +3,10 @@ module test_units
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: pi
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
-    use linkdyn_units, only: quantity_type, quantity_value, unit_factor, per_second, plain_number, length, angle, &
+    use linkdyn_units, only: quantity_type, unit_factor, per_second, plain_number, length, angle, &
         mass, inertia, time_span, force, moment, speed, angular_rate, acceleration, stiffness, angular_stiffness, &
         damping, resistance, volt_second
+    use linkdyn_variables, only: variable_table, quantity_of_text
     implicit none (type, external)
     private
     public :: collect_units
@@ -102,15 +103,14 @@ contains
         call refused(error, "3 furlong", length, "'furlong' is not a unit")
         call refused(error, "mm", length, "does not start with a number")
         call refused(error, "", length, "does not start with a number")
-        call refused(error, "--3 mm", length, "does not start with a number")
         call refused(error, "nan mm", length, "is not a finite number")
         call refused(error, "1e999 mm", length, "is not a finite number")
-        call refused(error, "3 N/", force, "is not a unit")
+        call refused(error, "3 N/", force, "ends where a number")
         call refused(error, "3 m^", length, "is not a unit")
-        call refused(error, "3 (m", length, "is not a unit")
-        call refused(error, "3 m)", length, "is not a unit")
-        call refused(error, "3 m//s", speed, "is not a unit")
-        call refused(error, "3 12 m", length, "is not a unit")
+        call refused(error, "3 (m", length, "has '(m' where an operator")
+        call refused(error, "3 m)", length, "has ')' where an operator")
+        call refused(error, "3 m//s", speed, "has '/s' where a number")
+        call refused(error, "3 12 m", length, "has '12 m' where an operator")
         call refused(error, "3 kdeg", angle, "is not a unit")
     end subroutine test_nonsense
 
@@ -134,10 +134,11 @@ contains
         character(len=*), intent(in) :: text
         type(quantity_type), intent(in) :: quantity
         real(wp), intent(in) :: want
+        type(variable_table) :: none
         real(wp) :: value
         character(len=:), allocatable :: problem
 
-        call quantity_value(text, quantity, value, problem)
+        call quantity_of_text(text, quantity, none, value, problem)
         call check(error, problem == "", text//": "//problem)
         call check_close(error, value, want, tolerance*abs(want), text)
     end subroutine expect
@@ -147,10 +148,11 @@ contains
         character(len=*), intent(in) :: text
         type(quantity_type), intent(in) :: quantity
         character(len=*), intent(in) :: fragment       !! of the message
+        type(variable_table) :: none
         real(wp) :: value
         character(len=:), allocatable :: problem
 
-        call quantity_value(text, quantity, value, problem)
+        call quantity_of_text(text, quantity, none, value, problem)
         call check(error, index(problem, fragment) > 0, text//": got '"//problem//"', want '"//fragment//"'")
     end subroutine refused
 end module test_units

@@ -24,7 +24,7 @@ WORDS = (
     "universal", "cylindrical", "constant", "harmonic", "table", "planar", "spatial", "true", "1", "1 m", "1 mm", "90 deg", "-90deg",
     "3 furlong", "1e400 m", "1 m/0", "1/0", "2*pi", "pi", "sqrt(2)", "N m", "1 kg m2", "60 rpm", "2 Hz", "nan", "inf", "NaN m", "é", "名前", "\u202e",
     "a\nb", "a\tb", "\x1b[31mred\x1b[0m", "\x7f", "'", '"', "\\", "/", "../../etc/passwd", "/dev/zero", "x" * 40, "x" * 1000,
-    "%s%n", "$(id)", "{0}", "name with blanks",
+    "L/2", "2*r + 12 mm", "-r*cos(pi/3)", "sqrt(", "x^x", "1/(r-r)", "((((", "m*s", "2/s", "#", "leg#", "2*#", "z", "xz", "%s%n", "$(id)", "{0}", "name with blanks",
 )  # fmt: skip
 BYTES = (b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\x1b[2J", b"\r", b"\r\n", b"\n\n", b"\t", b"[", b"]", b"[[", b"{", b"}", b'"', b"'''", b"=", b"#",
          b",", b".", b"-", b"e9", b"_", b"\xc3", b"\xed\xa0\x80", b"nan", b"1e999", b"\x85", b"\xe2\x80\xa8")  # fmt: skip
@@ -175,6 +175,40 @@ def add_key(dice: random.Random, scene: Any) -> str | None:
     return f"{words((*path, key))}: added {shown(value)}"
 
 
+def name_number(dice: random.Random, scene: Any) -> str | None:
+    """A number by arithmetic with a variable, which may be broken."""
+    path = pick(dice, scene, is_number)
+    if path is None or not isinstance(scene.setdefault("variables", {}), dict):
+        return None
+    old, name = at(scene, path), dice.choice(("r", "q", "m", "s", "pi", "min", "x1"))
+    scene["variables"][name] = dice.choice((old, f"{old} m", f"{old}*1", f"2*{name}", "r/q", "sqrt(q)", "1/(q - q)"))
+    new = dice.choice((name, f"{name}/2 + {name}/2", f"2*{name}", f"{name} + 1 mm", f"-({name})^2", f"{name}*cos(30 deg)", f"atan2({name}, 1)"))
+    put(scene, path, new)
+    return f"{words(path)}: {shown(old)} -> {shown(new)}, {name} = {shown(scene['variables'][name])}"
+
+
+def repeat(dice: random.Random, scene: Any) -> str | None:
+    """Copies of a table, or of a marker."""
+    path = pick(dice, scene, lambda value: isinstance(value, dict))
+    if path is None:
+        return None
+    keys = {"repeat": dice.choice((0, 1, 2, 3, 6, 1001, "3", 2.5)), "about": dice.choice(("x", "z", "w", [0, 0, 1], [0, 0, 0])),
+            "angles": dice.choice((["30 deg", "-30 deg"], [], [1, 2, 3], ["1 m"])), "mirror": dice.choice(("xy", "xz", "yz", "zz"))}  # fmt: skip
+    chosen = {key: keys[key] for key in dice.sample(sorted(keys), dice.randrange(1, 4))}
+    table = at(scene, path)
+    table.update(chosen)
+    for key in ("name", "joint", "base", "platform"):
+        if isinstance(table.get(key), str) and dice.random() < 0.5:
+            table[key] += "#"
+    return f"{words(path)}: {chosen}"
+
+
+def include(dice: random.Random, scene: Any) -> str | None:
+    """Files that are there, or are not, or are the scene."""
+    scene["include"] = dice.choice(("scene.toml", ".", "", "missing.toml", "/dev/zero", "../x.toml", ["a", 3], [], {"a": 1}, "/etc/passwd", "\n"))
+    return f"include {scene['include']}"
+
+
 def splice(other: dict[str, Any]) -> Callable[[random.Random, Any], str | None]:
     """A mutation that takes a table from another scene."""
 
@@ -190,7 +224,9 @@ def splice(other: dict[str, Any]) -> Callable[[random.Random, Any], str | None]:
     return take
 
 
-OF_SCENES = (change_number,) * 10 + (change_text,) * 3 + (change_type, take_out, double, reorder, exchange, rename_key, add_key)
+OF_SCENES = (change_number,) * 10 + (change_text,) * 3 + (
+    change_type, take_out, double, reorder, exchange, rename_key, add_key, name_number, name_number, repeat, repeat, include,
+)  # fmt: skip
 
 
 def mutate_scene(dice: random.Random, scene: dict[str, Any], other: dict[str, Any], n: int) -> list[str]:

@@ -1,0 +1,562 @@
+!> Arithmetic in the numbers of a scene file: "L/2 + 12 mm", "2*rho*A", "-L*cos(alpha)".
+!>
+!>     sum     = product { ("+" | "-") product }
+!>     product = signed { ("*" | "/") signed }
+!>     signed  = [ "+" | "-" ] signed | power
+!>     power   = primary [ "^" signed ]
+!>     primary = number [ unit ] | name | function "(" sum { "," sum } ")" | "(" sum ")"
+!>
+!> A number and its unit are one: "1/2 mm" is one divided by two millimetres. Behind a unit, names of units go on the unit, also
+!> after "*" and "/"; behind a plain number and "*", a variable goes before a unit: "0.5*m*v^2". Each value carries its
+!> dimension; a sum wants equal ones. What has met no unit counts like a number in the file: it is in SI, whatever is wanted.
+module linkdyn_expression
+    use linkdyn_kinds, only: wp
+    use linkdyn_constants, only: pi
+    use linkdyn_input, only: parse_number
+    use linkdyn_suggest, only: suggestion
+    use linkdyn_text, only: quoted, to_text, join
+    use linkdyn_units, only: n_dimension, read_unit, dimension_text, ascii_unit, is_unit
+    implicit none (type, external)
+    private
+    public :: measured_value, name_source, evaluate_expression, is_reserved, is_unit_name, name_letters, deepest
+
+    !> Brackets, signs, exponents and names inside each other: few enough for the smallest stack of a thread.
+    integer, parameter :: deepest = 100
+    integer, parameter :: longest = 1000                !! letters of a text
+    integer, parameter :: largest_power = 99            !! of a dimension
+    character(len=*), parameter :: letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+    character(len=*), parameter :: figures = "0123456789"
+    character(len=*), parameter :: name_letters = letters//figures//"_"
+    character(len=5), parameter :: function_name(*) = [character(len=5) :: "sqrt", "sin", "cos", "tan", "asin", "acos", "atan2", &
+        "abs", "min", "max"]
+    integer, parameter :: is_angle(n_dimension) = [0, 0, 0, 0, 1]
+
+    !> A number with its dimension.
+    type :: measured_value
+        real(wp) :: value = 0                           !! SI
+        integer :: power(n_dimension) = 0               !! of kg m s A rad
+        logical :: has_unit = .false.                   !! a unit was met on the way
+    end type measured_value
+
+    !> Names that stand for values.
+    type, abstract :: name_source
+    contains
+        procedure(has_name), deferred :: has
+        procedure(find_value), deferred :: find
+        procedure(list_names), deferred :: list
+    end type name_source
+
+    abstract interface
+        logical function has_name(self, name)
+            import :: name_source
+            class(name_source), intent(in) :: self
+            character(len=*), intent(in) :: name
+        end function has_name
+
+        recursive subroutine find_value(self, name, depth, found, problem)
+            import :: name_source, measured_value
+            class(name_source), intent(inout) :: self
+            character(len=*), intent(in) :: name        !! one that it has
+            integer, intent(in) :: depth                !! how deep inside others it stands
+            type(measured_value), intent(out) :: found
+            character(len=:), allocatable, intent(inout) :: problem
+        end subroutine find_value
+
+        subroutine list_names(self, names)
+            import :: name_source
+            class(name_source), intent(in) :: self
+            character(len=64), allocatable, intent(out) :: names(:)
+        end subroutine list_names
+    end interface
+
+    !> A text being read.
+    type :: reader_type
+        character(len=:), allocatable :: text
+        integer :: next = 1
+        character(len=:), allocatable :: problem        !! empty while all is well
+    end type reader_type
+
+contains
+
+    !> The value of a text. `problem` is empty if all is well.
+    recursive subroutine evaluate_expression(text, names, depth, found, problem)
+        character(len=*), intent(in) :: text
+        class(name_source), intent(inout) :: names
+        integer, intent(in) :: depth                    !! how deep inside others it stands: 0 for a text of the file
+        type(measured_value), intent(out) :: found
+        character(len=:), allocatable, intent(out) :: problem
+        type(reader_type) :: reader
+
+        if (len(text) > longest) then
+            problem = quoted(text(:24)//"...")//" is longer than "//to_text(longest)//" letters"
+            return
+        end if
+        reader%text = ascii_unit(adjustl(text))
+        reader%problem = ""
+        call read_sum(reader, names, depth, found)
+        if (reader%problem == "" .and. next_letter(reader) /= "") call refuse_rest(reader)
+        problem = reader%problem
+    end subroutine evaluate_expression
+
+    !> Names that mean something already.
+    pure logical function is_reserved(name)
+        character(len=*), intent(in) :: name
+
+        is_reserved = name == "pi" .or. any(function_name == name)
+    end function is_reserved
+
+    !> True for the name of a unit, with or without prefix.
+    pure logical function is_unit_name(name)
+        character(len=*), intent(in) :: name
+
+        is_unit_name = verify(name, letters) == 0 .and. is_unit(name)
+    end function is_unit_name
+
+    ! ---------------------------------------------------------------- grammar
+
+    recursive subroutine read_sum(reader, names, depth, found)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(inout) :: names
+        integer, intent(in) :: depth
+        type(measured_value), intent(out) :: found
+        type(measured_value) :: other
+        character(len=1) :: operator
+
+        call read_product(reader, names, depth, found)
+        do while (reader%problem == "")
+            operator = next_letter(reader)
+            if (scan(operator, "+-") == 0) return
+            reader%next = reader%next + 1
+            call read_product(reader, names, depth, other)
+            if (reader%problem /= "") return
+            if (any(found%power /= other%power)) then
+                if (operator == "+") then
+                    call fail(reader, "adds "//dimension_text(other%power)//" to "//dimension_text(found%power))
+                else
+                    call fail(reader, "takes "//dimension_text(other%power)//" from "//dimension_text(found%power))
+                end if
+                return
+            end if
+            found%value = found%value + merge(other%value, -other%value, operator == "+")
+            found%has_unit = found%has_unit .or. other%has_unit
+            call require_finite(reader, found)
+        end do
+    end subroutine read_sum
+
+    recursive subroutine read_product(reader, names, depth, found)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(inout) :: names
+        integer, intent(in) :: depth
+        type(measured_value), intent(out) :: found
+        type(measured_value) :: other
+        character(len=1) :: operator
+
+        call read_signed(reader, names, depth, found)
+        do while (reader%problem == "")
+            operator = next_letter(reader)
+            if (scan(operator, "*/") == 0) return
+            reader%next = reader%next + 1
+            call read_signed(reader, names, depth, other)
+            if (reader%problem /= "") return
+            if (operator == "*") then
+                found%value = found%value*other%value
+                found%power = found%power + other%power
+            else if (abs(other%value) > 0) then
+                found%value = found%value/other%value
+                found%power = found%power - other%power
+            else
+                call fail(reader, "divides by zero")
+                return
+            end if
+            found%has_unit = found%has_unit .or. other%has_unit
+            call require_finite(reader, found)
+        end do
+    end subroutine read_product
+
+    recursive subroutine read_signed(reader, names, depth, found)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(inout) :: names
+        integer, intent(in) :: depth
+        type(measured_value), intent(out) :: found
+        character(len=1) :: letter
+
+        if (depth >= deepest) then
+            call fail(reader, "is nested too deep (more than "//to_text(deepest)// &
+                      " brackets, signs or variables inside each other)")
+            return
+        end if
+        letter = next_letter(reader)
+        if (scan(letter, "+-") == 0) then
+            call read_power(reader, names, depth, found)
+            return
+        end if
+        reader%next = reader%next + 1
+        call read_signed(reader, names, depth + 1, found)
+        if (letter == "-") found%value = -found%value
+    end subroutine read_signed
+
+    recursive subroutine read_power(reader, names, depth, found)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(inout) :: names
+        integer, intent(in) :: depth
+        type(measured_value), intent(out) :: found
+        type(measured_value) :: exponent
+
+        call read_primary(reader, names, depth, found)
+        if (reader%problem /= "" .or. next_letter(reader) /= "^") return
+        reader%next = reader%next + 1
+        call read_signed(reader, names, depth + 1, exponent)
+        if (reader%problem == "") call raise(reader, found, exponent)
+    end subroutine read_power
+
+    recursive subroutine read_primary(reader, names, depth, found)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(inout) :: names
+        integer, intent(in) :: depth
+        type(measured_value), intent(out) :: found
+        character(len=1) :: letter
+
+        letter = next_letter(reader)
+        if (letter == "") then
+            call fail(reader, "ends where a number or a name is expected")
+        else if (letter == "(") then
+            reader%next = reader%next + 1
+            call read_sum(reader, names, depth + 1, found)
+            call require_letter(reader, ")")
+        else if (scan(letter, figures//".") > 0) then
+            call read_quantity(reader, names, found)
+        else if (scan(letter, letters//"_") > 0) then
+            call read_named(reader, names, depth, found)
+        else
+            call fail(reader, "has "//quoted(rest_of(reader))//" where a number or a name is expected")
+        end if
+    end subroutine read_primary
+
+    !> A function of something, pi, or a variable.
+    recursive subroutine read_named(reader, names, depth, found)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(inout) :: names
+        integer, intent(in) :: depth
+        type(measured_value), intent(out) :: found
+        type(measured_value) :: argument(2)
+        character(len=:), allocatable :: name, problem
+        character(len=64), allocatable :: known(:)
+        integer :: i, n
+
+        name = name_at(reader%text, reader%next)
+        reader%next = reader%next + len(name)
+        if (name == "pi") then
+            found%value = pi
+        else if (any(function_name == name)) then
+            n = merge(2, 1, any([character(len=5) :: "atan2", "min", "max"] == name))
+            call require_letter(reader, "(")
+            do i = 1, n
+                if (i > 1) call require_letter(reader, ",")
+                if (reader%problem /= "") return
+                call read_sum(reader, names, depth + 1, argument(i))
+            end do
+            call require_letter(reader, ")")
+            if (reader%problem == "") call apply(reader, name, argument(1), argument(n), found)
+        else if (names%has(name)) then
+            problem = ""
+            call names%find(name, depth + 1, found, problem)
+            if (problem /= "") reader%problem = problem
+        else if (any([character(len=8) :: "nan", "inf", "infinity"] == lower(name))) then
+            call fail(reader, "is not a finite number")
+        else
+            call names%list(known)
+            problem = suggestion(name, known)
+            if (problem == "") problem = suggestion(name, function_name)
+            if (index(reader%text, name) == 1) then
+                call fail(reader, "does not start with a number, and "//quoted(name)//" is no variable"//problem)
+            else
+                call fail(reader, "has the unknown name "//quoted(name)//problem)
+            end if
+        end if
+    end subroutine read_named
+
+    !> A number and the unit behind it, if there is one.
+    subroutine read_quantity(reader, names, found)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(in) :: names
+        type(measured_value), intent(out) :: found
+        real(wp) :: unit, factor
+        integer :: power(n_dimension), used, before, sign_of_power
+        logical :: is_one
+        character(len=1) :: operator, letter
+
+        call parse_number(reader%text(reader%next:), found%value, used)
+        if (used == 0) then
+            call fail(reader, "has "//quoted(rest_of(reader))//" where a number is expected")
+            return
+        end if
+        reader%next = reader%next + used
+        unit = 1
+        do
+            before = reader%next
+            operator = next_letter(reader)
+            if (scan(operator, "*/") == 0) operator = ""
+            if (operator /= "") reader%next = reader%next + 1
+            letter = next_letter(reader)
+            if (is_variable(reader, names, operator)) exit
+            if (.not. found%has_unit) call check_double_meaning(reader, names, operator)
+            if (scan(letter, letters//"%(") == 0 .or. (letter == "(" .and. operator == "")) exit
+            call read_unit(reader%text, reader%next, factor, power, is_one)
+            if (.not. is_one) exit
+            sign_of_power = merge(-1, 1, operator == "/")
+            unit = unit*factor**sign_of_power
+            found%power = found%power + sign_of_power*power
+            found%has_unit = .true.
+        end do
+        reader%next = before
+        found%value = found%value*unit
+        call require_finite(reader, found)
+
+    contains
+
+        !> What stands here is no unit: a function, or a variable that multiplies a number without unit.
+        logical function is_variable(reader, names, operator)
+            type(reader_type), intent(in) :: reader
+            class(name_source), intent(in) :: names
+            character(len=1), intent(in) :: operator
+            character(len=:), allocatable :: name
+            integer :: behind
+
+            name = name_at(reader%text, reader%next)
+            is_variable = operator == "*" .and. .not. found%has_unit .and. names%has(name)
+            behind = reader%next + len(name)
+            behind = behind + max(0, verify(reader%text(behind:)//".", " ") - 1)
+            if (behind <= len(reader%text)) &
+                is_variable = is_variable .or. (any(function_name == name) .and. reader%text(behind:behind) == "(")
+        end function is_variable
+    end subroutine read_quantity
+
+    !> "2/s" where s is a variable, too: nobody knows which one is meant.
+    subroutine check_double_meaning(reader, names, operator)
+        type(reader_type), intent(inout) :: reader
+        class(name_source), intent(in) :: names
+        character(len=1), intent(in) :: operator        !! in front of the name
+        character(len=:), allocatable :: name
+        character(len=1) :: letter
+        integer :: i
+
+        letter = next_letter(reader)
+        if (operator == "") return
+        if (letter == "(") then
+            do i = reader%next + 1, len(reader%text)
+                if (reader%text(i:i) == ")") return
+                if (scan(reader%text(i:i), letters) == 0) cycle
+                if (scan(reader%text(i - 1:i - 1), letters) > 0) cycle
+                name = name_at(reader%text, i)
+                if (names%has(name) .and. is_unit_name(name) .and. .not. is_arithmetic(reader, names)) call refuse_both(name)
+                if (reader%problem /= "") return
+            end do
+        else
+            name = name_at(reader%text, reader%next)
+            if (len(name) > 0) then
+                if (names%has(name) .and. is_unit_name(name)) call refuse_both(name)
+            end if
+        end if
+
+    contains
+
+        subroutine refuse_both(name)
+            character(len=*), intent(in) :: name
+
+            call fail(reader, "may mean the unit or the variable "//quoted(name)// &
+                " (expected '"//name//"^-1' for the unit, brackets round the number for the variable)")
+        end subroutine refuse_both
+    end subroutine check_double_meaning
+
+    !> Brackets that hold more than units.
+    logical function is_arithmetic(reader, names)
+        type(reader_type), intent(in) :: reader
+        class(name_source), intent(in) :: names
+        real(wp) :: factor
+        integer :: power(n_dimension), next
+
+        next = reader%next
+        call read_unit(reader%text, next, factor, power, is_arithmetic)
+        is_arithmetic = .not. is_arithmetic
+    end function is_arithmetic
+
+    ! ---------------------------------------------------------------- operations
+
+    subroutine raise(reader, base, exponent)
+        type(reader_type), intent(inout) :: reader
+        type(measured_value), intent(inout) :: base
+        type(measured_value), intent(in) :: exponent
+        real(wp) :: power(n_dimension)
+
+        power = base%power*exponent%value
+        if (any(exponent%power /= 0)) then
+            call fail(reader, "raises to "//dimension_text(exponent%power)//" (expected a plain number as exponent)")
+        else if (any(abs(power) > largest_power) .or. any(abs(power - anint(power)) > largest_power*epsilon(1.0_wp))) then
+            call fail(reader, "raises "//dimension_text(base%power)//" to "//to_text(exponent%value)// &
+                ", which leaves no dimension of whole powers")
+        else if (exponent%value < 0 .and. .not. abs(base%value) > 0) then
+            call fail(reader, "divides by zero")
+        else if (base%value < 0 .and. abs(exponent%value - anint(exponent%value)) > 0) then
+            call fail(reader, "raises a negative number to "//to_text(exponent%value))
+        else
+            ! Small whole exponents multiply, so that L^2 is L*L.
+            if (abs(exponent%value - anint(exponent%value)) > 0 .or. abs(exponent%value) > largest_power) then
+                base%value = base%value**exponent%value
+            else
+                base%value = base%value**nint(exponent%value)
+            end if
+            base%power = nint(power)
+            base%has_unit = base%has_unit .or. exponent%has_unit
+            call require_finite(reader, base)
+        end if
+    end subroutine raise
+
+    subroutine apply(reader, name, x, y, found)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: name
+        type(measured_value), intent(in) :: x, y        !! arguments; the same if the function has one
+        type(measured_value), intent(out) :: found
+
+        found = x
+        found%has_unit = x%has_unit .or. y%has_unit
+        if (any(x%power /= y%power)) then
+            call fail(reader, "has "//name//" of "//dimension_text(x%power)//" and "//dimension_text(y%power)// &
+                      " (expected two of a kind)")
+            return
+        end if
+        select case (name)
+        case ("sqrt")
+            call raise(reader, found, measured_value(0.5_wp))
+            if (reader%problem == "") found%value = sqrt(x%value)
+        case ("sin", "cos", "tan")
+            if (any(x%power /= 0) .and. any(x%power /= is_angle)) then
+                call fail(reader, "has "//name//" of "//dimension_text(x%power)//" (expected an angle)")
+                return
+            end if
+            found = measured_value()
+            if (name == "sin") found%value = sin(x%value)
+            if (name == "cos") found%value = cos(x%value)
+            if (name == "tan") found%value = tan(x%value)
+        case ("asin", "acos")
+            if (any(x%power /= 0) .or. abs(x%value) > 1) then
+                call fail(reader, "has "//name//" of what is no number from -1 to 1")
+                return
+            end if
+            found = measured_value(power=is_angle, has_unit=.true.)
+            found%value = merge(asin(x%value), acos(x%value), name == "asin")
+        case ("atan2")
+            if (.not. (abs(x%value) > 0 .or. abs(y%value) > 0)) then
+                call fail(reader, "has atan2 of two zeros")
+                return
+            end if
+            found = measured_value(atan2(x%value, y%value), is_angle, .true.)
+        case ("abs")
+            found%value = abs(x%value)
+        case ("min")
+            found%value = min(x%value, y%value)
+        case ("max")
+            found%value = max(x%value, y%value)
+        end select
+        call require_finite(reader, found)
+    end subroutine apply
+
+    ! ---------------------------------------------------------------- words
+
+    !> The next letter that is no blank, which it goes to; blank at the end.
+    character(len=1) function next_letter(reader) result(letter)
+        type(reader_type), intent(inout) :: reader
+
+        letter = ""
+        do while (reader%next <= len(reader%text))
+            letter = reader%text(reader%next:reader%next)
+            if (letter /= "") return
+            reader%next = reader%next + 1
+        end do
+    end function next_letter
+
+    !> Letters, digits and underlines from a place on.
+    pure function name_at(text, first) result(name)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: first
+        character(len=:), allocatable :: name
+        integer :: n
+
+        n = 0
+        if (first <= len(text)) n = verify(text(first:)//" ", name_letters) - 1
+        name = text(first:first + n - 1)
+    end function name_at
+
+    subroutine require_letter(reader, letter)
+        type(reader_type), intent(inout) :: reader
+        character(len=1), intent(in) :: letter
+
+        if (reader%problem /= "") return
+        if (next_letter(reader) == letter) then
+            reader%next = reader%next + 1
+        else if (next_letter(reader) == "") then
+            call fail(reader, "ends without "//quoted(letter))
+        else
+            call fail(reader, "has "//quoted(rest_of(reader))//" where "//quoted(letter)//" is expected")
+        end if
+    end subroutine require_letter
+
+    !> Something stands where the text ought to end.
+    subroutine refuse_rest(reader)
+        type(reader_type), intent(inout) :: reader
+        character(len=:), allocatable :: name
+
+        name = name_at(reader%text, reader%next)
+        if (verify(name, letters) == 0 .and. len(name) > 0) then
+            call fail(reader, quoted(name)//" is not a unit that linkdyn knows")
+        else
+            call fail(reader, "has "//quoted(rest_of(reader))//" where an operator is expected")
+        end if
+    end subroutine refuse_rest
+
+    function rest_of(reader) result(rest)
+        type(reader_type), intent(in) :: reader
+        character(len=:), allocatable :: rest
+        integer, parameter :: shown = 24
+
+        rest = reader%text(reader%next:min(len(reader%text), reader%next + shown))
+    end function rest_of
+
+    subroutine require_finite(reader, found)
+        type(reader_type), intent(inout) :: reader
+        type(measured_value), intent(in) :: found
+
+        if (reader%problem /= "") return
+        if (.not. abs(found%value) <= huge(found%value)) then
+            call fail(reader, "is not a finite number")
+        else if (any(abs(found%power) > largest_power)) then
+            call fail(reader, "has a dimension of more than "//to_text(largest_power)//" powers")
+        end if
+    end subroutine require_finite
+
+    !> The first fault is the one that is told.
+    subroutine fail(reader, problem)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: problem
+
+        integer, parameter :: shown = 60
+        character(len=:), allocatable :: text
+
+        if (reader%problem /= "") return
+        text = reader%text
+        if (len(text) > shown) text = text(:shown)//"..."
+        reader%problem = quoted(text)//" "//problem
+        if (problem(:1) == "'") reader%problem = quoted(text)//": "//problem
+    end subroutine fail
+
+    pure function lower(text)
+        character(len=*), intent(in) :: text
+        character(len=len(text)) :: lower
+        integer :: i, at
+
+        lower = text
+        do i = 1, len(text)
+            at = index(letters(27:), text(i:i))
+            if (at > 0) lower(i:i) = letters(at:at)
+        end do
+    end function lower
+end module linkdyn_expression

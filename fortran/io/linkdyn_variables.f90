@@ -1,0 +1,225 @@
+!> Named values of a scene, and numbers that may refer to them.
+module linkdyn_variables
+    use linkdyn_kinds, only: wp
+    use linkdyn_expression, only: measured_value, name_source, evaluate_expression, is_unit_name
+    use linkdyn_scene, only: name_len
+    use linkdyn_text, only: quoted
+    use linkdyn_units, only: quantity_type, n_dimension, read_value, misfit
+    implicit none (type, external)
+    private
+    public :: variable_table, variable_entry, quantity_of_text, measured_of_text
+
+    integer, parameter :: unknown = 0, in_progress = 1, known = 2
+
+    !> A name and what stands behind it.
+    type :: variable_entry
+        character(len=name_len) :: name = ""
+        character(len=:), allocatable :: text           !! as it is written
+        logical :: is_number = .false.                  !! there is no text, `found` is given
+        type(measured_value) :: found
+        integer :: state = unknown
+    end type variable_entry
+
+    !> The variables of a scene.
+    type, extends(name_source) :: variable_table
+        type(variable_entry), allocatable :: entry(:)
+        integer :: culprit = 0                          !! the one in which the last problem lies; 0: in what refers to it
+        logical :: has_unit_names = .false.             !! some are called as a unit is
+    contains
+        procedure :: has => has_variable
+        procedure :: find => find_variable_value
+        procedure :: list => list_variable_names
+        procedure :: forget => forget_values
+        procedure :: is_used
+        procedure :: set_entries
+    end type variable_table
+
+contains
+
+    !> Take over names and texts.
+    subroutine set_entries(self, entry)
+        class(variable_table), intent(inout) :: self
+        type(variable_entry), intent(in) :: entry(:)
+        integer :: i
+
+        self%entry = entry
+        self%has_unit_names = .false.
+        do i = 1, size(entry)
+            if (is_unit_name(trim(entry(i)%name))) self%has_unit_names = .true.
+        end do
+    end subroutine set_entries
+
+    logical function has_variable(self, name) result(has)
+        class(variable_table), intent(in) :: self
+        character(len=*), intent(in) :: name
+
+        has = index_of(self, name) > 0
+    end function has_variable
+
+    !> The value of a variable, found when it is first asked for.
+    recursive subroutine find_variable_value(self, name, depth, found, problem)
+        class(variable_table), intent(inout) :: self
+        character(len=*), intent(in) :: name
+        integer, intent(in) :: depth
+        type(measured_value), intent(out) :: found
+        character(len=:), allocatable, intent(inout) :: problem
+        integer :: i
+
+        i = index_of(self, name)
+        self%culprit = 0
+        if (self%entry(i)%state == in_progress) then
+            self%culprit = i
+            problem = "refers to itself ("//circle_of(self)//")"
+            return
+        else if (self%entry(i)%state == unknown) then
+            self%entry(i)%state = in_progress
+            if (.not. self%entry(i)%is_number) then
+                call value_of_text(self%entry(i)%text, self, depth, found, problem)
+                if (problem /= "") then
+                    if (self%culprit == 0) self%culprit = i
+                    return
+                end if
+                self%entry(i)%found = found
+            end if
+            self%entry(i)%state = known
+        end if
+        found = self%entry(i)%found
+    end subroutine find_variable_value
+
+    subroutine list_variable_names(self, names)
+        class(variable_table), intent(in) :: self
+        character(len=64), allocatable, intent(out) :: names(:)
+        integer :: i, n
+
+        n = 0
+        if (allocated(self%entry)) n = size(self%entry)
+        allocate (names(n))
+        do i = 1, n
+            names(i) = self%entry(i)%name
+        end do
+    end subroutine list_variable_names
+
+    !> Values will be found anew; those that are found are told by `is_used`.
+    subroutine forget_values(self)
+        class(variable_table), intent(inout) :: self
+        integer :: i
+
+        do i = 1, size(self%entry)
+            self%entry(i)%state = unknown
+        end do
+    end subroutine forget_values
+
+    !> True if anything asked for this variable, by itself or through others, since the values were forgotten.
+    logical function is_used(self, name)
+        class(variable_table), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer :: i
+
+        i = index_of(self, name)
+        is_used = .false.
+        if (i > 0) is_used = self%entry(i)%state == known
+    end function is_used
+
+    !> A number in SI from a text that says what is expected: "12 mm", "L/2". `problem` is empty if all is well.
+    subroutine quantity_of_text(text, quantity, variables, value, problem)
+        character(len=*), intent(in) :: text
+        type(quantity_type), intent(in) :: quantity     !! what is expected
+        class(variable_table), intent(inout) :: variables
+        real(wp), intent(out) :: value
+        character(len=:), allocatable, intent(out) :: problem
+        type(measured_value) :: found
+        integer :: power(n_dimension)
+        logical :: is_plain, has_unit
+
+        value = 0
+        call read_plain(text, variables, value, has_unit, power, is_plain, problem)
+        if (is_plain) then
+            if (problem == "") problem = misfit(text, has_unit, power, quantity)
+            return
+        end if
+        call value_of_text(text, variables, 0, found, problem)
+        value = found%value
+        if (problem /= "" .or. .not. found%has_unit) return
+        problem = misfit(text, .true., found%power, quantity)
+        if (problem /= "" .and. all(found%power(:4) == quantity%power(:4))) &
+            problem = problem//", with an angle too many or too few: a factor or divisor of '1 rad' mends it"
+    end subroutine quantity_of_text
+
+    !> The same whatever is expected, with its dimension.
+    subroutine measured_of_text(text, variables, found, problem)
+        character(len=*), intent(in) :: text
+        class(variable_table), intent(inout) :: variables
+        type(measured_value), intent(out) :: found
+        character(len=:), allocatable, intent(out) :: problem
+
+        call value_of_text(text, variables, 0, found, problem)
+    end subroutine measured_of_text
+
+    !> The value of a text, be it a number with its unit or arithmetic.
+    recursive subroutine value_of_text(text, variables, depth, found, problem)
+        character(len=*), intent(in) :: text
+        class(variable_table), intent(inout) :: variables
+        integer, intent(in) :: depth
+        type(measured_value), intent(out) :: found
+        character(len=:), allocatable, intent(inout) :: problem
+        logical :: is_plain
+
+        call read_plain(text, variables, found%value, found%has_unit, found%power, is_plain, problem)
+        if (is_plain) return
+        variables%culprit = 0
+        found = measured_value()
+        call evaluate_expression(text, variables, depth, found, problem)
+    end subroutine value_of_text
+
+    !> A number with its unit is read as such, whatever variables there are, unless one with the name of a unit may be meant:
+    !> "2*m".
+    subroutine read_plain(text, variables, value, has_unit, power, is_plain, problem)
+        character(len=*), intent(in) :: text
+        class(variable_table), intent(in) :: variables
+        real(wp), intent(out) :: value
+        logical, intent(out) :: has_unit
+        integer, intent(out) :: power(n_dimension)
+        logical, intent(out) :: is_plain                !! nothing else is to be tried
+        character(len=:), allocatable, intent(out) :: problem
+        character(len=:), allocatable :: behind
+
+        call read_value(text, value, has_unit, power, problem)
+        if (problem == "") then
+            behind = adjustl(text)
+            behind = adjustl(behind(verify(behind//"?", "+-.0123456789eE"):))
+            is_plain = .not. variables%has_unit_names .or. scan(behind(:min(1, len(behind))), "*/") == 0
+        else
+            is_plain = len_trim(text) == 0
+        end if
+    end subroutine read_plain
+
+    pure integer function index_of(self, name)
+        class(variable_table), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer :: i
+
+        index_of = 0
+        if (.not. allocated(self%entry) .or. len(name) == 0) return
+        do i = 1, size(self%entry)
+            if (self%entry(i)%name == name) index_of = i
+        end do
+    end function index_of
+
+    !> The variables that wait for one another.
+    function circle_of(self) result(text)
+        class(variable_table), intent(in) :: self
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ""
+        do i = 1, size(self%entry)
+            if (self%entry(i)%state /= in_progress) cycle
+            if (len(text) > 200) then
+                text = text//", ..."
+                return
+            end if
+            if (text /= "") text = text//", "
+            text = text//quoted(self%entry(i)%name)
+        end do
+    end function circle_of
+end module linkdyn_variables

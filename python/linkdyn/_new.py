@@ -1,0 +1,134 @@
+"""Scenes to start from: ``linkdyn new`` and ``linkdyn.new``."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .errors import InputError
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+__all__ = ["kinds", "new", "new_command", "parser", "text_of"]
+
+SCENES = Path(__file__).parent / "_scenes"
+BAD_INPUT = 2
+DESCRIPTION = """\
+Write a scene of a kind to start from: it runs, and its comments say what stands where. Without a KIND: list them."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> None:  # type: ignore[override]
+        sys.exit(_refuse(f"new: {message} (linkdyn new --help lists the options)"))
+
+
+def parser() -> argparse.ArgumentParser:
+    """What the command takes."""
+    command = _Parser(prog="linkdyn new", description=DESCRIPTION, add_help=False, allow_abbrev=False,
+                      usage="linkdyn new [KIND] [options]", formatter_class=argparse.RawDescriptionHelpFormatter)
+    add = command.add_argument
+    add("kind", metavar="KIND", nargs="?", help="; ".join(kinds()))
+    add("-o", "--output", metavar="FILE", help="the scene; default: KIND.toml in this folder; - writes it to the terminal")
+    add("--force", action="store_true", help="replace FILE if it is there")
+    add("-q", "--quiet", action="store_true", help="do not say what was written")
+    add("-h", "--help", action="help", help="this text")
+    return command
+
+
+def kinds() -> dict[str, str]:
+    """All kinds, each with a line that says what it is."""
+    files = sorted(SCENES.glob("*.toml"))
+    return {file.stem: file.read_text(encoding="utf-8").partition("\n")[0].removeprefix("#").strip() for file in files}
+
+
+def text_of(kind: str) -> str:
+    """The scene file of a kind.
+
+    Raises
+    ------
+    InputError
+        There is no such kind.
+    """
+    known = list(kinds())
+    if kind not in known:
+        near = difflib.get_close_matches(kind, known, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise InputError(f"new: {kind!r}: unknown kind (expected one of {', '.join(known)}){hint}")
+    return (SCENES / f"{kind}.toml").read_text(encoding="utf-8")
+
+
+def new(kind: str) -> Scene:
+    """A scene to start from.
+
+    Parameters
+    ----------
+    kind
+        "four-bar", "slider-crank", "six-bar", "five-bar", "3-rrr", "arm", "excavator", "scissor-lift", "delta" or "hexapod": what
+        ``linkdyn new`` lists. ``scene.text`` is the file with its comments, ``scene.with_({"variables.L": ..})`` the scene in another size.
+
+    Raises
+    ------
+    InputError
+        There is no such kind.
+
+    Examples
+    --------
+    >>> scene = linkdyn.new("four-bar")
+    >>> longer = scene.with_({"variables.coupler": 0.5})
+    """
+    from ._arguments import as_name
+    from .scene import Scene
+
+    return Scene(text_of(as_name("kind", kind)))
+
+
+def new_command(arguments: Sequence[str]) -> int:
+    """Write the scene; the exit status."""
+    options = parser().parse_args(arguments)
+    if options.kind is None:
+        if options.output is not None or options.force:
+            return _refuse("new: no KIND given (linkdyn new lists them)")
+        for kind, summary in kinds().items():
+            print(f"  {kind:14}{summary}")
+        return 0
+    try:
+        text = text_of(options.kind)
+    except InputError as error:
+        return _refuse(str(error))
+    target = options.output if options.output is not None else f"{options.kind}.toml"
+    if target == "-":
+        print(text, end="")
+        return 0
+    try:
+        _write(Path(target), text, replaces=options.force)
+    except FileExistsError:
+        return _refuse(f"new: {target!r} is there already (expected another file, --output FILE, or --force)")
+    except (OSError, ValueError) as error:
+        return _refuse(f"new: {target!r}: {getattr(error, 'strerror', None) or error}")
+    if not options.quiet:
+        print(f"  scene            {target}\n  next             linkdyn inverse {target}")
+    return 0
+
+
+def _write(target: Path, text: str, replaces: bool) -> None:
+    """The whole file or none: written beside it, then given its name, which must be free unless it may be replaced."""
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        if replaces:
+            part.replace(target)
+        else:
+            os.link(part, target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _refuse(message: str) -> int:
+    print(f"linkdyn: {' '.join(message.split())}", file=sys.stderr)
+    return BAD_INPUT
