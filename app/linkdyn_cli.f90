@@ -153,8 +153,8 @@ contains
             if (config%command == command_none .and. index(word, "-") == 1) then
                 call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
             else if (config%command == command_none) then
-                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view, new or explain)" &
-                            //suggestion(word, command_name))
+                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view, new or " &
+                            //"explain)"//suggestion(word, command_name))
             end if
         end associate
         if (.not. status%is_ok()) return
