@@ -14,7 +14,7 @@ module linkdyn_expression
     use linkdyn_constants, only: pi
     use linkdyn_input, only: parse_number
     use linkdyn_suggest, only: suggestion
-    use linkdyn_text, only: quoted, to_text, join
+    use linkdyn_text, only: quoted, to_text
     use linkdyn_units, only: n_dimension, read_unit, dimension_text, ascii_unit, is_unit
     implicit none (type, external)
     private

@@ -2,7 +2,7 @@
 module linkdyn_scene_motion
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
-    use linkdyn_text, only: to_text, quoted, join
+    use linkdyn_text, only: quoted
     use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, name_len, frame_link, coordinate_joint, &
         coordinate_pose, pose_component_name, joint_n_variable, variable_name, joint_revolute, &
         law_none, law_constant

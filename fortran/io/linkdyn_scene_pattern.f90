@@ -6,7 +6,7 @@
 module linkdyn_scene_pattern
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
-    use linkdyn_scene_keys, only: scene_place, place_at, pattern_key, refuse, refuse_value, refuse_missing, table_list, &
+    use linkdyn_scene_keys, only: scene_place, place_at, pattern_key, refuse_value, refuse_missing, table_list, &
         get_integer, get_word, list_of, direction_of
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
