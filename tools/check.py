@@ -105,9 +105,10 @@ WAYS = {
         ("tests/python", "tests/cli", "-m", "lanes or not accuracy"),
     ),
     "lanes32": Way(
-        "32 lanes, AVX2, without OpenMP",
+        "32 lanes, AVX2 in records' code too, without OpenMP",
         (*OPTIMIZED_LITTLE, "-Dlanes=32", "-Dmarch=x86-64-v3", "-Dopenmp=disabled"),
         ("tests", "-m", "(accuracy or lanes) and not long"),
+        lambda: {"LINKDYN_CODE": "avx2"},
         lacks=lacks_instructions("avx2", "fma"),
     ),
     "mpi": Way(
