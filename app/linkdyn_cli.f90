@@ -45,7 +45,7 @@ module linkdyn_cli
         option_type("--want", T, [T, T, F, F, F, T]), &
         option_type("--solver", T, [T, T, T, F, F, F]), &
         option_type("--threads", T, [T, T, T, F, F, F]), &
-        option_type("--code", T, [T, T, T, F, F, F]), &
+        option_type("--code", T, [T, T, F, F, F, F]), &
         option_type("--error", F, [T, T, F, F, F, F]), &
         option_type("--states", T, [T, F, F, F, F, F]), &
         option_type("--method", T, [F, T, F, F, F, F]), &
@@ -516,8 +516,6 @@ contains
             "  --sheet FILE        sizing sheet, .html or .pdf; results go beside it as .nc if no --output is given;", &
             "                      needs the Python package", &
             "  --threads N         threads to compute with; default 1; the results do not depend on it", &
-            "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
-            "                      best; the results do not depend on it", &
             "  --resume            go on where an interrupted run of the same sweep stands", &
             "  --yes               start though it is large or long", &
             "  --checkpoint S      seconds between two checkpoints; default 5", &
@@ -553,6 +551,8 @@ contains
             "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced,", &
             "                      or gauss-jordan-plain (for comparison only)", &
             "  --threads N         threads for the forces at output instants; default 1", &
+            "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
+            "                      best; the results do not depend on it", &
             "  --compress          compress the netCDF file", &
             "  -q, --quiet         no table and no progress", &
             "  -h, --help          this text"
@@ -578,6 +578,8 @@ contains
             "  --states FILE       q, qd, qdd from a CSV file, as written with --csv, instead of the", &
             "                      scene's motion: a row a sample; columns as the results have them", &
             "  --threads N         threads to compute with; default 1", &
+            "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
+            "                      best; the results do not depend on it", &
             "  --compress          compress the netCDF file", &
             "  -q, --quiet         no table and no progress", &
             "  -h, --help          this text"

@@ -170,7 +170,7 @@ def test_wrong_command_line(arguments, fragments, tsai_file, tmp_path):
 COMMANDS = ["inverse", "forward", "sweep", "study", "explain"]
 VALUES = {"--until": "1", "--step": "1e-3", "--rtol": "1e-6", "--atol": "1e-6", "--samples": "3", "--threads": "1",
           "--checkpoint": "5", "--method": "rk8pd", "--solver": "lapack", "--want": "checks", "--keep": "driving_force",
-          "--output": "x", "--states": "x", "--sheet": "x.html"}
+          "--output": "x", "--states": "x", "--sheet": "x.html", "--code": "scalar"}
 
 
 def options_in_help(command: str) -> set[str]:
