@@ -136,12 +136,14 @@ contains
         integer, intent(inout) :: n                 !! copies; their number if it is not given
         real(wp), allocatable, intent(out) :: by(:)
         type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: expected
 
         call list_of(place, "angles", node, angle, by, status)
         if (.not. status%is_ok()) return
         if (size(by) < 1 .or. size(by) > most_copies .or. (is_repeated .and. size(by) /= n)) then
-            call refuse_value(place, "angles", node, "has "//to_text(size(by))//" elements (expected "// &
-                merge(to_text(n)//", as many as 'repeat'", "1 to "//to_text(most_copies)//"            ", is_repeated)//")", status)
+            expected = "1 to "//to_text(most_copies)
+            if (is_repeated) expected = to_text(n)//", as many as 'repeat'"
+            call refuse_value(place, "angles", node, "has "//to_text(size(by))//" elements (expected "//expected//")", status)
             return
         end if
         n = size(by)
