@@ -661,7 +661,9 @@ contains
             member = [(min((block - 1)*lanes + i, size(q_start, 2)), i=1, lanes)]
             run%model => model
             allocate (run%system)
+            call hold_texts()
             call build_forward_system(model, options%stage_solver, run%system, status)
+            call release_texts()
             if (status%is_ok()) then
                 run%system%wants_work = .false.
                 call run%system%share_record(teller)

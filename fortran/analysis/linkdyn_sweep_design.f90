@@ -7,6 +7,7 @@ module linkdyn_sweep_design
     use linkdyn_force_map, only: force_map, prepare_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_scene, only: scene_type
@@ -68,8 +69,11 @@ contains
                 quantity_moment_amplification, quantity_determinant]) > 0)
             design%needs_forces = row%n_early < row%n
         end associate
+        ! several threads open designs at once
+        call hold_texts()
         call source%make(axis_values(plan, number*plan%n_pose), scene, design%status)
         if (design%status%is_ok()) call build_model(scene, design%model, design%status)
+        call release_texts()
         if (design%status%is_ok()) &
             call build_equations(design%model, solver, design%wants_reactions, design%equations, design%status)
         if (design%status%is_ok()) call make_room(spec, plan, row, design)

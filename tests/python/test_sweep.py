@@ -558,3 +558,25 @@ def test_many_designs_by_values(tmp_path):
     subprocess.run([executable(), "sweep", file, "-q", "--yes", "-o", tmp_path / "run.nc"], check=True, timeout=300)
     with xr.open_dataset(tmp_path / "run.nc") as run:
         assert run.sizes["design"] == n and np.isfinite(run.driving_force_max).all()
+
+
+def test_threads_read_designs_at_once() -> None:
+    """Units and messages are texts, which gfortran's functions return through memory that threads share: a thread that read `20 mm` while
+    another one read a unit took 20 m, once in a thousand designs, with status ok."""
+    bodies = {"crank": ("100 mm", "400 g", ["50 mm", "1 mm"], "0.4 g*m^2"), "coupler": ("280 mm", "900 g", ["140 mm", "2 mm"], "6 g*m^2"),
+              "rocker": ("200 mm", "700 g", ["0.1 m", "3 mm"], "2 g*m^2")}
+    scene = linkdyn.Scene({
+        "space": "planar", "gravity": [0.0, "-9.81 m/s^2"],
+        "frame": {"markers": {"A": [0.0, 0.0], "D": ["300 mm", "0 mm"]}},
+        "link": [{"name": name, "markers": {"from": ["0 mm", 0.0], "to": [length, "0 mm"]}, "mass": mass, "cog": cog, "inertia": inertia}
+                 for name, (length, mass, cog, inertia) in bodies.items()],
+        "joint": [{"name": name, "type": "revolute", "between": between} for name, between in {
+            "A": ["frame.A", "crank.from"], "B": ["crank.to", "coupler.from"], "C": ["coupler.to", "rocker.from"], "D": ["frame.D", "rocker.to"],
+        }.items()],
+        "coordinate": [{"joint": "A"}], "actuator": [{"joint": "A"}],
+    })
+    sweep = {"reduce": ["driving_force"], "chunk": 1, "axis": [
+        {"parameter": "link.crank.mass", "linspace": [1.0, 2.0, 4000], "as": "factor"}, {"coordinate": "A", "values": [0.7, 1.0]}]}
+    alone = scene.sweep(sweep, threads=1)
+    together = scene.sweep(sweep, threads=2)
+    np.testing.assert_array_equal(together.driving_force_max, alone.driving_force_max)
