@@ -45,7 +45,7 @@ module linkdyn_cli
         option_type("--want", T, [T, T, F, F, F, T]), &
         option_type("--solver", T, [T, T, T, F, F, F]), &
         option_type("--threads", T, [T, T, T, F, F, F]), &
-        option_type("--code", T, [T, T, F, F, F, F]), &
+        option_type("--code", T, [T, T, T, F, F, F]), &
         option_type("--error", F, [T, T, F, F, F, F]), &
         option_type("--states", T, [T, F, F, F, F, F]), &
         option_type("--method", T, [F, T, F, F, F, F]), &
@@ -56,7 +56,7 @@ module linkdyn_cli
         option_type("--samples", T, [F, T, F, F, F, F]), &
         option_type("--no-switch", F, [F, T, F, F, F, F]), &
         option_type("--keep", T, [F, F, T, F, F, F]), &
-        option_type("--sheet", T, [F, F, T, F, F, F]), &
+        option_type("--sheet", T, [T, T, T, F, F, F]), &
         option_type("--resume", F, [F, F, T, F, F, F]), &
         option_type("--yes", F, [F, F, T, F, F, F]), &
         option_type("--checkpoint", T, [F, F, T, F, F, F]), &
@@ -145,16 +145,25 @@ contains
             case ("view")
                 call refuse("view: the page is made by the Python package (expected the command linkdyn that it installs)")
                 return
+            case ("draw")
+                call refuse("draw: the picture is made by the Python package (expected the command linkdyn that it installs)")
+                return
+            case ("balance")
+                call refuse("balance: it is computed by the Python package (expected the command linkdyn that it installs)")
+                return
             case ("new")
                 call refuse("new: scenes to start from are in the Python package (expected the command linkdyn that it installs)")
+                return
+            case ("assemblies")
+                call refuse("assemblies: the table is made by the Python package (expected the command linkdyn that it installs)")
                 return
             end select
             config%command = findloc(command_name, word, dim=1)
             if (config%command == command_none .and. index(word, "-") == 1) then
                 call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
             else if (config%command == command_none) then
-                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view, new or " &
-                            //"explain)"//suggestion(word, command_name))
+                call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view, draw, " &
+                            //"balance, new, assemblies or explain)"//suggestion(word, command_name))
             end if
         end associate
         if (.not. status%is_ok()) return
@@ -164,6 +173,7 @@ contains
         end do
         if (.not. status%is_ok() .or. config%help) return
         if (.not. allocated(config%scene)) call refuse("no scene given (expected a file, e.g. scene.toml)")
+        call heed_ending()
         if (config%no_output .and. (allocated(config%output) .or. config%csv .or. config%deflate > 0)) &
             call refuse("--no-output: nothing is written (expected no --output, --csv or --compress beside it)")
         if (config%csv .and. config%deflate > 0) &
@@ -182,6 +192,18 @@ contains
         config%options%wants_distance = config%wanted%distance
 
     contains
+
+        !> A table is asked for by the ending of its name, too; with that of the other kind it would be taken for one.
+        subroutine heed_ending()
+            integer :: dot
+
+            if (.not. allocated(config%output) .or. all(config%command /= [command_inverse, command_forward])) return
+            dot = index(config%output, ".", back=.true.)
+            if (dot == 0) return
+            if (config%output(dot:) == ".csv") config%csv = .true.
+            if (config%output(dot:) == ".nc" .and. config%csv) &
+                call refuse("--csv: "//quoted(config%output)//" has the ending of netCDF (expected .csv)")
+        end subroutine heed_ending
 
         !> Which results there are depends on the kernel, which may be named later.
         subroutine take_code_results()
@@ -312,7 +334,7 @@ contains
                 if (len_trim(value) == 0) call refuse(name//": empty file name")
                 config%output = value
             case ("--sheet")
-                call refuse("--sheet: the sizing sheet is drawn by the Python package (expected the command linkdyn that it " &
+                call refuse("--sheet: the sheet is drawn by the Python package (expected the command linkdyn that it " &
                             //"installs)")
             case ("--states")
                 if (len_trim(value) == 0) call refuse(name//": empty file name")
@@ -451,7 +473,10 @@ contains
                 "  linkdyn study SCENE [options]     time against error of every solver and integrator", &
                 "  linkdyn generate SCENE [options]  C code of forces or motion, for controllers", &
                 "  linkdyn view SCENE|RUN.nc         an interactive picture; needs the Python package", &
+                "  linkdyn draw SCENE                a picture of the mechanism; needs the Python package", &
+                "  linkdyn balance SCENE             counterweights against shaking forces; needs the Python package", &
                 "  linkdyn new [KIND]                a scene to start from; needs the Python package", &
+                "  linkdyn assemblies SCENE          ways in which it closes at the start; needs the Python package", &
                 "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
                 "", &
                 "  linkdyn COMMAND --help            options of a command", &
@@ -521,6 +546,8 @@ contains
             "  --checkpoint S      seconds between two checkpoints; default 5", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced,", &
             "                      or gauss-jordan-plain (for comparison only)", &
+            "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
+            "                      best; the results do not depend on it", &
             "  -q, --quiet         no table and no progress", &
             "  -h, --help          this text"
     end subroutine print_sweep_help
@@ -533,13 +560,14 @@ contains
             "", &
             "Motion, joint reactions and energies from the laws of the scene's actuators, from its start on.", &
             "", &
-            "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
+            "  -o, --output FILE   results: netCDF-4, or a table if its name ends in .csv; default: the scene's name", &
+            "                      with .nc (or .csv) in this folder", &
             "  --csv               a CSV table instead of netCDF-4", &
             "  --no-output         keep nothing but the summary", &
             "  --until T           end of the run in s; default: the end of the scene's [time]", &
             "  --samples N         instants of output, both ends included; default: the scene's", &
-            "  --method NAME       rk8pd (default; without GSL: gbs), rkf45, gbs (many digits), msbdf (stiff scenes),", &
-            "                      rk4 (fixed step)", &
+            "  --method NAME       rk8pd (default; without GSL: gbs), rkf45, gbs (many digits), seulex or msbdf", &
+            "                      (stiff scenes), rk4 (fixed step)", &
             "  --step H            fixed step, or the first one tried, in s; default 0.001", &
             "  --rtol R, --atol A  error allowed in a step, relative and absolute; default 1e-9; rk4 has none", &
             "  --error             also estimate the error that the run gathers, of the motion and of every force: takes up", &
@@ -554,6 +582,8 @@ contains
             "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
             "                      best; the results do not depend on it", &
             "  --compress          compress the netCDF file", &
+            "  --sheet FILE        sheet of drives, bearings, limits and pictures, .html or .pdf; results go beside it as", &
+            "                      .nc if no --output is given; needs the Python package", &
             "  -q, --quiet         no table and no progress", &
             "  -h, --help          this text"
     end subroutine print_forward_help
@@ -566,7 +596,8 @@ contains
             "", &
             "Driving forces and joint reactions along the motion that the scene file gives.", &
             "", &
-            "  -o, --output FILE   results; default: the scene's name with .nc (or .csv) in this folder", &
+            "  -o, --output FILE   results: netCDF-4, or a table if its name ends in .csv; default: the scene's name", &
+            "                      with .nc (or .csv) in this folder", &
             "  --csv               a CSV table instead of netCDF-4", &
             "  --no-output         keep nothing but the summary: for runs of any length", &
             "  --want LIST         driving_force, reaction, joint_variable, power, checks, or all of these (default);", &
@@ -581,6 +612,8 @@ contains
             "  --code NAME         machine code of kernels: avx512, avx2, scalar, or interpreter; default: the processor's", &
             "                      best; the results do not depend on it", &
             "  --compress          compress the netCDF file", &
+            "  --sheet FILE        sheet of drives, bearings, limits and pictures, .html or .pdf; results go beside it as", &
+            "                      .nc if no --output is given; needs the Python package", &
             "  -q, --quiet         no table and no progress", &
             "  -h, --help          this text"
     end subroutine print_inverse_help

@@ -1,12 +1,12 @@
 !> `linkdyn generate`: a kernel of a scene as C.
 module linkdyn_drive_generate
     use linkdyn_cli, only: command_line
+    use linkdyn_code_texts, only: make_code_texts
     use linkdyn_drive_inverse, only: load_model
-    use linkdyn_generate, only: generate_code, kernel_name, kernel_inverse
+    use linkdyn_generate, only: kernel_name, kernel_inverse
     use linkdyn_model, only: model_type
     use linkdyn_output_file, only: output_file, open_output, write_text, finish_text, discard_output
     use linkdyn_path, only: refuse_inputs
-    use linkdyn_report, only: open_report, read_report
     use linkdyn_run_output, only: default_name, exit_done, exit_bad_input
     use linkdyn_status, only: status_type
     use linkdyn_terminal, only: show_stage, say
@@ -36,7 +36,9 @@ contains
         if (status%is_ok()) call refuse_inputs(path//".c", model%scene, status)
         if (status%is_ok()) then
             call show_stage("writing code")
-            call make_texts(config, model, path(index(path, "/", back=.true.) + 1:), header, source, status)
+            call make_code_texts(model, config%code, path(index(path, "/", back=.true.) + 1:), header, source, status)
+            ! messages start with the scene's name
+            if (.not. status%is_ok()) status%message = config%scene//": "//trim(status%message)
         end if
         if (status%is_ok()) call write_both(path, header, source, status)
         if (.not. status%is_ok()) then
@@ -56,24 +58,6 @@ contains
         if (len(path) < 3) return
         if (path(len(path) - 1:) == ".c" .or. path(len(path) - 1:) == ".h") path = path(:len(path) - 2)
     end function without_ending
-
-    !> Messages start with the scene's name.
-    subroutine make_texts(config, model, name, header, source, status)
-        type(command_line), intent(in) :: config
-        type(model_type), intent(in) :: model
-        character(len=*), intent(in) :: name
-        character(len=:), allocatable, intent(out) :: header, source
-        type(status_type), intent(inout) :: status
-        integer :: header_unit, source_unit
-
-        call open_report(header_unit, status)
-        call open_report(source_unit, status)
-        if (.not. status%is_ok()) return
-        call generate_code(model, config%code, name, header_unit, source_unit, status)
-        if (.not. status%is_ok()) status%message = config%scene//": "//trim(status%message)
-        call read_report(header_unit, header, status)
-        call read_report(source_unit, source, status)
-    end subroutine make_texts
 
     !> Neither is replaced where the other cannot be written.
     subroutine write_both(path, header, source, status)

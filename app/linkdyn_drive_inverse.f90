@@ -44,6 +44,7 @@ module linkdyn_drive_inverse
         real(wp), allocatable :: load(:, :, :)            !! (6, n_load, n)
         real(wp), allocatable :: driving_force(:, :)      !! for the power, when it is not stored itself
         real(wp), allocatable :: joint_rate(:, :)         !! likewise
+        real(wp), allocatable :: nothing(:, :)            !! coordinates of a structure, which has none (0, n)
     end type scratch_type
 
 contains
@@ -216,7 +217,7 @@ contains
         integer, intent(in) :: n
         type(scratch_type), intent(out) :: scratch
 
-        allocate (scratch%load(6, model%n_load, n))
+        allocate (scratch%load(6, model%n_load, n), scratch%nothing(0, n))
         if (.not. config%wanted%power) return
         if (.not. config%wanted%driving_force) allocate (scratch%driving_force(model%n_actuator, n))
         if (.not. config%wanted%joint_variable) allocate (scratch%joint_rate(model%n_variable, n))
@@ -241,6 +242,11 @@ contains
         call view_values(layout, result_q, n, block, q)
         call view_values(layout, result_qd, n, block, qd)
         call view_values(layout, result_qdd, n, block, qdd)
+        if (model%n_q == 0) then
+            q => scratch%nothing(:, :n)
+            qd => q
+            qdd => q
+        end if
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
         call view_values(layout, result_status, n, block, results%status)

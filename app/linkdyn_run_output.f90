@@ -8,7 +8,7 @@ module linkdyn_run_output
     use linkdyn_results, only: layout_type, block_type, variable_index, result_assembly
     use linkdyn_roads, only: road_counts
     use linkdyn_code, only: code_in_use
-    use linkdyn_scene, only: scene_type
+    use linkdyn_scene, only: scene_type, idle_spins
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type
     use linkdyn_text, only: to_text
@@ -78,6 +78,7 @@ contains
         attributes%solver = config%solver
         attributes%scene = ""
         if (allocated(scene%text)) attributes%scene = scene%text
+        attributes%idle_spins = idle_spins(scene)
         attributes%history = timestamp()//" "//command_text()
         attributes%gravity = scene%gravity
     end function run_attributes

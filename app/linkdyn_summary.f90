@@ -11,7 +11,7 @@ module linkdyn_summary
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: scene_type
+    use linkdyn_scene, only: scene_type, idle_spins
     use linkdyn_status, only: sample_ok, sample_status_name, message_len
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -269,6 +269,8 @@ contains
         end if
         if (size(summary%worst) > 0) call print_errors(layout, summary%worst, unit)
         write (unit, "(a)") ""
+        if (idle_spins(model%scene) /= "") write (unit, "(a)") &
+            "  idle spins       "//idle_spins(model%scene)//": held, nothing else depends on them"
         if (len(choices_in_words(model)) > 0) write (unit, "(a)") "  assembly         "//choices_in_words(model)
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
         if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &

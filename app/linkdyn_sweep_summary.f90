@@ -1,6 +1,7 @@
 !> The table at the end of a sweep: peaks of every actuator with where they are, the largest joint forces, feasibility.
 module linkdyn_sweep_summary
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_code, only: code_in_use
     use linkdyn_kinds, only: wp
     use linkdyn_summary, only: significant, left, right
     use linkdyn_sweep, only: sweep_run
@@ -47,6 +48,7 @@ contains
         if (run%row%place(quantity_reaction_moment) > 0) &
             call print_largest(run, run%row%quantity(run%row%place(quantity_reaction_moment)), "largest joint moment", unit)
         call print_outcomes(run, unit)
+        if (index(code_in_use(), " ") > 0) write (unit, "(a)") "  machine code     "//code_in_use()
         write (unit, "(a)") "  computing time   "//significant(seconds)//" s"
         write (unit, "(a)") "  results          "//output
     end subroutine print_sweep

@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "linkdyn_line.h"
+
 enum { NEVER = INT_MAX, MOST_REGISTERS = 32, NO_REGISTER = -1 };
 
 struct code {
@@ -39,49 +41,54 @@ static void results_of(const struct lane_step *s, int result[2])
     result[1] = s->second;
 }
 
-/* One walk back over all groups. NULL: no memory. */
+/* What is known of the slots on the walk back: when each is read next, and when last before it is written. */
+struct walk { int *next, *last; };
+
+static void note_read(const struct walk *w, int slot, int when)
+{
+    w->next[slot] = when;
+    if (w->last[slot] < when) w->last[slot] = when;
+}
+
+static void note_step(const struct walk *w, const struct lane_step *step, int k, int end, struct needs *needs)
+{
+    int operand[3], result[2];
+    operands_of(step, operand);
+    results_of(step, result);
+    for (int i = 0; i < 2; i++) {
+        if (result[i] < 0) continue;
+        needs->first[i] = w->next[result[i]] < end ? w->next[result[i]] : NEVER;
+        needs->is_kept[i] = w->last[result[i]] >= end;
+        w->next[result[i]] = NEVER;
+        w->last[result[i]] = -1;
+    }
+    for (int i = 0; i < 3; i++)
+        if (operand[i] >= 0) needs->next[i] = w->next[operand[i]] < end ? w->next[operand[i]] : NEVER;
+    for (int i = 0; i < 3; i++)
+        if (operand[i] >= 0) note_read(w, operand[i], k);
+}
+
+/* One walk back over all groups; outputs are read at the end of theirs. NULL: no memory. */
 static struct needs *find_needs(const struct lane_line *line)
 {
     struct needs *needs = malloc(sizeof *needs*(line->n_step + 1));
-    int *next = malloc(sizeof *next*(line->n_slot + 1)), *last = malloc(sizeof *last*(line->n_slot + 1));
-    if (!needs || !next || !last) {
-        free(needs);
-        needs = NULL;
-    } else {
+    const struct walk w = {malloc(sizeof *w.next*(line->n_slot + 1)), malloc(sizeof *w.last*(line->n_slot + 1))};
+    if (needs && w.next && w.last) {
         for (int s = 0; s <= line->n_slot; s++) {
-            next[s] = NEVER;
-            last[s] = -1;
+            w.next[s] = NEVER;
+            w.last[s] = -1;
         }
         for (int g = line->n_group - 1; g >= 0; g--) {
-            const int end = line->step_end[g];
-            for (int i = g > 0 ? line->output_end[g - 1] : 0; i < line->output_end[g]; i++) {
-                const int s = line->output[i];
-                next[s] = end;
-                if (last[s] < end) last[s] = end;
-            }
-            for (int k = end - 1; k >= (g > 0 ? line->step_end[g - 1] : 0); k--) {
-                int slot[3];
-                results_of(&line->step[k], slot);
-                for (int i = 0; i < 2; i++) {
-                    if (slot[i] < 0) continue;
-                    needs[k].first[i] = next[slot[i]] < end ? next[slot[i]] : NEVER;
-                    needs[k].is_kept[i] = last[slot[i]] >= end;
-                    next[slot[i]] = NEVER;
-                    last[slot[i]] = -1;
-                }
-                operands_of(&line->step[k], slot);
-                for (int i = 0; i < 3; i++)
-                    if (slot[i] >= 0) needs[k].next[i] = next[slot[i]] < end ? next[slot[i]] : NEVER;
-                for (int i = 0; i < 3; i++) {
-                    if (slot[i] < 0) continue;
-                    next[slot[i]] = k;
-                    if (last[slot[i]] < k) last[slot[i]] = k;
-                }
-            }
+            const int end = line->step_end[g], begin = g > 0 ? line->step_end[g - 1] : 0;
+            for (int i = g > 0 ? line->output_end[g - 1] : 0; i < line->output_end[g]; i++) note_read(&w, line->output[i], end);
+            for (int k = end - 1; k >= begin; k--) note_step(&w, &line->step[k], k, end, &needs[k]);
         }
+    } else {
+        free(needs);
+        needs = NULL;
     }
-    free(next);
-    free(last);
+    free(w.next);
+    free(w.last);
     return needs;
 }
 
@@ -118,8 +125,7 @@ static void put(struct allocation *a, struct emit_step step)
 
 static struct place memory_of(const struct allocation *a, int slot)
 {
-    const int constant = slot - a->line->first_constant;
-    if (a->repeats && constant >= 0 && constant < a->line->n_constant) return (struct place){IN_CONSTANT, constant};
+    if (a->repeats && linkdyn_is_constant(a->line, slot)) return (struct place){IN_CONSTANT, slot - a->line->first_constant};
     return (struct place){IN_SLOT, slot};
 }
 
@@ -158,11 +164,6 @@ static int take_register(struct allocation *a)
     }
     a->pinned |= (uint32_t)1 << r;
     return r;
-}
-
-static void pin(struct allocation *a, int slot)
-{
-    if (a->home[slot] != NO_REGISTER) a->pinned |= (uint32_t)1 << a->home[slot];
 }
 
 /* The register of an operand. */
@@ -205,11 +206,7 @@ static void release_operands(struct allocation *a, const int operand[3])
 static int put_multiply_add(struct allocation *a, int kind, int p, int q, int c)
 {
     int d;
-    if (a->home[p] == NO_REGISTER || (a->home[q] != NO_REGISTER && is_over(a, q) && !is_over(a, p))) {
-        const int t = p;
-        p = q;
-        q = t;
-    }
+    if (a->home[p] == NO_REGISTER || (a->home[q] != NO_REGISTER && is_over(a, q) && !is_over(a, p))) swap_slots(&p, &q);
     if (a->home[c] != NO_REGISTER && is_over(a, c)) {                  /* 231: d = p q + d */
         d = a->home[c];
     } else if (a->home[p] != NO_REGISTER && is_over(a, p)) {
@@ -252,11 +249,7 @@ static int put_plain(struct allocation *a, const struct lane_step *s, const int 
     case LANE_WHOLE: step.kind = EMIT_WHOLE; break;
     default: step.kind = EMIT_SELECT; y = s->c; z = s->b; step.x = in_register(a, s->x); break;
     }
-    if ((s->kind == LANE_MULTIPLY || s->kind == LANE_ADD) && a->home[y] == NO_REGISTER) {
-        const int t = y;
-        y = z;
-        z = t;
-    }
+    if ((s->kind == LANE_MULTIPLY || s->kind == LANE_ADD) && a->home[y] == NO_REGISTER) swap_slots(&y, &z);
     if (y >= 0) step.y = in_register(a, y);
     /* these have no form with a number in memory for every set */
     const int wants_register = s->kind == LANE_ABSOLUTE || s->kind == LANE_WHOLE || s->kind == LANE_SELECT;
@@ -299,7 +292,7 @@ static void put_step(struct allocation *a, const struct lane_step *s, const stru
     for (int i = 0; i < 3; i++) {
         if (operand[i] < 0) continue;
         a->next[operand[i]] = needs->next[i];
-        pin(a, operand[i]);
+        if (a->home[operand[i]] != NO_REGISTER) a->pinned |= (uint32_t)1 << a->home[operand[i]];
     }
     switch (s->kind) {
     case LANE_SINE_COSINE: case LANE_ARCTANGENT:

@@ -8,8 +8,7 @@
 static const char *const names[] = {"interpreter", "scalar", "avx2", "avx512"};
 enum { N_SET = sizeof names/sizeof names[0], UNKNOWN = -1 };
 
-/* What the processor runs best. */
-static enum code_set best_set(void)
+enum code_set linkdyn_best_set(void)
 {
 #if defined(__x86_64__)
     __builtin_cpu_init();
@@ -51,7 +50,7 @@ int linkdyn_code_is_known(void) { return wish() != UNKNOWN; }
 
 enum code_set linkdyn_code_set(int can_fuse, int one)
 {
-    const int best = best_set(), wished = wish();
+    const int best = linkdyn_best_set(), wished = wish();
     if (!can_fuse || !linkdyn_emit_is_there() || best == CODE_INTERPRETER || wished <= CODE_INTERPRETER) return CODE_INTERPRETER;
     if (one) return CODE_SCALAR;
     return wished < best ? wished : best;
@@ -74,7 +73,7 @@ static const char *why_interpreted(int can_fuse)
 {
     if (wish() == CODE_INTERPRETER) return NULL;
     if (!linkdyn_emit_is_there()) return "this build has no encoder of machine code";
-    if (!can_fuse || best_set() == CODE_INTERPRETER) return "no machine code for this processor";
+    if (!can_fuse || linkdyn_best_set() == CODE_INTERPRETER) return "no machine code for this processor";
     return __atomic_load_n(&refusal_state, __ATOMIC_ACQUIRE) == 2 ? refusal : NULL;
 }
 

@@ -4,6 +4,13 @@
 
 #include "linkdyn_emit.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* The best code that the processor runs. */
+enum code_set linkdyn_best_set(void);
+
 /* What LINKDYN_CODE = interpreter | scalar | avx2 | avx512 asks for, or the best that the processor runs. `can_fuse`: this
  * process works with multiply-adds, which all code has. */
 enum code_set linkdyn_code_set(int can_fuse, int one);
@@ -18,4 +25,7 @@ void linkdyn_describe_code(int can_fuse, char *text, int room);
 /* Some code could not be made. */
 void linkdyn_code_refused(const char *reason);
 
+#ifdef __cplusplus
+}
+#endif
 #endif

@@ -1,6 +1,8 @@
 // The encoder for x86-64, by Xbyak: the only file that knows it. No exception leaves it.
 #include "linkdyn_emit.h"
 
+#include "linkdyn_code_choice.h"
+
 #include <cstdio>
 #include <exception>
 
@@ -11,9 +13,9 @@ namespace {
 
 using namespace Xbyak;
 
-bool has_avx512() {
-    __builtin_cpu_init();
-    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+// Code of the set may use 32 registers, and masks.
+bool has_many_registers(code_set set) {
+    return set == CODE_AVX512 || (set == CODE_SCALAR && linkdyn_best_set() == CODE_AVX512);
 }
 
 // The most bytes that a step, and the frame of a function, may take.
@@ -27,7 +29,7 @@ enum { less_ordered = 0x11, nearest_even = 8 };    // _CMP_LT_OQ; rounding witho
 struct emitter : CodeGenerator {
     const enum code_set set;
     const int width, stride;                       // samples in a register; bytes of a slot
-    const bool has_many;                           // 32 registers and masks
+    const bool has_many;
     const lane_functions functions;
     char fault[EMIT_REASON] = "";
     const uint8_t *loop = nullptr;                 // where a column begins
@@ -36,7 +38,7 @@ struct emitter : CodeGenerator {
     emitter(enum code_set s, int lanes, size_t bytes, const lane_functions &f)
         // never writable and executable at once, which is the library's default
         : CodeGenerator(bytes, DontSetProtectRWE), set(s), width(linkdyn_emit_width(s)), stride(8*lanes),
-          has_many(s == CODE_AVX512 || (s == CODE_SCALAR && has_avx512())), functions(f) {}
+          has_many(has_many_registers(s)), functions(f) {}
 
     Xmm reg(int i) const {
         if (set == CODE_AVX512) return Zmm(i);
@@ -116,43 +118,34 @@ struct emitter : CodeGenerator {
         MULTIPLY_ADD(MULTIPLY_SUBTRACT, vfmsub, vfmsub)
         MULTIPLY_ADD(SUBTRACT_PRODUCT, vfnmadd, vfnmadd)
 #undef MULTIPLY_ADD
-        case EMIT_SINE_COSINE:
-            lea(rdi, slot(z.index));
-            lea(rsi, slot(s.d));
-            lea(rdx, slot(s.y));
-            mov(rax, (size_t)functions.sine_cosine);
-            call(rax);
-            break;
-        case EMIT_ARCTANGENT:
-            lea(rdi, slot(s.y));
-            lea(rsi, slot(z.index));
-            lea(rdx, slot(s.d));
-            mov(rax, (size_t)functions.arctangent);
-            call(rax);
-            break;
+        case EMIT_SINE_COSINE: call_on_slots((size_t)functions.sine_cosine, z.index, s.d, s.y); break;
+        case EMIT_ARCTANGENT: call_on_slots((size_t)functions.arctangent, s.y, z.index, s.d); break;
         }
     }
 #undef FORM
 
-    // z where 0 < x, else y
+    void call_on_slots(size_t function, int a, int b, int c) {
+        lea(rdi, slot(a));
+        lea(rsi, slot(b));
+        lea(rdx, slot(c));
+        mov(rax, function);
+        call(rax);
+    }
+
+    // z where 0 < x, else y; all in registers
     void select(const emit_step &s) {
-        const place &z = s.z;
+        const Xmm x = reg(s.x), y = reg(s.y), z = reg(s.z.index);
         if (has_many) {
-            vxorpd(Xmm(reserved_zero), Xmm(reserved_zero), Xmm(reserved_zero));
-            if (set == CODE_AVX512) {
-                vcmppd(k1, Zmm(reserved_zero), Zmm(s.x), less_ordered);
-                if (z.kind == IN_REGISTER) vblendmpd(Zmm(s.d) | k1, Zmm(s.y), Zmm(z.index));
-                else vblendmpd(Zmm(s.d) | k1, Zmm(s.y), memory(z));
-            } else {
-                vcmpsd(k1, Xmm(reserved_zero), Xmm(s.x), less_ordered);
-                vblendmpd(Xmm(s.d) | k1, Xmm(s.y), Xmm(z.index));
-            }
+            const Xmm zero(reserved_zero);
+            vxorpd(zero, zero, zero);
+            if (set == CODE_AVX512) vcmppd(k1, reg(reserved_zero), x, less_ordered);
+            else vcmpsd(k1, zero, x, less_ordered);
+            vblendmpd(reg(s.d) | k1, y, z);
         } else {
             vxorpd(scratch(), scratch(), scratch());
-            if (set == CODE_SCALAR) vcmpsd(scratch(), scratch(), reg(s.x), less_ordered);
-            else vcmppd(scratch(), scratch(), reg(s.x), less_ordered);
-            if (z.kind == IN_REGISTER) vblendvpd(reg(s.d), reg(s.y), reg(z.index), scratch());
-            else vblendvpd(reg(s.d), reg(s.y), memory(z), scratch());
+            if (set == CODE_SCALAR) vcmpsd(scratch(), scratch(), x, less_ordered);
+            else vcmppd(scratch(), scratch(), x, less_ordered);
+            vblendvpd(reg(s.d), y, z, scratch());
         }
     }
     enum { reserved_zero = 31 };                   // of sets with masks
@@ -214,7 +207,7 @@ int linkdyn_emit_is_there(void) { return 1; }
 int linkdyn_emit_width(enum code_set set) { return set == CODE_AVX512 ? 8 : set == CODE_AVX2 ? 4 : 1; }
 
 // One is kept back for comparisons.
-int linkdyn_emit_registers(enum code_set set) { return set == CODE_AVX512 || (set == CODE_SCALAR && has_avx512()) ? 31 : 15; }
+int linkdyn_emit_registers(enum code_set set) { return has_many_registers(set) ? 31 : 15; }
 
 struct emitter *linkdyn_emit_open(enum code_set set, int lanes, size_t n_step, size_t n_function, const lane_functions *functions) {
     try {

@@ -27,7 +27,7 @@ enum emit_kind {
     EMIT_MULTIPLY, EMIT_MINIMUM, EMIT_MAXIMUM,
     EMIT_RECIPROCAL,            /* d = 1/z; d is not the register of z */
     EMIT_ROOT, EMIT_ABSOLUTE, EMIT_WHOLE,
-    EMIT_SELECT,                /* d = z where x > 0, else y */
+    EMIT_SELECT,                /* d = z where x > 0, else y; z in a register, as for the two before */
     /* multiply-adds, the result in the place of an operand as the processor has it:
        132: d = d z + y;  213: d = y d + z;  231: d = y z + d; with a minus before the addend, or before the product */
     EMIT_MULTIPLY_ADD_132, EMIT_MULTIPLY_ADD_213, EMIT_MULTIPLY_ADD_231,

@@ -25,11 +25,8 @@ static const struct lane_machine *machine(void)
 #if defined(__x86_64__)
     const char *wish = getenv("LINKDYN_MACHINE");
     int most = !wish ? 2 : strcmp(wish, "baseline") == 0 ? 0 : strcmp(wish, "avx2") == 0 ? 1 : 2;
-    __builtin_cpu_init();
-    if (most >= 2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
-        best = &linkdyn_machine_avx512;
-    else if (most >= 1 && __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
-        best = &linkdyn_machine_avx2;
+    if (most >= 2 && linkdyn_best_set() == CODE_AVX512) best = &linkdyn_machine_avx512;
+    else if (most >= 1 && linkdyn_best_set() >= CODE_AVX2) best = &linkdyn_machine_avx2;
 #endif
     __atomic_store_n(&chosen, best, __ATOMIC_RELEASE);
     return best;

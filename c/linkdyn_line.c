@@ -13,13 +13,6 @@ int linkdyn_is_constant(const struct lane_line *line, int slot)
     return slot >= line->first_constant && slot < line->first_constant + line->n_constant;
 }
 
-static void swap(int *a, int *b)
-{
-    const int t = *a;
-    *a = *b;
-    *b = t;
-}
-
 /* Of two operands that may change places, a constant becomes x and the last result c. */
 static struct lane_step step_of(const struct lane_line *line, const struct record_step *s, int last)
 {
@@ -32,14 +25,14 @@ static struct lane_step step_of(const struct lane_line *line, const struct recor
         r.x = o[0];
         r.b = o[1];
         r.c = o[2];
-        if (linkdyn_is_constant(line, r.b)) swap(&r.x, &r.b);
+        if (linkdyn_is_constant(line, r.b)) swap_slots(&r.x, &r.b);
         break;
     case OP_ADD: case OP_MULTIPLY:
         r.kind = s->kind == OP_ADD ? LANE_ADD : LANE_MULTIPLY;
         r.x = o[0];
         r.c = o[1];
-        if (r.x == last || linkdyn_is_constant(line, r.c)) swap(&r.x, &r.c);
-        if (linkdyn_is_constant(line, r.c) && !linkdyn_is_constant(line, r.x)) swap(&r.x, &r.c);
+        if (r.x == last || linkdyn_is_constant(line, r.c)) swap_slots(&r.x, &r.c);
+        if (linkdyn_is_constant(line, r.c) && !linkdyn_is_constant(line, r.x)) swap_slots(&r.x, &r.c);
         break;
     case OP_SUBTRACT:                                 /* o[0] - o[1] */
         r.kind = LANE_SUBTRACT;
@@ -47,7 +40,7 @@ static struct lane_step step_of(const struct lane_line *line, const struct recor
         r.c = o[0];
         if (o[1] == last || (o[0] != last && linkdyn_is_constant(line, o[0]))) {
             r.kind = LANE_SUBTRACT_FROM;
-            swap(&r.x, &r.c);
+            swap_slots(&r.x, &r.c);
         }
         break;
     case OP_MINIMUM: case OP_MAXIMUM: case OP_ARCTANGENT:
@@ -76,7 +69,7 @@ static int join_sine_cosine(const struct lane_line *line, const struct record_st
 {
     joined->second = line->n_slot;
     if (step[0].kind == OP_COSINE) {
-        swap(&joined->out, &joined->second);
+        swap_slots(&joined->out, &joined->second);
     } else if (n_left > 1 && step[1].kind == OP_COSINE && step[1].operand[0] == step[0].operand[0]) {
         joined->second = step[1].result;
         return 2;

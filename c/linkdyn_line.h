@@ -8,6 +8,14 @@
  * that is not there is negative. */
 struct record_step { int32_t kind, result, operand[3]; };
 
+/* Two slots change places. */
+static inline void swap_slots(int *a, int *b)
+{
+    const int t = *a;
+    *a = *b;
+    *b = t;
+}
+
 int linkdyn_is_constant(const struct lane_line *line, int slot);
 /* Fill in steps, groups and outputs; the numbers of slots and constants are there. 0: no memory. */
 int linkdyn_make_line(int n_step, const struct record_step *step, const int32_t *output, int n_group, const int32_t *output_end,

@@ -4,7 +4,7 @@
 #include <pthread.h>
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
-static pthread_mutex_t texts;
+static pthread_mutex_t texts, records;
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 
 void linkdyn_hold_lock(void)
@@ -24,6 +24,7 @@ static void make_recursive(void)
     pthread_mutexattr_init(&attributes);
     pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_RECURSIVE);
     pthread_mutex_init(&texts, &attributes);
+    pthread_mutex_init(&records, &attributes);
     pthread_mutexattr_destroy(&attributes);
 }
 
@@ -36,4 +37,15 @@ void linkdyn_hold_texts(void)
 void linkdyn_release_texts(void)
 {
     pthread_mutex_unlock(&texts);
+}
+
+void linkdyn_hold_records(void)
+{
+    pthread_once(&once, make_recursive);
+    pthread_mutex_lock(&records);
+}
+
+void linkdyn_release_records(void)
+{
+    pthread_mutex_unlock(&records);
 }

@@ -10,4 +10,8 @@ void linkdyn_release_lock(void);
 void linkdyn_hold_texts(void);
 void linkdyn_release_texts(void);
 
+/* For the making of records; a thread that holds it may hold it again, and the texts after it. */
+void linkdyn_hold_records(void);
+void linkdyn_release_records(void);
+
 #endif

@@ -15,6 +15,15 @@ SUBMODULE = re.compile(r"^\s*submodule\s*\(\s*(\w+)\s*(?::\s*(\w+)\s*)?\)\s*(\w+
 USES = re.compile(r"^\s*use(?:\s*,\s*non_intrinsic)?\s*(?:::)?\s*(\w+)\b", re.I | re.M)
 
 
+TYPE = re.compile(r"^\s*type\b(?!\s*\()[^!\n]*?(\w+)[ \t]*(?:![^\n]*)?$(.*?)^\s*end\s*type\b", re.I | re.M | re.S)
+BOUND = re.compile(r"^\s*procedure\b[^!\n]*?::\s*([^!\n]*)", re.I | re.M)
+
+
+def types_with_several_procedures(text: str) -> list[str]:
+    """Types whose table of procedures has an order; gfortran chooses it anew in each file that defines the type."""
+    return [name for name, body in TYPE.findall(text) if sum(len(names.split(",")) for names in BOUND.findall(body)) > 1]
+
+
 def scan(text: str) -> tuple[set[str], set[str]]:
     """Names a source provides and names it needs; a submodule is called `ancestor:name`."""
     provides = {name.lower() for name in DEFINES.findall(text)}
@@ -57,6 +66,9 @@ def in_order(sources: dict[str, str]) -> list[str]:
 
 def main(output: str, *paths: str) -> None:
     sources = {path: Path(path).read_text(encoding="utf-8") for path in paths}
+    for path, text in sources.items():
+        if several := types_with_several_procedures(text):
+            sys.exit(f"one_unit.py: {path}: type {several[0]} has several procedures, in another order than where the file is compiled alone")
     try:
         ordered = in_order(sources)
     except ValueError as error:

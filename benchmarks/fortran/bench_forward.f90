@@ -11,7 +11,8 @@ program bench_forward
     use linkdyn_builder, only: build_model
     use linkdyn_equations, only: solver_name, solver_reduced, solver_elimination
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, start_forward, &
-        advance_forward, finish_forward, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_name
+        advance_forward, finish_forward, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, &
+        method_seulex, method_name
     use linkdyn_forward_state, only: fill_start, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_kinds, only: wp, wp_name
@@ -125,8 +126,8 @@ contains
 
     subroutine time_methods(status)
         type(status_type), intent(inout) :: status
-        integer, parameter :: method(4) = [method_rkf45, method_rk8pd, method_gbs, method_msbdf]
-        integer, parameter :: most_digits(4) = [13, 13, 13, 8]
+        integer, parameter :: method(5) = [method_rkf45, method_rk8pd, method_gbs, method_seulex, method_msbdf]
+        integer, parameter :: most_digits(5) = [13, 13, 13, 10, 8]
         real(wp) :: setting
         integer :: i, k
 

@@ -51,7 +51,10 @@ contains
                 if (status%is_ok()) call measure_solver(file, model, solver, want == 1, status)
             end do
         end do
-        if (.not. status%is_ok()) write (error_unit, "(a)") trim(status%message)
+        if (.not. status%is_ok()) then
+            write (error_unit, "(a)") trim(status%message)
+            error stop 2, quiet=.true.
+        end if
     end subroutine measure_scene
 
     subroutine measure_solver(file, model, solver, wants_reactions, status)
@@ -87,7 +90,7 @@ contains
         end do
         flops = 2*planned%equations%plan%n_term + planned%equations%plan%n_scale + planned%equations%plan%n_reciprocal
         write (output_unit, "(a,',',a,',',a,',',f0.4,',',i0,',',i0)") file, trim(solver_name(solver)), &
-            trim(merge("all          ", "driving_force", wants_reactions)), 1.0e6_wp*best/n_pose, flops, results%n_fallback
+            trim(merge("all          ", "driving_force", wants_reactions)), 1.0e6_wp*best/n_pose, flops, results%roads%dense
         call planned%free()
     end subroutine measure_solver
 

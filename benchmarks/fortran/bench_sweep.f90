@@ -69,7 +69,10 @@ contains
                 end do
             end do
         end if
-        if (.not. status%is_ok()) write (error_unit, "(a)") trim(status%message)
+        if (.not. status%is_ok()) then
+            write (error_unit, "(a)") trim(status%message)
+            error stop 2, quiet=.true.
+        end if
     end subroutine measure_scene
 
     !> All coordinates about their start, and one rate.

@@ -30,7 +30,7 @@ SCENES = (
 N_INSTANT = 33
 TOLERANCES = {
     "rkf45": (1e-4, 1e-7, 1e-10), "rk8pd": (1e-4, 1e-7, 1e-10, 1e-12, 1e-14),
-    "msbdf": (1e-4, 1e-7, 1e-10), "gbs": (1e-4, 1e-7, 1e-10, 1e-12, 1e-14),
+    "msbdf": (1e-4, 1e-7, 1e-10), "gbs": (1e-4, 1e-7, 1e-10, 1e-12, 1e-14), "seulex": (1e-4, 1e-7, 1e-10),
 }  # fmt: skip
 STEPS = (64, 400, 3200, 12800)
 """Of rk4, in a whole run."""

@@ -28,9 +28,9 @@ import numpy as np
 import linkdyn
 from report import ROOT, clear_axis, processor_line, save_picture, save_table
 
-METHODS = ("rk4", "rkf45", "rk8pd", "gbs", "msbdf")
-COLOURS = dict(zip(METHODS, ("#d55e00", "#e69f00", "#0072b2", "#009e73", "#cc79a7")))
-MARKS = dict(zip(METHODS, "so^Dv"))
+METHODS = ("rk4", "rkf45", "rk8pd", "gbs", "seulex", "msbdf")
+COLOURS = dict(zip(METHODS, ("#d55e00", "#e69f00", "#0072b2", "#009e73", "#56b4e9", "#cc79a7")))
+MARKS = dict(zip(METHODS, "so^DPv"))
 TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
 TURN = 2 * np.pi
 

@@ -40,7 +40,8 @@ module linkdyn_equations
     use linkdyn_uncertainty, only: largest_uncertainty
     implicit none (type, external)
     private
-    public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations
+    public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, &
+        build_no_equations
     public :: prepare_workspace, solve_block, solve_equations, sample_system, choose_poses, fill_lane_matrix
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
@@ -64,6 +65,7 @@ module linkdyn_equations
         logical :: wants_reactions = .true.
         logical :: needs_world = .false.                !! angular rates in world axes of all links
         logical :: needs_columns = .false.              !! acceleration columns, though no equation needs them
+        logical :: are_solved = .true.                  !! false: there are none, only the links' motion is wanted
         type(unknown_choice) :: unknown
         type(formulation_type) :: formulation
         type(acceleration_columns) :: accelerations
@@ -156,6 +158,16 @@ contains
         if (solver == solver_elimination) call plan_elimination(model, equations)
         if (solver == solver_gauss_jordan_plain) call put_in_order(model, equations)
     end subroutine build_equations
+
+    !> No equations: where the links are and how they move, which takes no actuators.
+    subroutine build_no_equations(model, equations)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(out) :: equations
+
+        equations%unknown = find_drives(model)
+        equations%wants_reactions = .false.
+        equations%are_solved = .false.
+    end subroutine build_no_equations
 
     !> As many driving forces and accelerations must be unknown as the mechanism has freedoms.
     subroutine refuse_count(model, unknown, n_missing, status)
@@ -395,14 +407,16 @@ contains
 
         n = equations%formulation%n_unknown
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
-        workspace%state%has_applied = size(model%scene%spring) > 0 .or. .not. all(equations%unknown%drive)
+        workspace%state%has_applied = equations%are_solved .and. &
+                                      (size(model%scene%spring) > 0 .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world
         workspace%state%carries_legs = equations%solver == solver_reduced
-        call place_solution(model, equations, workspace)
+        if (equations%are_solved) call place_solution(model, equations, workspace)
         allocate (workspace%load(lanes, 6, model%n_load), workspace%driving_force(lanes, model%n_actuator), &
                   workspace%acceleration(lanes, model%n_q))
         workspace%driving_force = 0
         workspace%load = 0
+        if (.not. equations%are_solved) return
         select case (equations%solver)
         case (solver_gauss_jordan, solver_gauss_jordan_plain)
             allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
@@ -472,13 +486,16 @@ contains
         type(equation_workspace), intent(inout) :: workspace
 
         call evaluate_kinematics(model, workspace%state)
-        call solve_equations(model, equations, workspace)
+        if (equations%are_solved) then
+            call solve_equations(model, equations, workspace)
+        else
+            call judge_motion(model, workspace)
+        end if
     end subroutine solve_block
 
-    !> Assembly and solution where the kinematics is up to date.
-    subroutine solve_equations(model, equations, workspace)
+    !> What can be said of the lanes before any force is known.
+    subroutine judge_motion(model, workspace)
         type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
         integer :: k
 
@@ -491,15 +508,24 @@ contains
         where (workspace%state%not_converged) workspace%status = sample_not_converged
         where (workspace%state%unreachable) workspace%status = sample_unreachable
         where (workspace%state%branch_lost) workspace%status = sample_branch_lost
-        if (workspace%checks_input) then
-            ! Also what no force depends on, such as the rates of massless links.
-            call flag_not_finite(workspace%state%q, workspace%status)
-            call flag_not_finite(workspace%state%qd, workspace%status)
-            call flag_not_finite(workspace%state%qdd, workspace%status)
-            do k = 1, model%n_load
-                call flag_not_finite(workspace%load(:, :, k), workspace%status)
-            end do
-        end if
+        if (.not. workspace%checks_input) return
+        ! Also what no force depends on, such as the rates of massless links.
+        call flag_not_finite(workspace%state%q, workspace%status)
+        call flag_not_finite(workspace%state%qd, workspace%status)
+        call flag_not_finite(workspace%state%qdd, workspace%status)
+        do k = 1, model%n_load
+            call flag_not_finite(workspace%load(:, :, k), workspace%status)
+        end do
+    end subroutine judge_motion
+
+    !> Assembly and solution where the kinematics is up to date.
+    subroutine solve_equations(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: k
+
+        call judge_motion(model, workspace)
         workspace%acceleration = workspace%state%qdd
         if (workspace%state%has_applied) then
             call apply_known_forces(model, equations, workspace)

@@ -10,7 +10,7 @@
 module linkdyn_error_probe
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block
-    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, place_size, gives_attitude, attitude_angles

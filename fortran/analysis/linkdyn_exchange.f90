@@ -7,7 +7,8 @@
 !> **Source**: coordinate partitioning: Wehage, Haug, J. Mech. Design 104 (1982) 247.
 module linkdyn_exchange
     use linkdyn_coordinate_watch, only: coordinate_watch, grows
-    use linkdyn_joint_motion, only: is_slide, variables_of_relative, kind_spherical
+    use linkdyn_joint_motion, only: variables_of_relative
+    use linkdyn_joint_table, only: is_slide, joint_spherical
     use linkdyn_joint_rates, only: measure_variable
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
@@ -142,7 +143,7 @@ contains
         real(wp), intent(out) :: angles(lanes, 3), rates(lanes, 3)
 
         associate (o => orientation_of(model, l))
-            call variables_of_relative(kind_spherical, identity_mat3(), state%rotation(o), zero_vec3(), zero_vec3(), &
+            call variables_of_relative(joint_spherical, identity_mat3(), state%rotation(o), zero_vec3(), zero_vec3(), &
                                        state%omega(o), angles, rates)
         end associate
     end subroutine attitude_of

@@ -4,13 +4,13 @@ module linkdyn_explain
     use linkdyn_equations, only: equations_type, build_equations, solver_elimination
     use linkdyn_elimination_plan, only: elimination_plan
     use linkdyn_explain_record, only: explain_record
-    use linkdyn_formulation, only: n_transmitted
     use linkdyn_constants, only: pi
     use linkdyn_choice, only: has_choice, choice_in_words
+    use linkdyn_joint_table, only: n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
-        step_group, step_name, is_dyad, side_of
+        step_group, step_name, is_dyad, side_of, holds_spin
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
@@ -30,6 +30,7 @@ contains
 
         call explain_scene(model, unit)
         call explain_links(model, unit)
+        call explain_spins(model, unit)
         call explain_unknowns(model, unit)
         call explain_order(model, unit)
         call explain_equations(model, unit)
@@ -69,6 +70,22 @@ contains
         end do
     end subroutine explain_links
 
+    !> Links that may spin while nothing else moves.
+    subroutine explain_spins(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        integer :: i
+
+        if (size(model%scene%hold) == 0) return
+        write (unit, "(/,a)") "Idle spins, held: forces and all other motion do not depend on them"
+        do i = 1, size(model%scene%hold)
+            associate (hold => model%scene%hold(i))
+                write (unit, "(2x,a)") hold%links//" about the line through its joints, held at joint " &
+                    //trim(model%joint(hold%joint)%name)
+            end associate
+        end do
+    end subroutine explain_spins
+
     subroutine explain_unknowns(model, unit)
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit
@@ -80,10 +97,14 @@ contains
         do j = 1, model%n_joint
             associate (joint => model%joint(j))
                 n = n + joint_constraints(model, joint%kind)
-                carried = n_transmitted(model, joint%kind)
+                carried = n_transmitted(joint%kind, model%is_planar)
                 what = counted(carried(1), "force")
-                if (carried(2) > 0) what = what//", "//counted(carried(2), "moment")
-                write (unit, "(2x,a24,a,1x,a)") adjustl(joint%name), joint_kind_name(joint%kind), what
+                if (holds_spin(joint)) then
+                    what = what//", an idle spin held by no moment"
+                else if (carried(2) > 0) then
+                    what = what//", "//counted(carried(2), "moment")
+                end if
+                write (unit, "(2x,a24,a,1x,a)") adjustl(joint%name), joint_kind_name(joint%told_kind), what
             end associate
         end do
         do j = 1, model%n_actuator
@@ -170,10 +191,10 @@ contains
             text = ""
             if (model%is_planar .and. model%joint(step%joint(1))%kind == joint_revolute) text = "crank_input: "
             text = text//trim(model%link(step%link(1))%name)//" by "//trim(joint_kind_name(model%joint(step%joint(1))%kind)) &
-                   //" joint "//trim(model%joint(step%joint(1))%name)//" from coordinate"
+                   //" joint "//trim(model%joint(step%joint(1))%name)
             do i = 1, joint_n_variable(model%joint(step%joint(1))%kind)
-                if (i > 1) text = text//","
-                text = text//" "//trim(model%scene%coordinate(step%coordinate(i))%name)
+                text = text//trim(merge(" from coordinate", ",               ", i == 1)) &
+                       //" "//trim(model%scene%coordinate(step%coordinate(i))%name)
             end do
         case (step_ups)
             text = "UPS leg "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &

@@ -125,7 +125,8 @@ contains
                 if (.not. column%is_moment) n_force = n_force + 1
                 associate (name => model%joint(joint)%name)
                     if (column%is_drive) then
-                        system%column(c) = trim(merge("tau ", "F   ", column%is_moment))//" "//name
+                        system%column(c) = trim(merge("tau ", "F   ", column%is_moment))//" " &
+                                           //model%scene%actuator(findloc(formulation%drive_column, c, dim=1))%name
                     else if (column%unit_axis > 0 .and. column%orientation == 0) then
                         system%column(c) = trim(name)//" "//component_name(column%unit_axis + merge(3, 0, column%is_moment))
                     else if (model%is_planar) then
@@ -139,7 +140,8 @@ contains
         end do
     end subroutine label_columns
 
-    !> An entry in symbols: J the joint, G the link's centre of mass, n the direction of a force across a slide.
+    !> An entry in symbols: J the joint, G the link's centre of mass, n the direction of a force across a slide, h the slide per
+    !> angle of a thread.
     function symbol_of(model, formulation, entry) result(symbol)
         type(model_type), intent(in) :: model
         type(formulation_type), intent(in) :: formulation
@@ -161,6 +163,7 @@ contains
                     symbol = merge("xG-xJ", "xJ-xG", is_first)
                 else
                     symbol = merge("-", " ", is_first)//"(J-G)xn"
+                    if (column%twist /= 0) symbol = merge("-(J-G)xn+hn", " (J-G)xn-hn", is_first)
                 end if
             else if (entry%slot == 0 .and. abs(entry%value) == 1) then
                 symbol = merge(" 1", "-1", entry%value > 0)

@@ -22,8 +22,8 @@ module linkdyn_forward
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
     use linkdyn_forward_system, only: forward_system, build_forward_system, evaluations_before_record
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
-        default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, stop_growth, stop_roughness, stop_pace, &
-        stop_law
+        default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, &
+        stop_growth, stop_roughness, stop_pace, stop_law
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
@@ -31,7 +31,7 @@ module linkdyn_forward
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type, has_assemblies
+    use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: law_spec, scene_type, frame_link, law_none
@@ -46,7 +46,7 @@ module linkdyn_forward
     public :: forward_options, forward_results, forward_run, start_forward, advance_forward, interrupt_forward, finish_forward
     public :: run_forward, run_ensemble, coordinates_in_words, rounding_in_words, integrator_options, choose_method, method_name
     public :: default_method
-    public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
+    public :: method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
 
     !> Where the results of a chunk go; what is not associated is not computed.
     type :: forward_results
@@ -100,6 +100,8 @@ contains
         run%model => model
         run%options = options
         call check_options(options%integrator, status)
+        if (model%n_q == 0) call fail(status, status_bad_input, "nothing moves: the scene has no coordinates (expected a " &
+                                      //"mechanism; inverse dynamics finds the forces in a structure)")
         if (.not. status%is_ok()) return
         allocate (run%known(1), run%later_phase(0), run%entered_at(0))
         allocate (run%known(1)%phase)
@@ -161,7 +163,7 @@ contains
             associate (c => run%own%scene%coordinate(k))
                 if (c%motion%kind == law_none) cycle
                 apart = abs(q(k) - on_q(k, 1))
-                if (c%unit == "rad") apart = abs(least_angle(apart))
+                if (repeats(run%own, k)) apart = abs(least_angle(apart))
                 where = ""
                 if (apart > fit*max(1.0_wp, abs(q(k)))) then
                     where = "at "//to_text(q(k))//" "//trim(c%unit)//", its motion at "//to_text(on_q(k, 1))//" "//trim(c%unit)

@@ -22,7 +22,7 @@ module linkdyn_forward_record
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
-    public :: place_states, run_states, may_change_assembly, lane_loads
+    public :: place_states, run_states, may_change_assembly
 
     !> A record, and the samples of one run.
     type :: forward_record
@@ -251,25 +251,6 @@ contains
                                    ahead*found(out%drift:out%drift + n - 1)))
         end associate
     end function may_change_assembly
-
-    !> Loads of the scene at the instants of the lanes.
-    subroutine lane_loads(model, t, load)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: t(lanes)               !! [s]
-        real(wp), intent(inout) :: load(:, :, :)       !! (lane, 6, n_load)
-        real(wp) :: now(6, model%n_load, 1)
-        integer :: lane
-
-        if (model%n_load == 0) return
-        do lane = 1, lanes
-            if (lane == 1) then
-                call evaluate_loads(model, t(1:1), now)
-            else if (t(lane) /= t(lane - 1)) then
-                call evaluate_loads(model, t(lane:lane), now)
-            end if
-            load(lane, :, :) = now(:, :, 1)
-        end do
-    end subroutine lane_loads
 
     !> Run the first n states; asks `samples%is_left` which do not count.
     subroutine run_states(n, record, acceleration, work, supplied)

@@ -4,12 +4,13 @@
 !> turns; last the work of the driving forces, and the energy that all forces but gravity supply.
 module linkdyn_forward_state
     use linkdyn_drives, only: law_on_lanes
-    use linkdyn_joint_motion, only: variables_of_relative, is_slide, kind_spherical
+    use linkdyn_joint_motion, only: variables_of_relative
+    use linkdyn_joint_table, only: wraps, is_threaded, joint_spherical
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, gives_attitude, attitude_angles
+    use linkdyn_model, only: model_type, step_pose, gives_attitude, attitude_angles, repeats
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
@@ -104,7 +105,7 @@ contains
         do k = 1, model%n_q
             associate (c => model%scene%coordinate(k))
                 if (c%for_joint == 0) cycle
-                if (is_slide(model%joint(c%for_joint)%kind, c%for_variable)) cycle
+                if (.not. wraps(model%joint(c%for_joint)%kind, c%for_variable)) cycle
             end associate
             layout%n = layout%n + 1
             layout%counted(k) = layout%n
@@ -114,7 +115,7 @@ contains
         layout%n = layout%n + 2
     end subroutine plan_layout
 
-    !> Which components of y are angles: the mechanism looks alike after a turn.
+    !> Which components of y are angles after a turn of which the mechanism looks alike.
     pure function angles_of_state(model, layout) result(is_angle)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
@@ -123,8 +124,8 @@ contains
 
         is_angle = .false.
         do k = 1, model%n_q
-            if (layout%position(k) > 0) is_angle(layout%position(k)) = model%scene%coordinate(k)%unit /= "m"
-            if (layout%counted(k) > 0) is_angle(layout%counted(k)) = .true.
+            if (layout%position(k) > 0) is_angle(layout%position(k)) = repeats(model, k)
+            if (layout%counted(k) > 0) is_angle(layout%counted(k)) = .not. any(is_threaded(model%joint%kind))
         end do
     end function angles_of_state
 
@@ -276,7 +277,7 @@ contains
         do p = 1, model%n_attitude
             if (layout%quaternion(p) == 0) cycle
             associate (c => attitude_angles(model%step(layout%attitude_step(p))))
-                call variables_of_relative(kind_spherical, identity_mat3(), rotation_of_quaternion(state%quaternion(:, :, p)), &
+                call variables_of_relative(joint_spherical, identity_mat3(), rotation_of_quaternion(state%quaternion(:, :, p)), &
                                            zero_vec3(), zero_vec3(), vec3(qd(:, c(1)), qd(:, c(2)), qd(:, c(3))), &
                                            angle, angle_rate)
                 q(:, c) = angle

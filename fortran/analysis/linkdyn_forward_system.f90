@@ -4,7 +4,8 @@
 !> the assembly may change, is computed on lanes, and so is whatever is looked at beside the rates.
 module linkdyn_forward_system
     use linkdyn_assembly_trail, only: sample_assembly
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, evaluate_assembled, &
+        accept_assembly
     use linkdyn_constants, only: golden
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
@@ -13,7 +14,7 @@ module linkdyn_forward_system
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, choose_poses, solver_elimination, solver_reduced
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
-        place_states, run_states, may_change_assembly, lane_loads
+        place_states, run_states, may_change_assembly
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
         pack_rates
     use linkdyn_inverse, only: are_alike
@@ -22,8 +23,9 @@ module linkdyn_forward_system
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
-    use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins
+    use linkdyn_led_mechanism, only: measure_margins
     use linkdyn_model, only: model_type
+    use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
     use linkdyn_scene, only: drive_inverse
@@ -341,19 +343,6 @@ contains
         call evaluate_assembled(self%model, self%t_tried, self%assembly, self%workspace%state)
         self%is_behind = .false.
     end subroutine catch_up
-
-    subroutine evaluate_assembled(model, t, assembly, state)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: t(lanes)
-        type(carried_assembly), intent(inout) :: assembly
-        type(kinematic_state), intent(inout) :: state
-
-        if (assembly%is_needed) then
-            call evaluate_on_assembly(model, t, assembly, state)
-        else
-            call evaluate_kinematics(model, state)
-        end if
-    end subroutine evaluate_assembled
 
     ! ---------------------------------------------------------------- by a record of the scene
 

@@ -13,7 +13,8 @@ module linkdyn_inverse
     use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_dyad_map, only: transmission_angle
-    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block, &
+    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, build_no_equations, &
+        prepare_workspace, solve_block, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
         choose_solver, choose_poses
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
@@ -22,11 +23,11 @@ module linkdyn_inverse
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
-    use linkdyn_joint_rates, only: measure_joints, power_imbalance, joint_rate
+    use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
-    use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts
+    use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts, hold_records, release_records
     use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies, gives_attitude, attitude_angles
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_planar_motion, only: level_given
@@ -59,6 +60,8 @@ module linkdyn_inverse
         integer :: solver = solver_elimination
         integer :: threads = 1
         logical :: in_order = .false.        !! samples follow each other along a motion
+        logical :: wants_forces = .true.     !! false: kinematics alone, without equations; what is wanted then is no force
+        integer :: n_expected = 0            !! samples of all batches together, if that is known: it decides what is worth making
         logical :: wants_errors = .false.    !! error estimates of the forces
         logical :: wants_rcond = .false.     !! condition number of the equations; solver lapack always has it
         logical :: wants_distance = .false.  !! distance to the next singular position
@@ -87,6 +90,7 @@ module linkdyn_inverse
         type(error_probe), allocatable :: probe                 !! there if errors are wanted
         type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
         logical :: wants_distance = .false.
+        integer :: n_expected = 0                               !! samples of all batches together; 0: not known
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
         type(closing_programs), pointer :: closing => null()    !! likewise, if it has groups closed by iteration
         type(sample_assembly) :: at_start                       !! of samples outside a motion; not there: made anew
@@ -105,7 +109,12 @@ contains
         type(inverse_solver), intent(out) :: solver
         type(status_type), intent(inout) :: status
 
-        call build_equations(model, options%solver, wants_reactions, solver%equations, status)
+        solver%n_expected = options%n_expected
+        if (options%wants_forces) then
+            call build_equations(model, options%solver, wants_reactions, solver%equations, status)
+        else
+            call build_no_equations(model, solver%equations)
+        end if
         if (status%is_ok() .and. options%wants_errors) then
             allocate (solver%probe)
             call make_probe(model, options%solver, wants_reactions, solver%probe, status)
@@ -203,20 +212,22 @@ contains
         class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
-        integer :: n, n_left, n_dense
-        logical :: wants_rates, wants_world, has_stand_ins, is_on_way
+        integer :: n, n_all, n_left, n_dense
+        logical :: wants_rates, wants_driven, wants_world, has_stand_ins, is_on_way
 
         n = size(q, 2)
+        n_all = max(n, solver%n_expected)
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
+        wants_driven = associated(results%driving_position) .or. associated(results%driving_speed)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
-        wants_world = wants_rates .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
+        wants_world = wants_rates .or. wants_driven .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
                       .or. has_stand_ins .or. solver%wants_distance
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
         nullify (recorded, margins, closer)
-        if (associated(solver%closing) .and. n >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
+        if (associated(solver%closing) .and. n_all >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
             call need_closer(model, solver, q, closer)
-        if (associated(solver%records) .and. is_worth_recording(model, n) .and. .not. &
+        if (associated(solver%records) .and. is_worth_recording(model, n_all) .and. .not. &
             (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) then
             call need_record(model, solver, results, q, recorded)
             if (is_on_way) call need_margins(model, solver, q, by_record%record)
@@ -315,6 +326,7 @@ contains
             type(condition_space), intent(inout) :: condition
             type(singularity_space), intent(inout) :: singularity
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap, distance
+            real(wp), dimension(lanes, model%n_actuator) :: driven, driven_rate
             real(wp), allocatable :: of_own(:, :)
 
             call gather(block, workspace)
@@ -333,6 +345,7 @@ contains
                     model, solver%condition, workspace%state, condition, singularity, distance)
             end if
             if (wants_rates) call measure_joints(model, workspace%state, variable, rate)
+            if (wants_driven) call measure_driven(model, workspace%state, driven, driven_rate)
             if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
                 call measure_energy(model, workspace%state, kinetic, potential)
             if (associated(results%closure)) call measure_closure(model, workspace%state, gap)
@@ -343,7 +356,8 @@ contains
             if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
             if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
             if (has_stand_ins) workspace%acceleration = of_own
-            call scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap, distance)
+            call scatter(block, workspace, reaction, variable, rate, driven, driven_rate, probe, imbalance, kinetic, potential, &
+                         gap, distance)
         end subroutine run_block
 
         !> Samples into lanes; lanes beyond the last sample repeat it.
@@ -374,10 +388,11 @@ contains
         end subroutine gather
 
         !> Lanes into samples; failed ones become NaN.
-        subroutine scatter(block, workspace, reaction, variable, rate, probe, imbalance, kinetic, potential, gap, distance)
+        subroutine scatter(block, workspace, reaction, variable, rate, driven, driven_rate, probe, imbalance, kinetic, potential, &
+                           gap, distance)
             integer, intent(in) :: block
             type(equation_workspace), intent(in) :: workspace
-            real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :)
+            real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :), driven(:, :), driven_rate(:, :)
             type(probe_space), intent(in) :: probe
             real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap, distance
             real(wp) :: nan, total(lanes)
@@ -402,6 +417,8 @@ contains
             if (associated(results%acceleration)) call add_sizes(workspace%acceleration, total)
             if (associated(results%joint_variable)) call add_sizes(variable, total)
             if (associated(results%joint_rate)) call add_sizes(rate, total)
+            if (associated(results%driving_position)) call add_sizes(driven, total)
+            if (associated(results%driving_speed)) call add_sizes(driven_rate, total)
             if (associated(results%power_imbalance)) total = total + abs(imbalance)
             if (associated(results%kinetic_energy)) total = total + abs(kinetic)
             if (associated(results%potential_energy)) total = total + abs(potential)
@@ -441,6 +458,14 @@ contains
                 if (associated(results%joint_rate)) then
                     results%joint_rate(:, sample) = rate(lane, :)
                     if (failed) results%joint_rate(:, sample) = nan
+                end if
+                if (associated(results%driving_position)) then
+                    results%driving_position(:, sample) = driven(lane, :)
+                    if (failed) results%driving_position(:, sample) = nan
+                end if
+                if (associated(results%driving_speed)) then
+                    results%driving_speed(:, sample) = driven_rate(lane, :)
+                    if (failed) results%driving_speed(:, sample) = nan
                 end if
                 if (associated(results%rcond)) results%rcond(sample) = workspace%rcond(lane)
                 if (associated(results%singularity_distance)) results%singularity_distance(sample) = distance(lane)
@@ -519,10 +544,10 @@ contains
         real(wp), intent(in) :: q(:, :)                        !! (n_q, n)
         type(recorded_forces), pointer, intent(out) :: recorded
 
-        !$omp critical (linkdyn_need_record)
+        call hold_records()
         recorded => solver%records%find(wanted)
         if (.not. associated(recorded)) call make_record(model, solver, wanted, q, recorded)
-        !$omp end critical (linkdyn_need_record)
+        call release_records()
         if (.not. recorded%is_usable) nullify (recorded)
     end subroutine find_or_make
 
@@ -553,9 +578,9 @@ contains
         class(group_closer), pointer, intent(out) :: closer
 
         nullify (closer)
-        !$omp critical (linkdyn_need_closer)
+        call hold_records()
         if (.not. solver%closing%is_tried) call make_closer(model, q, solver%closing)
-        !$omp end critical (linkdyn_need_closer)
+        call release_records()
         if (solver%closing%is_usable) closer => solver%closing
     end subroutine need_closer
 
@@ -786,6 +811,23 @@ contains
             call add_columns(model, workspace%acceleration - workspace%state%qdd, workspace%state)
         call power_imbalance(model, workspace%state, workspace%load, driving_force, imbalance)
     end subroutine balance_power
+
+    !> The driven joint variables and their rates.
+    subroutine measure_driven(model, state, variable, rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: variable(:, :), rate(:, :)    !! (lane, n_actuator)
+        real(wp) :: zero(lanes), ignored(lanes)
+        integer :: i
+
+        zero = 0
+        do i = 1, model%n_actuator
+            associate (actuator => model%scene%actuator(i))
+                call measure_variable(model, state, actuator%joint, actuator%variable, zero, variable(:, i), ignored)
+            end associate
+        end do
+        call actuator_rates(model, state, rate)
+    end subroutine measure_driven
 
     !> Accelerations of the coordinates that others stand in for, from those found. Column 0 must be as it was.
     subroutine tell_accelerations(model, workspace, acceleration)

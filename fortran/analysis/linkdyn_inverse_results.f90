@@ -3,7 +3,7 @@ module linkdyn_inverse_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_catalogue, only: result_qdd, result_driving_force, result_reaction, result_joint_variable, result_joint_rate, &
         result_power_imbalance, result_transmission_angle, result_kinetic_energy, result_potential_energy, result_closure, &
-        result_position, result_rotation
+        result_position, result_rotation, result_driving_position, result_driving_speed
     use linkdyn_kinds, only: wp
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: result_list, add_target
@@ -18,6 +18,9 @@ module linkdyn_inverse_results
         real(wp), pointer, contiguous :: reaction(:, :, :) => null() !! (n_component, n_joint, n) world axes [N, N m]
         real(wp), pointer, contiguous :: joint_variable(:, :) => null() !! (n_variable, n) [m, rad]
         real(wp), pointer, contiguous :: joint_rate(:, :) => null() !! (n_variable, n)
+        real(wp), pointer, contiguous :: driving_position(:, :) => null() !! (n_actuator, n) driven joint variables; coordinates count
+                                                                !! turns, other angles are within half a turn [m, rad]
+        real(wp), pointer, contiguous :: driving_speed(:, :) => null() !! (n_actuator, n) their rates
         integer, pointer, contiguous :: status(:) => null()     !! (n) one of `sample_*`
         integer, pointer, contiguous :: assembly(:) => null()   !! (n) one of `reached_*`
         real(wp), pointer, contiguous :: rcond(:) => null()     !! (n) NaN where the solver has none
@@ -51,6 +54,8 @@ contains
         if (associated(whole%reaction)) part%reaction => whole%reaction(:, :, first:last)
         if (associated(whole%joint_variable)) part%joint_variable => whole%joint_variable(:, first:last)
         if (associated(whole%joint_rate)) part%joint_rate => whole%joint_rate(:, first:last)
+        if (associated(whole%driving_position)) part%driving_position => whole%driving_position(:, first:last)
+        if (associated(whole%driving_speed)) part%driving_speed => whole%driving_speed(:, first:last)
         if (associated(whole%status)) part%status => whole%status(first:last)
         if (associated(whole%assembly)) part%assembly => whole%assembly(first:last)
         if (associated(whole%rcond)) part%rcond => whole%rcond(first:last)
@@ -83,6 +88,10 @@ contains
             call add_target(list, result_joint_variable, size(results%joint_variable, 1), n, results%joint_variable)
         if (associated(results%joint_rate)) &
             call add_target(list, result_joint_rate, size(results%joint_rate, 1), n, results%joint_rate)
+        if (associated(results%driving_position)) &
+            call add_target(list, result_driving_position, size(results%driving_position, 1), n, results%driving_position)
+        if (associated(results%driving_speed)) &
+            call add_target(list, result_driving_speed, size(results%driving_speed, 1), n, results%driving_speed)
         if (associated(results%power_imbalance)) call add_target(list, result_power_imbalance, 1, n, results%power_imbalance)
         if (associated(results%transmission_angle)) &
             call add_target(list, result_transmission_angle, size(results%transmission_angle, 1), n, results%transmission_angle)

@@ -1,12 +1,13 @@
 !> The scene's own motion: coordinates and loads at given times.
 module linkdyn_motion
     use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_instants, most_instants, set_instants, evaluate_at_instants
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: law_spec, law_none, law_constant
     implicit none (type, external)
     private
-    public :: evaluate_motion, evaluate_loads, sample_count, sample_times
+    public :: evaluate_motion, evaluate_loads, lane_loads, sample_count, sample_times
 
 contains
 
@@ -96,6 +97,25 @@ contains
             end do
         end do
     end subroutine evaluate_loads
+
+    !> Loads of the scene at the instants of the lanes.
+    subroutine lane_loads(model, t, load)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(inout) :: load(:, :, :)       !! (lane, 6, n_load)
+        real(wp) :: now(6, model%n_load, 1)
+        integer :: lane
+
+        if (model%n_load == 0) return
+        do lane = 1, lanes
+            if (lane == 1) then
+                call evaluate_loads(model, t(1:1), now)
+            else if (t(lane) /= t(lane - 1)) then
+                call evaluate_loads(model, t(lane:lane), now)
+            end if
+            load(lane, :, :) = now(:, :, 1)
+        end do
+    end subroutine lane_loads
 
     pure logical function is_constant(law)
         type(law_spec), intent(in) :: law

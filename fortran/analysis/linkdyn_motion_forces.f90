@@ -2,19 +2,18 @@
 !>
 !> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes.
 module linkdyn_motion_forces
-    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly
+    use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
         solve_equations, solver_reduced
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
-        place_states, may_change_assembly, lane_loads
+        place_states, may_change_assembly
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_inverse, only: are_alike
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type
-    use linkdyn_motion, only: evaluate_motion
+    use linkdyn_motion, only: evaluate_motion, lane_loads
     use linkdyn_recorded_rates, only: run_rates
     use linkdyn_status, only: status_type, sample_ok
     implicit none (type, external)
@@ -97,22 +96,16 @@ contains
         if (all(t == forces%t)) return
         serves = forces%has_record
         if (serves) call find_by_record(t, n, forces, by_record, serves)
-        if (.not. serves .or. forces%n_checked < n_check) then
-            call find_on_lanes(t, forces)
-        else
+        if (serves .and. forces%n_checked == n_check) then
+            forces%force = by_record
+            forces%status = sample_ok
             forces%n_by_record = forces%n_by_record + 1
-        end if
-        if (serves) then
-            if (forces%n_checked < n_check .and. all(forces%status(:n) == sample_ok)) then
+        else
+            call find_on_lanes(t, forces)
+            if (serves .and. all(forces%status(:n) == sample_ok)) then
+                ! a difference would be a defect, and the lanes are believed
+                forces%has_record = all([(are_alike(forces%force(lane, :), by_record(lane, :)), lane=1, n)])
                 forces%n_checked = forces%n_checked + 1
-                do lane = 1, n
-                    ! a difference would be a defect, and the lanes are believed
-                    forces%has_record = forces%has_record .and. are_alike(forces%force(lane, :), by_record(lane, :))
-                end do
-            end if
-            if (forces%has_record) then
-                forces%force = by_record
-                forces%status = sample_ok
             end if
         end if
         forces%t = t
@@ -125,11 +118,7 @@ contains
         associate (model => forces%model, workspace => forces%workspace)
             call unpack_motion(model, t, workspace%state)
             call lane_loads(model, t, workspace%load)
-            if (forces%assembly%is_needed) then
-                call evaluate_on_assembly(model, t, forces%assembly, workspace%state)
-            else
-                call evaluate_kinematics(model, workspace%state)
-            end if
+            call evaluate_assembled(model, t, forces%assembly, workspace%state)
             call solve_equations(model, forces%equations, workspace)
             forces%force = workspace%driving_force
             forces%status = workspace%status

@@ -111,7 +111,7 @@ contains
                     associate (link => model%joint(j)%link)
                         if (.not. is_known(link(from)) .or. is_known(link(3 - from))) cycle
                         ! Backwards, the angles of a universal or spherical joint are others.
-                        if (from == 2 .and. joint_n_variable(model%joint(j)%kind) > 1 &
+                        if (from == 2 .and. joint_n_variable(model%joint(j)%told_kind) > 1 &
                             .and. model%joint(j)%kind /= joint_cylindrical) cycle
                         n = n + 1
                         joint(n) = j
@@ -143,12 +143,13 @@ contains
         q = 0
         associate (joint => model%joint(j), known => model%joint(j)%link(from), link => model%joint(j)%link(3 - from))
             do lane = 1, lanes
-                do k = 1, joint_n_variable(joint%kind)
+                do k = 1, joint_n_variable(joint%told_kind)
                     q(lane, k) = merge(1, -1, from == 1)*variable(joint%first_variable + k, min(lane, size(variable, 2)))
                 end do
             end do
-            call relative_by_variables(joint%kind, turn_frame(turn(known), joint%frame(:, :, from)), q, zero, zero, motion)
-            turn(link) = turn_frame_back(motion%frame, joint%frame(:, :, 3 - from))
+            call relative_by_variables(joint%told_kind, turn_frame(turn(known), joint%told_frame(:, :, from)), q, zero, zero, &
+                                       motion, joint%pitch)
+            turn(link) = turn_frame_back(motion%frame, joint%told_frame(:, :, 3 - from))
             origin(link) = origin(known) + (turn(known).rotate.joint%point(:, from)) + motion%slide &
                            - (turn(link).rotate.joint%point(:, 3 - from))
         end associate

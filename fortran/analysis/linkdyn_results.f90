@@ -14,6 +14,7 @@ module linkdyn_results
         result_qd_error, result_qdd_error, result_joint_rate_error
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name, coordinate_joint
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
@@ -282,7 +283,7 @@ contains
                 do k = 1, joint_n_variable(scene%joint(i)%kind)
                     n = n + 1
                     variable%label(n) = trim(scene%joint(i)%name)//"."//variable_name(k, scene%joint(i)%kind)
-                    variable%unit(n) = merge("m  ", "rad", variable_name(k, scene%joint(i)%kind) == "slide")
+                    variable%unit(n) = merge("m  ", "rad", is_slide(scene%joint(i)%kind, k))
                 end do
             end do
         end associate

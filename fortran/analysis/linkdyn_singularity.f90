@@ -16,14 +16,14 @@ module linkdyn_singularity
     use linkdyn_condition, only: condition_type, condition_space, singular_vectors, is_posed
     use linkdyn_dyad_map, only: dyad_map
     use linkdyn_force_map, only: typical_length
-    use linkdyn_joint_rates, only: joint_rate
+    use linkdyn_joint_rates, only: slide_column
+    use linkdyn_joint_table, only: most_slides, n_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, is_dyad
     use linkdyn_planar_pass, only: map_placed
-    use linkdyn_scene, only: joint_prismatic, joint_cylindrical
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_vec2, only: rot2, operator(+), operator(*)
     use linkdyn_vec3, only: operator(+), operator(*), operator(.cross.), operator(.dot.)
@@ -40,7 +40,7 @@ module linkdyn_singularity
         type(slot_store) :: slot                  !! its equations
         type(slot_store) :: left, right           !! singular vectors, scaled back to the equations' own rows and columns
         real(wp), allocatable :: gradient(:, :)   !! of sigma (lane, n_q) [1/m], angles times the length
-        real(wp), allocatable :: slide(:, :)      !! rates of the slides for a unit rate of a coordinate (lane, n_joint)
+        real(wp), allocatable :: slide(:, :, :)   !! rates of the slides for a unit rate of a coordinate (lane, slide, n_joint)
         real(wp), allocatable :: unit(:)          !! what a unit of each coordinate counts (n_q) [m]
         logical :: may_fold = .false.             !! a coordinate may come to its limit: loops are closed
     contains
@@ -59,7 +59,7 @@ contains
         call make_slots(condition%equations%formulation%n_slot + 1, space%slot)
         call make_slots(condition%equations%formulation%n_unknown, space%left)
         call make_slots(condition%equations%formulation%n_unknown, space%right)
-        allocate (space%gradient(lanes, model%n_q), space%slide(lanes, model%n_joint))
+        allocate (space%gradient(lanes, model%n_q), space%slide(lanes, most_slides, model%n_joint))
         space%unit = merge(1.0_wp, typical_length(model), model%scene%coordinate%unit == "m")
         space%may_fold = any(model%step%kind /= step_pose .and. model%step%kind /= step_joint .and. model%step%kind /= step_ups) &
                          .and. (model%is_planar .or. all(model%step%kind /= step_pose))
@@ -186,10 +186,10 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: k
-        real(wp), intent(out) :: slide(lanes, model%n_joint)
+        real(wp), intent(out) :: slide(lanes, most_slides, model%n_joint)
         real(wp), intent(out) :: speed(lanes)
         real(wp) :: length
-        integer :: o, j
+        integer :: o, j, i
 
         length = typical_length(model)
         speed = 0
@@ -202,15 +202,10 @@ contains
         end do
         slide = 0
         do j = 1, model%n_joint
-            select case (model%joint(j)%kind)
-            case (joint_prismatic)
-                slide(:, j) = joint_rate(model, state, j, 1, k)
-            case (joint_cylindrical)
-                slide(:, j) = joint_rate(model, state, j, 2, k)
-            case default
-                cycle
-            end select
-            speed = max(speed, abs(slide(:, j))/length)
+            do i = 1, n_slide(model%joint(j)%kind)
+                slide(:, i, j) = slide_column(model, state, j, i, k)
+                speed = max(speed, abs(slide(:, i, j))/length)
+            end do
         end do
     end subroutine largest_speed
 
@@ -222,7 +217,7 @@ contains
         real(wp), intent(in) :: step(lanes)
         type(singularity_space), intent(inout) :: space
         real(wp) :: angle(lanes)
-        integer :: o, j, l
+        integer :: o, j, l, i
 
         associate (moved => space%moved)
             if (model%is_planar) then
@@ -245,7 +240,9 @@ contains
                 end if
             end do
             do j = 1, model%n_joint
-                moved%slide(:, j) = state%slide(:, j) + step*space%slide(:, j)
+                do i = 1, most_slides
+                    moved%slide(:, i, j) = state%slide(:, i, j) + step*space%slide(:, i, j)
+                end do
             end do
         end associate
     end subroutine move

@@ -9,7 +9,7 @@ module linkdyn_sweep
     use linkdyn_lane_count, only: lanes
     use linkdyn_scene, only: scene_type, put_file_first
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk
+    use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk, ready_design
     use linkdyn_sweep_design, only: sweep_design, open_design, close_design
     use linkdyn_sweep_map, only: sweep_map, make_map, join_part
     use linkdyn_sweep_plan, only: sweep_plan, make_sweep_plan, samples_of_chunk, too_many
@@ -77,7 +77,7 @@ contains
         call make_shape(run)
         allocate (run%design(1))
         associate (design => run%design(1))
-            call open_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
+            call ready_design(run%spec, run%plan, run%row, run%source, solver, 0_int64, design)
             if (run%plan%n_design == 1 .and. .not. design%status%is_ok()) then
                 status = design%status
                 call put_file_first(scene%file, scene, status%message)
@@ -85,11 +85,12 @@ contains
             end if
         end associate
         if (run%design(1)%status%is_ok() .and. run%row%place(quantity_clearance) > 0) then
-            if (.not. have_gaps(run%design(1)%rod)) call refuse_quantity(run, quantity_clearance, "no two legs that share no end", &
-                                                                         status)
+            if (.not. have_gaps(run%design(1)%measures%rod)) &
+                call refuse_quantity(run, quantity_clearance, "no two legs that share no end", status)
         end if
         if (.not. status%is_ok()) return
-        if (run%design(1)%status%is_ok() .and. run%design(1)%wants_map) run%length = run%design(1)%map%length
+        if (run%design(1)%status%is_ok() .and. run%design(1)%measures%wants_map) &
+            run%length = run%design(1)%measures%map%length
         call choose_bins(run)
         call make_map(run%spec, run%plan, size(run%row%quantity), run%map)
         allocate (run%total(run%plan%n_design))
@@ -173,7 +174,7 @@ contains
             design = (run%plan%n_design*modulo(spot*n_design/coarse_spots, n_design))/n_design
             n = int(min(run%plan%n_pose, int(coarse_length, int64)))
             first = int(modulo(spot*golden, 1.0_wp)*real(run%plan%n_pose - n + 1, wp), int64)
-            call open_design(run%spec, run%plan, run%row, run%source, run%solver, design, run%design(1))
+            call ready_design(run%spec, run%plan, run%row, run%source, run%solver, design, run%design(1))
             call reduce_chunk(run%spec, run%plan, run%row, shape, run%bins, no_map, nothing, design*run%plan%n_pose + first, n, &
                 run%design(1), part, kept)
             call join_totals(part, 0_int64, found)
@@ -241,7 +242,7 @@ contains
                 !$omp end atomic
                 if (k > size(part) .or. is_interrupted()) exit
                 call samples_of_chunk(run%plan, first + (k - 1)*stride, number, first_sample, n)
-                call open_design(run%spec, run%plan, run%row, run%source, run%solver, number, design)
+                call ready_design(run%spec, run%plan, run%row, run%source, run%solver, number, design)
                 if (.not. design%status%is_ok()) call note_bad_design(design)
                 call make_keeping(run, n, kept(k))
                 call reduce_chunk(run%spec, run%plan, run%row, run%shape, run%bins, run%map, run%keep, first_sample, n, &
@@ -274,16 +275,22 @@ contains
                   kept%value(size(run%keep), run%plan%chunk))
     end subroutine make_keeping
 
-    !> Scratch for so many threads.
+    !> Scratch for so many threads. A single design is planned once for all of them.
     subroutine provide_designs(run, n)
         type(sweep_run), intent(inout) :: run
         integer, intent(in) :: n
+        integer :: i
 
         if (associated(run%design)) then
             if (size(run%design) >= n) return
             call close_designs(run)
         end if
         allocate (run%design(n))
+        if (run%plan%n_design > 1) return
+        call ready_design(run%spec, run%plan, run%row, run%source, run%solver, 0_int64, run%design(1))
+        do i = 2, n
+            call open_design(run%spec, run%plan, run%row, run%source, run%solver, 0_int64, run%design(i), like=run%design(1))
+        end do
     end subroutine provide_designs
 
     !> Add the chunks that follow what has been joined.

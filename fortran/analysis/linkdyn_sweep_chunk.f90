@@ -1,34 +1,32 @@
-!> One chunk of a sweep: from numbers of samples to totals, block by block in the cache. Nothing but what is reduced or
+!> One chunk of a sweep: from numbers of samples to totals, batch by batch in the cache. Nothing but what is reduced or
 !> kept is computed.
+!>
+!> Forces and motion of a batch are found as those of any other batch are (`run_prepared`), by the record of the scene where it
+!> has one.
 module linkdyn_sweep_chunk
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_clearance, only: swing_angle, smallest_gap
-    use linkdyn_equations, only: solve_equations
-    use linkdyn_force_map, only: evaluate_force_map, scaled_condition
     use linkdyn_interrupt, only: is_interrupted
-    use linkdyn_joint_rates, only: actuator_rates, measure_joints, measure_variable
+    use linkdyn_inverse, only: inverse_results, inverse_solver, run_prepared, part_of_results
     use linkdyn_kinds, only: wp
-    use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
-    use linkdyn_reactions, only: collect_reactions
-    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, &
-        sample_undefined
-    use linkdyn_sweep_design, only: sweep_design
-    use linkdyn_sweep_map, only: sweep_map, map_part, cell_of, start_part, add_to_part
-    use linkdyn_sweep_plan, only: sweep_plan, place_cursor, advance_cursor
-    use linkdyn_sweep_quantities, only: quantity_row
-    use linkdyn_sweep_spec, only: sweep_spec, axis_coordinate, axis_rate, axis_acceleration, axis_load, axis_time, &
+    use linkdyn_pose_measures, only: measure_poses, belongs_to_pose
+    use linkdyn_status, only: sample_ok, sample_undefined
+    use linkdyn_sweep_design, only: sweep_design, sample_batch, open_design
+    use linkdyn_sweep_map, only: sweep_map, map_part, find_cells, start_part, add_to_part
+    use linkdyn_sweep_plan, only: sweep_plan, axis_columns, axis_values
+    use linkdyn_sweep_quantities, only: quantity_row, quantity_type
+    use linkdyn_sweep_source, only: design_source
+    use linkdyn_sweep_spec, only: sweep_spec, bound_spec, axis_coordinate, axis_rate, axis_acceleration, axis_load, axis_time, &
         quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
         quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable, quantity_joint_rate, &
-        quantity_force_amplification, quantity_moment_amplification, quantity_condition, quantity_determinant, &
-        quantity_swing, quantity_clearance, needs_forces
-    use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, start_lanes, reduce_lanes, count_lanes, &
-        watch_lanes, join_lanes, code_feasible, code_no_model, first_bound
+        needs_forces
+    use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, reduce_samples, join_totals, &
+        code_feasible, code_no_model, first_bound
     implicit none (type, external)
     private
-    public :: reduce_chunk, kept_chunk, make_records
+    public :: reduce_chunk, kept_chunk, make_records, ready_design, look_at_samples
 
     !> What is kept of every sample of a chunk.
     type :: kept_chunk
@@ -40,6 +38,24 @@ module linkdyn_sweep_chunk
     end type kept_chunk
 
 contains
+
+    !> Open a design, unless it is open already.
+    !>
+    !> Records are made from its first samples, whichever sample comes first, so that nothing hangs on that.
+    subroutine ready_design(spec, plan, row, source, solver, number, design)
+        type(sweep_spec), intent(in) :: spec
+        type(sweep_plan), intent(in) :: plan
+        type(quantity_row), intent(in) :: row
+        class(design_source), intent(in) :: source
+        integer, intent(in) :: solver                   !! one of `solver_*`
+        integer(int64), intent(in) :: number            !! from 0
+        type(sweep_design), intent(inout) :: design
+
+        if (design%number == number) return
+        call open_design(spec, plan, row, source, solver, number, design)
+        if (design%status%is_ok() .and. design%is_recorded) &
+            call look_at_samples(spec, plan, row, number*plan%n_pose, design%room, design)
+    end subroutine ready_design
 
     !> Reduce the samples of one chunk of the open design. When the process is told to stop nothing of it can be used.
     subroutine reduce_chunk(spec, plan, row, shape, bins, map, keep, first, n, design, totals, kept)
@@ -55,69 +71,91 @@ contains
         type(sweep_design), intent(inout) :: design
         type(totals_type), intent(out) :: totals
         type(kept_chunk), intent(inout) :: kept         !! room for `n` samples, or none
-        integer :: code(lanes), block, n_here
-        logical :: counts(lanes)
-        real(wp) :: axis(size(plan%axis), lanes)
-        integer(int64) :: cell(lanes)
+        type(totals_type) :: part
+        integer :: done, n_here
 
-        call start_lanes(shape, design%part)
+        call empty_totals(shape, totals)
         if (map%is_wanted) call start_part(size(row%quantity), n, kept%map)
         if (.not. design%status%is_ok()) then
-            design%part%n_sample = n
-            design%part%n_code(code_no_model) = n
-            call join_lanes(shape, design%part, first, totals)
-            if (allocated(kept%code)) call keep_nothing()
+            totals%first_sample = first
+            totals%n_sample = n
+            totals%n_code(code_no_model) = n
+            if (allocated(kept%code)) call keep_nothing(plan, first, n, kept)
             return
         end if
-        call place_cursor(plan, first, design%cursor)
-        do block = 0, (n - 1)/lanes
+        do done = 0, n - 1, design%room
             if (is_interrupted()) exit
-            n_here = min(lanes, n - block*lanes)
-            call fill_lanes(plan, map, n_here, design, axis, cell)
-            call evaluate_block(spec, row, n_here, design, code)
-            call check_counts(spec, code, n_here, counts)
-            if (allocated(kept%code)) call keep_block()
-            if (map%is_wanted) call add_to_part(row, design%value, cell, counts, code == code_feasible, n_here, kept%map)
-            if (.not. all(counts)) call blank_lanes(shape%n_entry, counts, design%value)
-            call reduce_lanes(shape, bins, design%value, counts, block, design%part)
-            call count_lanes(code, n_here, design%part)
-            if (shape%determinant > 0 .and. plan%n_line > 0) call watch_lanes(design%value(:, shape%determinant), n_here, &
-                first + int(block, int64)*lanes, plan%n_line, design%part)
-        end do
-        call join_lanes(shape, design%part, first, totals)
-
-    contains
-
-        subroutine keep_block()
-            integer :: l, i
-
-            do l = 1, n_here
-                i = block*lanes + l
-                kept%code(i) = code(l)
-                kept%axis(:, i) = axis(:, l)
-                kept%value(:, i) = design%value(l, keep)
-                if (code(l) == code_feasible) cycle
-                if (code(l) < first_bound) then
-                    kept%value(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
-                else if (is_excluded_early(spec, code(l))) then
-                    ! Whether its forces were computed depends on its neighbours.
-                    where (keep > row%n_early) kept%value(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
+            n_here = min(design%room, n - done)
+            call fill_batch(plan, first + done, n_here, design)
+            call evaluate_batch(spec, plan, row, first + done, n_here, design)
+            if (allocated(kept%code)) call keep_batch(spec, row, keep, done, n_here, design, kept)
+            associate (code => design%code(:n_here), counts => design%counts(:n_here))
+                if (map%is_wanted) then
+                    call find_cells(map, design%place(:n_here, :), design%number, design%cell(:n_here))
+                    call add_to_part(row, n_here, design%value, design%cell, counts, code == code_feasible, kept%map)
                 end if
-            end do
-        end subroutine keep_block
-
-        subroutine keep_nothing()
-            integer :: i
-
-            call place_cursor(plan, first, design%cursor)
-            do i = 1, n
-                kept%axis(:, i) = design%cursor%value
-                call advance_cursor(plan, design%cursor)
-            end do
-            kept%code(:n) = code_no_model
-            kept%value(:, :n) = ieee_value(1.0_wp, ieee_quiet_nan)
-        end subroutine keep_nothing
+                call reduce_samples(shape, bins, n_here, design%value, code, counts, first + done, plan%n_line, part)
+            end associate
+            call join_totals(part, plan%n_line, totals)
+        end do
     end subroutine reduce_chunk
+
+    !> Evaluate some samples of the open design: what is found stands in the design's scratch.
+    subroutine look_at_samples(spec, plan, row, first, n, design)
+        type(sweep_spec), intent(in) :: spec
+        type(sweep_plan), intent(in) :: plan
+        type(quantity_row), intent(in) :: row
+        integer(int64), intent(in) :: first             !! sample, from 0
+        integer, intent(in) :: n                        !! samples, at most a batch
+        type(sweep_design), intent(inout) :: design
+
+        call fill_batch(plan, first, n, design)
+        call evaluate_batch(spec, plan, row, first, n, design)
+    end subroutine look_at_samples
+
+    ! ---------------------------------------------------------------- what is kept
+
+    subroutine keep_batch(spec, row, keep, done, n, design, kept)
+        type(sweep_spec), intent(in) :: spec
+        type(quantity_row), intent(in) :: row
+        integer, intent(in) :: keep(:)
+        integer, intent(in) :: done                     !! samples of the chunk before these
+        integer, intent(in) :: n
+        type(sweep_design), intent(in) :: design
+        type(kept_chunk), intent(inout) :: kept
+        real(wp) :: nan
+        integer :: s
+
+        nan = ieee_value(1.0_wp, ieee_quiet_nan)
+        kept%code(done + 1:done + n) = design%code(:n)
+        kept%axis(:, done + 1:done + n) = transpose(design%axis(:n, :))
+        do s = 1, n
+            associate (value => kept%value(:, done + s), code => design%code(s))
+                value = design%value(keep, s)
+                if (code == code_feasible) cycle
+                if (code < first_bound) then
+                    value = nan
+                else if (is_excluded_early(spec%bound(code - first_bound + 1))) then
+                    where (keep > row%n_early) value = nan         ! its forces were not computed
+                end if
+            end associate
+        end do
+    end subroutine keep_batch
+
+    !> Of a design that is no mechanism.
+    subroutine keep_nothing(plan, first, n, kept)
+        type(sweep_plan), intent(in) :: plan
+        integer(int64), intent(in) :: first             !! number of the first sample, from 0
+        integer, intent(in) :: n
+        type(kept_chunk), intent(inout) :: kept
+        integer :: s
+
+        do s = 1, n
+            kept%axis(:, s) = axis_values(plan, first + s - 1)
+        end do
+        kept%code(:n) = code_no_model
+        kept%value(:, :n) = ieee_value(1.0_wp, ieee_quiet_nan)
+    end subroutine keep_nothing
 
     !> What is kept of a chunk, sample after sample: outcome, axes, quantities.
     subroutine make_records(kept, n, records)
@@ -132,266 +170,254 @@ contains
         records(n_axis + 2:, :n) = kept%value(:, :n)
     end subroutine make_records
 
-    !> The next samples into lanes; lanes beyond the last one repeat it.
-    subroutine fill_lanes(plan, map, n_here, design, axis_of_lane, cell)
-        type(sweep_plan), intent(in) :: plan
-        type(sweep_map), intent(in) :: map
-        integer, intent(in) :: n_here
-        type(sweep_design), intent(inout) :: design
-        real(wp), intent(out) :: axis_of_lane(:, :)     !! (axis, lane)
-        integer(int64), intent(out) :: cell(lanes)      !! of the map
-        integer :: l, i
+    ! ---------------------------------------------------------------- samples
 
-        do l = 1, lanes
-            axis_of_lane(:, l) = design%cursor%value
-            if (map%is_wanted) cell(l) = cell_of(map, design%cursor, design%number)
-            if (l < n_here) call advance_cursor(plan, design%cursor)
-        end do
-        call advance_cursor(plan, design%cursor)
-        if (design%follows_motion) call follow_motion(plan, design, axis_of_lane)
-        associate (state => design%workspace%state)
+    !> Axes, motion and loads of samples.
+    subroutine fill_batch(plan, first, n, design)
+        type(sweep_plan), intent(in) :: plan
+        integer(int64), intent(in) :: first             !! number of the first sample, from 0
+        integer, intent(in) :: n
+        type(sweep_design), intent(inout) :: design
+        integer :: i
+
+        call axis_columns(plan, first, n, design%place, design%axis)
+        associate (batch => design%batch)
+            if (design%follows_motion) then
+                i = findloc(plan%axis%spec%kind, axis_time, dim=1)
+                call evaluate_motion(design%model, design%axis(:n, i), batch%q(:, :n), batch%qd(:, :n), batch%qdd(:, :n), &
+                                     batch%load(:, :, :n))
+            end if
             do i = 1, size(plan%axis)
                 associate (spec => plan%axis(i)%spec)
                     select case (spec%kind)
                     case (axis_coordinate)
-                        state%q(:, spec%target) = axis_of_lane(i, :)
+                        batch%q(spec%target, :n) = design%axis(:n, i)
                     case (axis_rate)
-                        state%qd(:, spec%target) = axis_of_lane(i, :)
+                        batch%qd(spec%target, :n) = design%axis(:n, i)
                     case (axis_acceleration)
-                        state%qdd(:, spec%target) = axis_of_lane(i, :)
+                        batch%qdd(spec%target, :n) = design%axis(:n, i)
                     case (axis_load)
-                        design%workspace%load(:, spec%component, spec%target) = axis_of_lane(i, :)
+                        batch%load(spec%component, spec%target, :n) = design%axis(:n, i)
                     end select
                 end associate
             end do
         end associate
-    end subroutine fill_lanes
+    end subroutine fill_batch
 
-    !> Coordinates and loads of the scene's motion at the instants of the lanes.
-    subroutine follow_motion(plan, design, axis_of_lane)
-        type(sweep_plan), intent(in) :: plan
-        type(sweep_design), intent(inout) :: design
-        real(wp), intent(in) :: axis_of_lane(:, :)
-        real(wp) :: t(lanes)
-        integer :: i, l
-
-        do i = 1, size(plan%axis)
-            if (plan%axis(i)%spec%kind == axis_time) t = axis_of_lane(i, :)
-        end do
-        call evaluate_motion(design%model, t, design%q, design%qd, design%qdd, design%load)
-        associate (workspace => design%workspace)
-            do l = 1, lanes
-                workspace%state%q(l, :) = design%q(:, l)
-                workspace%state%qd(l, :) = design%qd(:, l)
-                workspace%state%qdd(l, :) = design%qdd(:, l)
-                if (design%model%n_load > 0) workspace%load(l, :, :) = design%load(:, :, l)
-            end do
-        end associate
-    end subroutine follow_motion
-
-    !> All quantities of a block, as far as it takes: forces only if some lane is within what can be said without them.
-    subroutine evaluate_block(spec, row, n_here, design, code)
+    !> All quantities of a batch, as far as it takes: forces only of samples that are within what can be said without them.
+    subroutine evaluate_batch(spec, plan, row, first, n, design)
         type(sweep_spec), intent(in) :: spec
+        type(sweep_plan), intent(in) :: plan
         type(quantity_row), intent(in) :: row
-        integer, intent(in) :: n_here
+        integer(int64), intent(in) :: first             !! number of the first sample, from 0
+        integer, intent(in) :: n
         type(sweep_design), intent(inout) :: design
-        integer, intent(out) :: code(lanes)             !! see `linkdyn_sweep_totals`
-        logical :: counts(lanes)
+        integer :: s, m
 
-        call evaluate_kinematics(design%model, design%workspace%state)
-        associate (state => design%workspace%state)
+        associate (code => design%code(:n), counts => design%counts(:n))
             code = code_feasible
-            where (state%singular) code = sample_singular
-            where (state%not_converged) code = sample_not_converged
-            where (state%unreachable) code = sample_unreachable
-            where (state%branch_lost) code = sample_branch_lost
+            if (design%measures%are_wanted) call take_poses(plan, row, first, n, design)
+            if (associated(design%of_motion%status)) then
+                call compute(design%model, design%motion, n, design%batch, design%of_motion)
+                call take_motion(row, n, design%of_motion, design%value)
+                where (code == code_feasible .and. design%of_motion%status(:n) /= sample_ok) code = design%of_motion%status(:n)
+            end if
+            if (design%excludes_early .or. .not. design%needs_forces) call judge(spec, row, .false., n, design)
+            counts = takes_part(spec, code)
+            if (.not. design%needs_forces) return
+            m = n
+            if (design%excludes_early) then
+                m = count(counts)
+                design%which(:m) = pack([(s, s=1, n)], counts)
+                call choose(design%which(:m), design%batch, design%chosen)
+                call compute(design%model, design%forces, m, design%chosen, design%of_forces)
+            else
+                design%which(:n) = [(s, s=1, n)]
+                call compute(design%model, design%forces, n, design%batch, design%of_forces)
+                if (design%needs_motion) call take_motion(row, n, design%of_forces, design%value)
+            end if
+            do s = 1, m
+                associate (outcome => design%of_forces%status(s), here => code(design%which(s)))
+                    if (outcome /= sample_ok .and. (here == code_feasible .or. here >= first_bound)) here = outcome
+                end associate
+            end do
+            call take_forces(row, m, design)
+            if (.not. design%excludes_early) call judge(spec, row, .false., n, design)
+            call judge(spec, row, .true., n, design)
+            counts = takes_part(spec, code)
         end associate
-        call evaluate_early(row, design)
-        call flag_unsound(design%value(:, :row%n_early), code)
-        call check_bounds(spec, row, .false., design%value, code)
-        if (.not. design%needs_forces) return
-        call check_counts(spec, code, n_here, counts)
-        if (.not. any(counts)) return
-        call solve_equations(design%model, design%equations, design%workspace)
-        if (any(design%workspace%status /= sample_ok)) then
-            where (counts .and. design%workspace%status /= sample_ok) code = design%workspace%status
-        end if
-        call evaluate_late(row, design)
-        call flag_unsound(design%value(:, row%n_early + 1:), code)
-        call check_bounds(spec, row, .true., design%value, code)
-    end subroutine evaluate_block
+    end subroutine evaluate_batch
 
-    !> The last check: nothing that is not finite is reduced or kept.
-    pure subroutine flag_unsound(value, code)
-        real(wp), intent(in) :: value(:, :)             !! (lane, entry)
-        integer, intent(inout) :: code(lanes)
-        real(wp) :: total(lanes)
+    !> Those samples whose forces are wanted.
+    subroutine choose(which, batch, chosen)
+        integer, intent(in) :: which(:)
+        type(sample_batch), intent(in) :: batch
+        type(sample_batch), intent(inout) :: chosen
+        integer :: s
+
+        do s = 1, size(which)
+            chosen%q(:, s) = batch%q(:, which(s))
+            chosen%qd(:, s) = batch%qd(:, which(s))
+            chosen%qdd(:, s) = batch%qdd(:, which(s))
+            chosen%load(:, :, s) = batch%load(:, :, which(s))
+        end do
+    end subroutine choose
+
+    !> The first samples of a batch as inverse dynamics has them, each on its own.
+    subroutine compute(model, solver, n, batch, results)
+        type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
+        integer, intent(in) :: n
+        type(sample_batch), intent(in) :: batch
+        type(inverse_results), intent(in) :: results
+        type(inverse_results) :: here
+
+        if (n == 0) return
+        here = part_of_results(results, 1, n)
+        call run_prepared(model, solver, 1, batch%q(:, :n), batch%qd(:, :n), batch%qdd(:, :n), batch%load(:, :, :n), here)
+    end subroutine compute
+
+    !> What hangs on the pose alone, found once for all load cases at it.
+    subroutine take_poses(plan, row, first, n, design)
+        type(sweep_plan), intent(in) :: plan
+        type(quantity_row), intent(in) :: row
+        integer(int64), intent(in) :: first             !! number of the first sample, from 0
+        integer, intent(in) :: n
+        type(sweep_design), intent(inout) :: design
+        integer :: pose(n), leader(n), n_pose, s, k
+
+        n_pose = 0
+        do s = 1, n
+            if (s == 1 .or. modulo(first + s - 1, plan%n_load_case) == 0) then
+                n_pose = n_pose + 1
+                leader(n_pose) = s
+            end if
+            pose(s) = n_pose
+        end do
+        call measure_poses(design%model, row, design%batch%q(:, leader(:n_pose)), design%measures, &
+                           design%of_pose, design%pose_status)
+        do s = 1, n
+            if (design%pose_status(pose(s)) /= sample_ok) design%code(s) = design%pose_status(pose(s))
+            do k = 1, size(row%quantity)
+                associate (quantity => row%quantity(k))
+                    if (belongs_to_pose(quantity%id)) design%value(quantity%first + 1:quantity%first + quantity%n, s) = &
+                        design%of_pose(quantity%first + 1:quantity%first + quantity%n, pose(s))
+                end associate
+            end do
+        end do
+    end subroutine take_poses
+
+    !> Joint variables and rates.
+    subroutine take_motion(row, n, of, value)
+        type(quantity_row), intent(in) :: row
+        integer, intent(in) :: n                        !! samples
+        type(inverse_results), intent(in) :: of
+        real(wp), intent(inout) :: value(:, :)          !! (entry, sample)
         integer :: k
 
-        total = 0
-        do k = 1, size(value, 2)
-            total = total + abs(value(:, k))
+        do k = 1, size(row%quantity)
+            associate (first => row%quantity(k)%first + 1, last => row%quantity(k)%first + row%quantity(k)%n)
+                select case (row%quantity(k)%id)
+                case (quantity_joint_variable)
+                    value(first:last, :n) = of%joint_variable(:, :n)
+                case (quantity_joint_rate)
+                    value(first:last, :n) = of%joint_rate(:, :n)
+                case (quantity_driving_position)
+                    value(first:last, :n) = of%driving_position(:, :n)
+                case (quantity_driving_speed)
+                    value(first:last, :n) = of%driving_speed(:, :n)
+                end select
+            end associate
         end do
-        where ((code == code_feasible .or. code >= first_bound) .and. .not. total <= huge(1.0_wp)) code = sample_undefined
-    end subroutine flag_unsound
+    end subroutine take_motion
 
-    !> What needs no forces.
-    subroutine evaluate_early(row, design)
+    !> What follows from the forces of the samples chosen.
+    subroutine take_forces(row, n, design)
         type(quantity_row), intent(in) :: row
+        integer, intent(in) :: n
         type(sweep_design), intent(inout) :: design
-        real(wp) :: variable(lanes, design%model%n_variable), rate(lanes, design%model%n_variable), ignored(lanes), zero(lanes)
-        integer :: i, p
-        logical :: needs_all
+        integer :: k, s
 
-        associate (model => design%model, state => design%workspace%state)
-            needs_all = row%place(quantity_joint_variable) > 0 .or. row%place(quantity_joint_rate) > 0
-            p = place(quantity_driving_position)
-            if (needs_all) call measure_joints(model, state, variable, rate)
-            if (p >= 0) then
-                zero = 0
-                do i = 1, model%n_actuator
-                    associate (spec => model%scene%actuator(i))
-                        call measure_variable(model, state, spec%joint, spec%variable, zero, design%value(:, p + i), ignored)
-                    end associate
-                end do
-            end if
-            if (row%place(quantity_driving_speed) > 0 .or. row%place(quantity_driving_power) > 0) &
-                call actuator_rates(model, state, design%rate)
-            if (row%place(quantity_driving_speed) > 0) then
-                p = place(quantity_driving_speed)
-                design%value(:, p + 1:p + model%n_actuator) = design%rate
-            end if
-            if (needs_all) then
-                p = place(quantity_joint_variable)
-                if (p >= 0) design%value(:, p + 1:p + model%n_variable) = variable
-                p = place(quantity_joint_rate)
-                if (p >= 0) design%value(:, p + 1:p + model%n_variable) = rate
-            end if
-            p = place(quantity_swing)
-            if (p >= 0) then
-                do i = 1, size(design%swing)
-                    call swing_angle(model, design%swing(i), state, design%value(:, p + i))
-                end do
-            end if
-            p = place(quantity_clearance)
-            if (p >= 0) call smallest_gap(model, design%rod, state, design%value(:, p + 1))
-            if (.not. design%wants_map) return
-            call evaluate_force_map(model, design%map, state, design%jacobian, design%force, design%determinant)
-            p = place(quantity_determinant)
-            if (p >= 0) design%value(:, p + 1) = design%determinant
-            p = place(quantity_force_amplification)
-            if (p >= 0) then
-                do i = 1, model%n_actuator
-                    design%value(:, p + i) = row_length(design%force(:, i, 1:3))
-                end do
-            end if
-            p = place(quantity_moment_amplification)
-            if (p >= 0) then
-                do i = 1, model%n_actuator
-                    design%value(:, p + i) = row_length(design%force(:, i, 4:6))
-                end do
-            end if
-            p = place(quantity_condition)
-            if (p >= 0) call scaled_condition(model%n_q, design%jacobian, design%value(:, p + 1))
-        end associate
+        do k = 1, size(row%quantity)
+            if (.not. needs_forces(row%quantity(k)%id)) cycle
+            do s = 1, n
+                associate (first => row%quantity(k)%first, last => row%quantity(k)%first + row%quantity(k)%n)
+                    call take_sample(row%quantity(k)%id, s, design%value(first + 1:last, design%which(s)))
+                end associate
+            end do
+        end do
 
     contains
 
-        !> Where the entries of a quantity stand in the row; -1: it is not there.
-        pure integer function place(id)
-            integer, intent(in) :: id
+        subroutine take_sample(id, s, value)
+            integer, intent(in) :: id, s
+            real(wp), intent(inout) :: value(:)
+            integer :: i, n_force, n_component
 
-            place = -1
-            if (row%place(id) > 0) place = row%quantity(row%place(id))%first
-        end function place
-    end subroutine evaluate_early
-
-    pure function row_length(v) result(length)
-        real(wp), intent(in) :: v(:, :)                 !! (lane, 3)
-        real(wp) :: length(lanes)
-
-        length = sqrt(v(:, 1)**2 + v(:, 2)**2 + v(:, 3)**2)
-    end function row_length
-
-    !> What follows from the forces.
-    subroutine evaluate_late(row, design)
-        type(quantity_row), intent(in) :: row
-        type(sweep_design), intent(inout) :: design
-        integer :: i, j, k, p, n_force
-
-        associate (model => design%model, value => design%value, force => design%workspace%driving_force)
-            k = row%place(quantity_driving_force)
-            if (k > 0) then
-                p = row%quantity(k)%first
-                value(:, p + 1:p + model%n_actuator) = force
-            end if
-            k = row%place(quantity_driving_power)
-            if (k > 0) then
-                p = row%quantity(k)%first
-                value(:, p + 1:p + model%n_actuator) = force*design%rate
-            end if
-            if (.not. design%wants_reactions) return
-            call collect_reactions(model, design%equations%formulation, design%workspace%state, design%workspace%solution, &
-                                   design%reaction)
-            n_force = merge(2, 3, model%is_planar)
-            k = row%place(quantity_reaction)
-            if (k > 0) then
-                p = row%quantity(k)%first
-                do j = 1, model%n_joint
-                    do i = 1, model%n_component
-                        p = p + 1
-                        value(:, p) = design%reaction(:, i, j)
+            associate (of => design%of_forces)
+                select case (id)
+                case (quantity_driving_force)
+                    value = of%driving_force(:, s)
+                case (quantity_driving_power)
+                    value = of%driving_force(:, s)*of%driving_speed(:, s)
+                case (quantity_reaction)
+                    n_component = size(of%reaction, 1)
+                    do i = 1, size(of%reaction, 2)
+                        value((i - 1)*n_component + 1:i*n_component) = of%reaction(:, i, s)
                     end do
-                end do
-            end if
-            k = row%place(quantity_reaction_force)
-            if (k > 0) then
-                p = row%quantity(k)%first
-                do j = 1, model%n_joint
-                    value(:, p + j) = design%reaction(:, 1, j)**2 + design%reaction(:, 2, j)**2
-                    if (n_force == 3) value(:, p + j) = value(:, p + j) + design%reaction(:, 3, j)**2
-                    value(:, p + j) = sqrt(value(:, p + j))
-                end do
-            end if
-            k = row%place(quantity_reaction_moment)
-            if (k > 0) then
-                p = row%quantity(k)%first
-                do j = 1, model%n_joint
-                    if (n_force == 2) value(:, p + j) = abs(design%reaction(:, 3, j))
-                    if (n_force == 3) value(:, p + j) = row_length(design%reaction(:, 4:6, j))
-                end do
-            end if
-        end associate
-    end subroutine evaluate_late
+                case (quantity_reaction_force)
+                    n_force = merge(2, 3, design%model%is_planar)
+                    do i = 1, size(value)
+                        value(i) = sqrt(sum(of%reaction(:n_force, i, s)**2))
+                    end do
+                case (quantity_reaction_moment)
+                    n_force = merge(2, 3, design%model%is_planar)
+                    do i = 1, size(value)
+                        value(i) = sqrt(sum(of%reaction(n_force + 1:, i, s)**2))
+                    end do
+                end select
+            end associate
+        end subroutine take_sample
+    end subroutine take_forces
 
-    !> The first bound that a lane does not keep; bounds that are no limits come first.
-    subroutine check_bounds(spec, row, is_late, value, code)
+    ! ---------------------------------------------------------------- bounds
+
+    !> The last check, that nothing that is not finite is reduced or kept, and the bounds: of what needs forces, or of the rest.
+    subroutine judge(spec, row, is_late, n, design)
         type(sweep_spec), intent(in) :: spec
         type(quantity_row), intent(in) :: row
         logical, intent(in) :: is_late
-        real(wp), intent(in) :: value(:, :)
-        integer, intent(inout) :: code(lanes)
-        integer :: b, i
-        logical :: keeps(lanes)
+        integer, intent(in) :: n
+        type(sweep_design), intent(inout) :: design
+        integer :: s, b, from, to
 
-        do b = 1, size(spec%bound)
-            associate (bound => spec%bound(b))
-                if (needs_forces(bound%quantity) .neqv. is_late) cycle
-                keeps = .true.
-                do i = 1, size(bound%entry)
-                    associate (k => row%quantity(row%place(bound%quantity))%first + bound%entry(i))
-                        keeps = keeps .and. value(:, k) >= bound%low .and. value(:, k) <= bound%high
-                    end associate
+        from = merge(row%n_early + 1, 1, is_late)
+        to = merge(row%n, row%n_early, is_late)
+        do s = 1, n
+            associate (code => design%code(s), value => design%value(:, s))
+                if (.not. takes_part(spec, code)) cycle
+                if (.not. sum(abs(value(from:to))) <= huge(1.0_wp)) code = sample_undefined
+                do b = 1, size(spec%bound)
+                    if (needs_forces(spec%bound(b)%quantity) .neqv. is_late) cycle
+                    ! The first bound that a sample does not keep; bounds that are no limits come first.
+                    if (.not. (code == code_feasible .or. (.not. spec%bound(b)%is_limit .and. is_limit_code(spec, code)))) cycle
+                    if (.not. keeps(spec%bound(b), row%quantity(row%place(spec%bound(b)%quantity)), value)) &
+                        code = first_bound + b - 1
                 end do
-                if (all(keeps)) cycle
-                if (bound%is_limit) then
-                    where (.not. keeps .and. code == code_feasible) code = first_bound + b - 1
-                else
-                    where (.not. keeps .and. (code == code_feasible .or. is_limit_code(spec, code))) code = first_bound + b - 1
-                end if
             end associate
         end do
-    end subroutine check_bounds
+    end subroutine judge
+
+    !> Are all entries of a bound within it?
+    pure logical function keeps(bound, quantity, value)
+        type(bound_spec), intent(in) :: bound
+        type(quantity_type), intent(in) :: quantity
+        real(wp), intent(in) :: value(:)                !! (entry)
+
+        associate (v => value(quantity%first + bound%entry))
+            keeps = all(v >= bound%low .and. v <= bound%high)
+        end associate
+    end function keeps
 
     !> Does the code say that a pose is beyond a limit, but possible?
     pure elemental logical function is_limit_code(spec, code) result(is_limit)
@@ -402,40 +428,18 @@ contains
         if (code >= first_bound) is_limit = spec%bound(code - first_bound + 1)%is_limit
     end function is_limit_code
 
-    !> Is the pose excluded by what needs no forces?
-    pure logical function is_excluded_early(spec, code) result(is_excluded)
+    !> Does a sample of this outcome take part in the reductions?
+    pure elemental logical function takes_part(spec, code)
         type(sweep_spec), intent(in) :: spec
-        integer, intent(in) :: code                     !! of a bound
+        integer, intent(in) :: code
 
-        associate (bound => spec%bound(code - first_bound + 1))
-            is_excluded = .not. bound%is_limit .and. .not. needs_forces(bound%quantity)
-        end associate
+        takes_part = code == code_feasible .or. is_limit_code(spec, code)
+    end function takes_part
+
+    !> Is a pose beyond this bound excluded before its forces are computed?
+    pure logical function is_excluded_early(bound) result(is_excluded)
+        type(bound_spec), intent(in) :: bound
+
+        is_excluded = .not. bound%is_limit .and. .not. needs_forces(bound%quantity)
     end function is_excluded_early
-
-    !> Which lanes take part in the reductions.
-    subroutine check_counts(spec, code, n_here, counts)
-        type(sweep_spec), intent(in) :: spec
-        integer, intent(in) :: code(lanes), n_here
-        logical, intent(out) :: counts(lanes)
-
-        if (n_here == lanes .and. all(code == code_feasible)) then
-            counts = .true.
-            return
-        end if
-        counts = code == code_feasible .or. is_limit_code(spec, code)
-        counts(n_here + 1:) = .false.
-    end subroutine check_counts
-
-    pure subroutine blank_lanes(n, counts, value)
-        integer, intent(in) :: n
-        logical, intent(in) :: counts(lanes)
-        real(wp), intent(inout) :: value(lanes, n)
-        real(wp) :: nan
-        integer :: k
-
-        nan = ieee_value(1.0_wp, ieee_quiet_nan)
-        do k = 1, n
-            where (.not. counts) value(:, k) = nan
-        end do
-    end subroutine blank_lanes
 end module linkdyn_sweep_chunk

@@ -2,54 +2,65 @@
 module linkdyn_sweep_design
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_builder, only: build_model
-    use linkdyn_clearance, only: rod, swing_joint, legs_of, swings_of
-    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace
-    use linkdyn_force_map, only: force_map, prepare_force_map
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse
     use linkdyn_kinds, only: wp
-    use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_loads
+    use linkdyn_pose_measures, only: pose_measures, prepare_pose_measures, belongs_to_pose
     use linkdyn_scene, only: scene_type
     use linkdyn_status, only: status_type
-    use linkdyn_sweep_plan, only: sweep_plan, sweep_cursor, axis_values
+    use linkdyn_sweep_plan, only: sweep_plan, axis_values
     use linkdyn_sweep_quantities, only: quantity_row
     use linkdyn_sweep_source, only: design_source
-    use linkdyn_sweep_spec, only: sweep_spec, axis_time, quantity_reaction, quantity_reaction_force, &
-        quantity_reaction_moment, quantity_force_amplification, quantity_moment_amplification, quantity_condition, &
-        quantity_determinant, quantity_swing, quantity_clearance
-    use linkdyn_sweep_totals, only: lane_totals
+    use linkdyn_sweep_spec, only: sweep_spec, axis_time, needs_forces, quantity_driving_force, quantity_driving_position, &
+        quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, quantity_reaction_moment, &
+        quantity_joint_variable, quantity_joint_rate
     implicit none (type, external)
     private
-    public :: sweep_design, open_design, close_design
+    public :: sweep_design, sample_batch, open_design, close_design
+
+    integer, parameter :: small_batch = 512     !! samples whose motion and results stay in the second cache
+    integer, parameter :: large_batch = 4096    !! where loops are closed by iteration, samples share the way from the start
+
+    !> Motion and loads of some samples.
+    type :: sample_batch
+        real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :)   !! (n_q, sample)
+        real(wp), allocatable :: load(:, :, :)                  !! (6, n_load, sample)
+    end type sample_batch
 
     type :: sweep_design
         integer(int64) :: number = -1                   !! of the design, from 0; -1: none
         type(status_type) :: status                     !! why it is no mechanism
         type(model_type) :: model
-        type(equations_type) :: equations
-        type(equation_workspace) :: workspace
-        type(force_map) :: map
-        type(swing_joint), allocatable :: swing(:)
-        type(rod), allocatable :: rod(:)
-        logical :: wants_reactions = .false., wants_map = .false., wants_condition = .false.
+        type(inverse_solver), pointer :: motion => null()    !! kinematics alone, for bounds that need no forces
+        type(inverse_solver), pointer :: forces => null()
+        logical :: owns_solvers = .false.               !! false: they are those of another thread
+        logical :: is_recorded = .false.                !! there are samples enough for records
+        type(pose_measures) :: measures
+        logical :: needs_motion = .false.               !! joint variables or rates
         logical :: needs_forces = .false.
+        logical :: excludes_early = .false.             !! a bound may leave poses out before forces are computed
         logical :: follows_motion = .false.             !! an axis is the time
-        ! ---- SCRATCH
-        type(sweep_cursor) :: cursor
-        type(lane_totals) :: part
-        real(wp), allocatable :: value(:, :)            !! (lane, entry)
-        real(wp), allocatable :: rate(:, :)             !! of the actuators (lane, n_actuator)
-        real(wp), allocatable :: reaction(:, :, :)      !! (lane, n_component, n_joint)
-        real(wp), allocatable :: jacobian(:, :, :), force(:, :, :)
-        real(wp) :: determinant(lanes) = 0
-        real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), load(:, :, :)   !! along the motion, by lanes
+        ! ---- SCRATCH: a batch of samples
+        integer :: room = 0                             !! samples
+        type(sample_batch) :: batch, chosen             !! all, and those of them whose forces are computed
+        type(inverse_results) :: of_motion, of_forces
+        integer, allocatable :: code(:)                 !! (sample) see `linkdyn_sweep_totals`
+        logical, allocatable :: counts(:)               !! (sample) it takes part in the reductions
+        integer, allocatable :: which(:)                !! samples that are chosen
+        integer(int64), allocatable :: cell(:)          !! (sample) of the map
+        integer(int64), allocatable :: place(:, :)      !! along the groups of the plan (sample, group)
+        real(wp), allocatable :: axis(:, :)             !! (sample, axis)
+        real(wp), allocatable :: value(:, :)            !! (entry, sample)
+        real(wp), allocatable :: of_pose(:, :)          !! (entry, pose)
+        integer, allocatable :: pose_status(:)
     end type sweep_design
 
 contains
 
-    !> Read, plan and make room, unless this design is open already.
-    subroutine open_design(spec, plan, row, source, solver, number, design)
+    !> Read, plan and make room. What another thread has planned of it is shared.
+    subroutine open_design(spec, plan, row, source, solver, number, design, like)
         type(sweep_spec), intent(in) :: spec
         type(sweep_plan), intent(in) :: plan
         type(quantity_row), intent(in) :: row
@@ -57,117 +68,176 @@ contains
         integer, intent(in) :: solver                   !! one of `solver_*`
         integer(int64), intent(in) :: number            !! from 0
         type(sweep_design), intent(inout) :: design
+        type(sweep_design), intent(in), optional :: like     !! the same design
         type(scene_type) :: scene
 
-        if (design%number == number) return
         call close_design(design)
         design%number = number
-        associate (place => row%place)
-            design%wants_reactions = any(place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0)
-            design%wants_condition = place(quantity_condition) > 0
-            design%wants_map = design%wants_condition .or. any(place([quantity_force_amplification, &
-                quantity_moment_amplification, quantity_determinant]) > 0)
-            design%needs_forces = row%n_early < row%n
-        end associate
-        ! several threads open designs at once
-        call hold_texts()
-        call source%make(axis_values(plan, number*plan%n_pose), scene, design%status)
-        if (design%status%is_ok()) call build_model(scene, design%model, design%status)
-        call release_texts()
-        if (design%status%is_ok()) &
-            call build_equations(design%model, solver, design%wants_reactions, design%equations, design%status)
-        if (design%status%is_ok()) call make_room(spec, plan, row, design)
+        if (present(like)) then
+            design%status = like%status
+            design%model = like%model
+        else
+            ! several threads open designs at once
+            call hold_texts()
+            call source%make(axis_values(plan, number*plan%n_pose), scene, design%status)
+            if (design%status%is_ok()) call build_model(scene, design%model, design%status)
+            call release_texts()
+        end if
+        if (design%status%is_ok()) call plan_design(spec, plan, row, design)
+        if (design%status%is_ok()) then
+            if (present(like)) then
+                design%motion => like%motion
+                design%forces => like%forces
+            else
+                call plan_equations(plan, row, solver, design)
+            end if
+        end if
+        if (design%status%is_ok()) call make_room(plan, row, design)
     end subroutine open_design
 
-    subroutine make_room(spec, plan, row, design)
+    !> What has to be computed.
+    subroutine plan_design(spec, plan, row, design)
         type(sweep_spec), intent(in) :: spec
         type(sweep_plan), intent(in) :: plan
         type(quantity_row), intent(in) :: row
         type(sweep_design), intent(inout) :: design
-        real(wp) :: t(1), point(3)
-        integer :: i, k
+        integer :: b, i
 
-        associate (model => design%model, place => row%place)
-            point = 0
-            if (spec%tool_link > 0) point = model%scene%link(spec%tool_link)%marker(spec%tool_marker)%at
-            if (design%wants_map) then
-                call prepare_force_map(model, spec%tool_link, point, spec%length, design%map)
-                design%equations%needs_columns = design%map%needs_columns
-            end if
-            call prepare_workspace(model, design%equations, design%workspace)
-            design%workspace%state%world_rates = .true.
-            if (design%map%needs_columns .and. design%wants_map) design%workspace%state%carries_legs = .false.
-            if (place(quantity_swing) > 0) call choose_neutrals()
-            if (place(quantity_clearance) > 0) call choose_rods()
-            allocate (design%value(lanes, row%n), design%rate(lanes, model%n_actuator))
-            if (design%wants_reactions) allocate (design%reaction(lanes, model%n_component, model%n_joint))
-            if (design%wants_map) allocate (design%jacobian(lanes, model%n_actuator, model%n_q), &
-                                            design%force(lanes, model%n_actuator, 6))
-            design%value = 0
-            allocate (design%q(model%n_q, lanes), design%qd(model%n_q, lanes), design%qdd(model%n_q, lanes), &
-                      design%load(6, model%n_load, lanes))
-            ! A coordinate that no axis varies rests at its start; loads are those of the first instant.
-            t = model%scene%time%first
-            call evaluate_loads(model, t, design%load(:, :, :1))
-            do i = 1, lanes
-                design%workspace%state%q(i, :) = model%scene%coordinate%start_position
-                if (model%n_load > 0) design%workspace%load(i, :, :) = design%load(:, :, 1)
-            end do
-            design%workspace%state%qd = 0
-            design%workspace%state%qdd = 0
-            if (model%n_branch > 0) design%workspace%state%branch = spread(model%branch, 1, lanes)
-        end associate
-        design%follows_motion = .false.
+        design%needs_motion = any(row%place([quantity_driving_position, quantity_driving_speed, quantity_joint_variable, &
+                                             quantity_joint_rate]) > 0)
+        design%needs_forces = row%n_early < row%n
+        do b = 1, size(spec%bound)
+            associate (bound => spec%bound(b))
+                if (.not. (needs_forces(bound%quantity) .or. bound%is_limit)) design%excludes_early = .true.
+            end associate
+        end do
         do i = 1, size(plan%axis)
             design%follows_motion = design%follows_motion .or. plan%axis(i)%spec%kind == axis_time
         end do
+        design%is_recorded = is_worth_recording(design%model, plan%n_pose)
+        call prepare_pose_measures(spec, row, design%model, design%measures)
+    end subroutine plan_design
 
-    contains
+    !> By which equations. The map of forces has none of its own, but there must be as many actuators as freedoms.
+    subroutine plan_equations(plan, row, solver, design)
+        type(sweep_plan), intent(in) :: plan
+        type(quantity_row), intent(in) :: row
+        integer, intent(in) :: solver
+        type(sweep_design), intent(inout) :: design
+        type(inverse_options) :: options
 
-        !> Directions that the scene gives take the place of those at the start.
-        subroutine choose_neutrals()
-            integer :: k, j
+        allocate (design%motion, design%forces)
+        design%owns_solvers = .true.
+        options%solver = solver
+        options%n_expected = int(min(plan%n_pose, int(huge(1), int64)))
+        options%by_record = design%is_recorded
+        if (design%needs_forces .or. design%measures%wants_map) call prepare_inverse(design%model, options, &
+            any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0), design%forces, &
+            design%status)
+        options%wants_forces = .false.
+        if (design%status%is_ok()) call prepare_inverse(design%model, options, .false., design%motion, design%status)
+    end subroutine plan_equations
 
-            call swings_of(design%model, design%swing)
-            do k = 1, size(spec%swing)
-                do j = 1, size(design%swing)
-                    if (design%swing(j)%joint == spec%swing(k)%joint) design%swing(j)%neutral = spec%swing(k)%neutral
-                end do
-            end do
-        end subroutine choose_neutrals
+    !> A record is made for each design: that takes as long as some hundred samples a link on lanes.
+    pure logical function is_worth_recording(model, n_pose)
+        type(model_type), intent(in) :: model
+        integer(int64), intent(in) :: n_pose
+        integer, parameter :: samples_a_link = 500
 
-        !> Bodies that the scene gives take the place of the legs.
-        subroutine choose_rods()
-            integer :: k, side
+        is_worth_recording = n_pose >= int(samples_a_link, int64)*model%n_link
+    end function is_worth_recording
 
-            if (size(spec%segment) == 0) then
-                design%rod = legs_of(design%model, spec%leg_diameter)
-                return
-            end if
-            allocate (design%rod(size(spec%segment)))
-            do k = 1, size(spec%segment)
-                associate (segment => spec%segment(k))
-                    design%rod(k)%radius = segment%diameter/2
-                    design%rod(k)%link = segment%link
-                    do side = 1, 2
-                        if (segment%link(side) == 0) then
-                            design%rod(k)%point(:, side) = design%model%scene%frame%marker(segment%marker(side))%at
-                        else
-                            design%rod(k)%point(:, side) = &
-                                design%model%scene%link(segment%link(side))%marker(segment%marker(side))%at
-                        end if
-                    end do
-                end associate
-            end do
-        end subroutine choose_rods
+    subroutine make_room(plan, row, design)
+        type(sweep_plan), intent(in) :: plan
+        type(quantity_row), intent(in) :: row
+        type(sweep_design), intent(inout) :: design
+
+        associate (model => design%model, n => design%room)
+            n = merge(small_batch, large_batch, size(model%group) == 0)
+            n = int(min(int(n, int64), plan%chunk, plan%n_pose))
+            call make_batch(model, n, design%batch)
+            call make_resting(model, design%batch)
+            if (design%excludes_early) call make_batch(model, n, design%chosen)
+            allocate (design%code(n), design%counts(n), design%which(n), design%cell(n))
+            allocate (design%place(n, size(plan%group)), design%axis(n, size(plan%axis)))
+            allocate (design%value(row%n, n), source=0.0_wp)
+            if (design%measures%are_wanted) allocate (design%of_pose(row%n_early, n), design%pose_status(n))
+        end associate
+        call make_targets(row, design)
     end subroutine make_room
+
+    subroutine make_batch(model, n, batch)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n
+        type(sample_batch), intent(out) :: batch
+
+        allocate (batch%q(model%n_q, n), batch%qd(model%n_q, n), batch%qdd(model%n_q, n), batch%load(6, model%n_load, n))
+    end subroutine make_batch
+
+    !> A coordinate that no axis varies rests at its start; loads are those of the first instant.
+    subroutine make_resting(model, batch)
+        type(model_type), intent(in) :: model
+        type(sample_batch), intent(inout) :: batch
+        integer :: s
+
+        call evaluate_loads(model, [model%scene%time%first], batch%load(:, :, :1))
+        do s = 1, size(batch%q, 2)
+            batch%q(:, s) = model%scene%coordinate%start_position
+            batch%load(:, :, s) = batch%load(:, :, 1)
+        end do
+        batch%qd = 0
+        batch%qdd = 0
+    end subroutine make_resting
+
+    !> Where results of a batch go. Motion alone is asked for if it may exclude a pose, or if there are no forces.
+    subroutine make_targets(row, design)
+        type(quantity_row), intent(in) :: row
+        type(sweep_design), intent(inout) :: design
+        logical :: is_apart
+
+        is_apart = design%excludes_early .or. .not. design%needs_forces
+        associate (model => design%model, n => design%room)
+            if (is_apart .and. design%needs_motion) then
+                allocate (design%of_motion%status(n))
+                call add_motion(row, model, n, design%of_motion)
+            end if
+            if (.not. design%needs_forces) return
+            allocate (design%of_forces%status(n))
+            if (.not. is_apart) call add_motion(row, model, n, design%of_forces)
+            if (row%place(quantity_driving_power) > 0 .and. .not. associated(design%of_forces%driving_speed)) &
+                allocate (design%of_forces%driving_speed(model%n_actuator, n))
+            if (any(row%place([quantity_driving_force, quantity_driving_power]) > 0)) &
+                allocate (design%of_forces%driving_force(model%n_actuator, n))
+            if (any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0)) &
+                allocate (design%of_forces%reaction(model%n_component, model%n_joint, n))
+        end associate
+    end subroutine make_targets
+
+    !> Room for joint variables and rates.
+    subroutine add_motion(row, model, n, results)
+        type(quantity_row), intent(in) :: row
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: n                        !! samples
+        type(inverse_results), intent(inout) :: results
+
+        if (row%place(quantity_joint_variable) > 0) allocate (results%joint_variable(model%n_variable, n))
+        if (row%place(quantity_joint_rate) > 0) allocate (results%joint_rate(model%n_variable, n))
+        if (row%place(quantity_driving_position) > 0) allocate (results%driving_position(model%n_actuator, n))
+        if (row%place(quantity_driving_speed) > 0) allocate (results%driving_speed(model%n_actuator, n))
+    end subroutine add_motion
 
     !> Give everything back.
     subroutine close_design(design)
         type(sweep_design), intent(inout) :: design
 
         if (design%number < 0) return
-        if (allocated(design%value)) call design%workspace%free()
+        if (design%owns_solvers) then
+            call design%motion%free()
+            call design%forces%free()
+            deallocate (design%motion, design%forces)
+        end if
+        call free_targets(design%of_motion)
+        call free_targets(design%of_forces)
         call forget(design)
 
     contains
@@ -179,4 +249,16 @@ contains
             old%number = -1
         end subroutine forget
     end subroutine close_design
+
+    subroutine free_targets(results)
+        type(inverse_results), intent(inout) :: results
+
+        if (associated(results%status)) deallocate (results%status)
+        if (associated(results%joint_variable)) deallocate (results%joint_variable)
+        if (associated(results%joint_rate)) deallocate (results%joint_rate)
+        if (associated(results%driving_position)) deallocate (results%driving_position)
+        if (associated(results%driving_speed)) deallocate (results%driving_speed)
+        if (associated(results%driving_force)) deallocate (results%driving_force)
+        if (associated(results%reaction)) deallocate (results%reaction)
+    end subroutine free_targets
 end module linkdyn_sweep_design

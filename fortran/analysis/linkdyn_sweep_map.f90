@@ -5,13 +5,12 @@
 module linkdyn_sweep_map
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
-    use linkdyn_lane_count, only: lanes
-    use linkdyn_sweep_plan, only: sweep_plan, sweep_cursor
+    use linkdyn_sweep_plan, only: sweep_plan
     use linkdyn_sweep_quantities, only: quantity_row
     use linkdyn_sweep_spec, only: sweep_spec, quantity_determinant, quantity_clearance
     implicit none (type, external)
     private
-    public :: sweep_map, map_part, make_map, cell_of, start_part, add_to_part, join_part, is_least, most_cells
+    public :: sweep_map, map_part, make_map, find_cells, start_part, add_to_part, join_part, is_least, most_cells
 
     integer(int64), parameter :: most_cells = 100000000_int64
     real(wp), parameter :: nothing = -huge(1.0_wp)
@@ -59,18 +58,19 @@ contains
         allocate (map%n_feasible(map%n_cell*plan%n_design), source=0_int64)
     end subroutine make_map
 
-    !> The cell of the sample at which a walk stands, from 1.
-    pure integer(int64) function cell_of(map, cursor, design) result(cell)
+    !> The cells of samples, from 1.
+    pure subroutine find_cells(map, place, design, cell)
         type(sweep_map), intent(in) :: map
-        type(sweep_cursor), intent(in) :: cursor
+        integer(int64), intent(in) :: place(:, :)          !! of each sample along the groups of the plan (sample, group)
         integer(int64), intent(in) :: design               !! from 0
+        integer(int64), intent(out) :: cell(:)             !! (sample)
         integer :: i
 
         cell = design*map%n_cell + 1
         do i = 1, size(map%group)
-            cell = cell + cursor%digit(map%group(i))*map%stride(i)
+            cell = cell + place(:, map%group(i))*map%stride(i)
         end do
-    end function cell_of
+    end subroutine find_cells
 
     !> Room for a chunk of n samples.
     subroutine start_part(n_quantity, n, part)
@@ -85,46 +85,50 @@ contains
         allocate (part%cell(n), part%worst(n_quantity, n), part%n_feasible(n))
     end subroutine start_part
 
-    !> Take a block in.
-    subroutine add_to_part(row, value, cell, counts, is_feasible, n_here, part)
+    !> Take samples in.
+    subroutine add_to_part(row, n, value, cell, counts, is_feasible, part)
         type(quantity_row), intent(in) :: row
-        real(wp), intent(in) :: value(:, :)                !! (lane, entry)
-        integer(int64), intent(in) :: cell(lanes)
-        logical, intent(in) :: counts(lanes), is_feasible(lanes)
-        integer, intent(in) :: n_here
+        integer, intent(in) :: n                           !! samples
+        real(wp), intent(in) :: value(:, :)                !! (entry, sample)
+        integer(int64), intent(in) :: cell(:)              !! (sample)
+        logical, intent(in) :: counts(:), is_feasible(:)   !! (sample)
         type(map_part), intent(inout) :: part
-        real(wp) :: worst(lanes, size(row%quantity))
-        integer :: i, k, l
+        integer :: i, s
         logical :: is_new
 
-        do i = 1, size(row%quantity)
-            associate (first => row%quantity(i)%first)
-                worst(:, i) = nothing
-                do k = first + 1, first + row%quantity(i)%n
-                    select case (row%quantity(i)%id)
-                    case (quantity_clearance)
-                        worst(:, i) = max(worst(:, i), -value(:, k))
-                    case (quantity_determinant)
-                        worst(:, i) = max(worst(:, i), -abs(value(:, k)))
-                    case default
-                        worst(:, i) = max(worst(:, i), abs(value(:, k)))
-                    end select
-                end do
-            end associate
-        end do
-        do l = 1, n_here
+        do s = 1, n
             is_new = part%n == 0
-            if (.not. is_new) is_new = part%cell(part%n) /= cell(l)
+            if (.not. is_new) is_new = part%cell(part%n) /= cell(s)
             if (is_new) then
                 part%n = part%n + 1
-                part%cell(part%n) = cell(l)
+                part%cell(part%n) = cell(s)
                 part%worst(:, part%n) = nothing
                 part%n_feasible(part%n) = 0
             end if
-            if (is_feasible(l)) part%n_feasible(part%n) = part%n_feasible(part%n) + 1
-            if (counts(l)) part%worst(:, part%n) = max(part%worst(:, part%n), worst(l, :))
+            if (is_feasible(s)) part%n_feasible(part%n) = part%n_feasible(part%n) + 1
+            if (.not. counts(s)) cycle
+            do i = 1, size(row%quantity)
+                associate (quantity => row%quantity(i), worst => part%worst(i, part%n))
+                    worst = max(worst, worst_of(quantity%id, value(quantity%first + 1:quantity%first + quantity%n, s)))
+                end associate
+            end do
         end do
     end subroutine add_to_part
+
+    !> The worst entry of a quantity, with a minus where the least is the worst.
+    pure real(wp) function worst_of(id, value) result(worst)
+        integer, intent(in) :: id
+        real(wp), intent(in) :: value(:)
+
+        select case (id)
+        case (quantity_clearance)
+            worst = -minval(value)
+        case (quantity_determinant)
+            worst = -minval(abs(value))
+        case default
+            worst = maxval(abs(value))
+        end select
+    end function worst_of
 
     subroutine join_part(part, map)
         type(map_part), intent(in) :: part

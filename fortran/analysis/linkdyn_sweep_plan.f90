@@ -9,7 +9,7 @@ module linkdyn_sweep_plan
         sampling_values, sampling_sobol, sampling_latin
     implicit none (type, external)
     private
-    public :: sweep_plan, sweep_cursor, make_sweep_plan, place_cursor, advance_cursor, axis_values, samples_of_chunk
+    public :: sweep_plan, make_sweep_plan, axis_columns, axis_values, samples_of_chunk
     public :: too_many, longest_table
 
     integer(int64), parameter :: too_many = 2_int64**52    !! samples: beyond, numbers are no longer exact as reals
@@ -38,16 +38,11 @@ module linkdyn_sweep_plan
         integer(int64) :: n_pose = 1                       !! samples of one design
         integer(int64) :: n_line = 0                       !! samples in a line along the fastest axis that moves links;
                                                            !! 0: there is none, or its samples have no order
+        integer(int64) :: n_load_case = 1                  !! samples that follow each other at one pose: the fastest axes move no link
         integer(int64) :: chunk = 1                        !! samples in a chunk
         integer(int64) :: n_chunk_design = 1
         integer(int64) :: n_chunk = 1                      !! in all
     end type sweep_plan
-
-    !> Where a walk through the samples stands.
-    type :: sweep_cursor
-        integer(int64), allocatable :: digit(:)            !! from 0 (n_group)
-        real(wp), allocatable :: value(:)                  !! of all axes
-    end type sweep_cursor
 
 contains
 
@@ -85,30 +80,31 @@ contains
             if (i > plan%n_design_group) plan%n_pose = capped(plan%n_pose, plan%group(i)%n)
         end do
         plan%n_sample = capped(plan%n_design, plan%n_pose)
-        plan%n_line = length_of_lines(plan)
+        call measure_lines(plan)
         plan%chunk = spec%chunk
         plan%n_chunk_design = (plan%n_pose - 1)/plan%chunk + 1
         plan%n_chunk = capped(plan%n_design, plan%n_chunk_design)
     end subroutine make_sweep_plan
 
-    !> Loads change nothing in the pose, so lines are counted from the fastest group that does.
-    pure integer(int64) function length_of_lines(plan) result(n_line)
-        type(sweep_plan), intent(in) :: plan
+    !> Loads and rates change nothing in the pose, so lines are counted from the fastest group that does.
+    pure subroutine measure_lines(plan)
+        type(sweep_plan), intent(inout) :: plan
         integer :: g, i
 
-        n_line = 1
+        plan%n_load_case = 1
+        plan%n_line = 0
         do g = size(plan%group), plan%n_design_group + 1, -1
-            n_line = capped(n_line, plan%group(g)%n)
             do i = 1, size(plan%group(g)%axis)
                 associate (spec => plan%axis(plan%group(g)%axis(i))%spec)
                     if (spec%kind /= axis_coordinate .and. spec%kind /= axis_time) cycle
-                    if (spec%sampling /= sampling_linspace .and. spec%sampling /= sampling_values) n_line = 0
+                    if (spec%sampling == sampling_linspace .or. spec%sampling == sampling_values) &
+                        plan%n_line = capped(plan%n_load_case, plan%group(g)%n)
                     return
                 end associate
             end do
+            plan%n_load_case = capped(plan%n_load_case, plan%group(g)%n)
         end do
-        n_line = 0
-    end function length_of_lines
+    end subroutine measure_lines
 
     pure integer(int64) function capped(a, b)
         integer(int64), intent(in) :: a, b
@@ -132,63 +128,63 @@ contains
         n = int(min(plan%chunk, plan%n_pose - pose))
     end subroutine samples_of_chunk
 
-    !> Go to a sample.
-    pure subroutine place_cursor(plan, sample, cursor)
+    !> Values of all axes at samples that follow each other, and the place of each sample along every group.
+    pure subroutine axis_columns(plan, first, n, place, value)
         type(sweep_plan), intent(in) :: plan
-        integer(int64), intent(in) :: sample               !! from 0
-        type(sweep_cursor), intent(inout) :: cursor
-        integer(int64) :: rest
-        integer :: g
+        integer(int64), intent(in) :: first                !! sample, from 0
+        integer, intent(in) :: n                           !! samples
+        integer(int64), intent(out) :: place(:, :)         !! from 0 (sample, group)
+        real(wp), intent(out) :: value(:, :)               !! (sample, axis)
+        integer(int64) :: run
+        integer :: g, i, s
 
-        if (.not. allocated(cursor%digit)) allocate (cursor%digit(size(plan%group)), cursor%value(size(plan%axis)))
-        rest = sample
+        run = 1                                            ! samples at one place of the group
         do g = size(plan%group), 1, -1
-            cursor%digit(g) = modulo(rest, plan%group(g)%n)
-            rest = rest/plan%group(g)%n
-            call set_group(plan, g, cursor)
+            call walk_along(plan%group(g)%n, run, first, place(:n, g))
+            do i = 1, size(plan%group(g)%axis)
+                associate (axis => plan%axis(plan%group(g)%axis(i)), column => value(:, plan%group(g)%axis(i)))
+                    if (allocated(axis%table)) then
+                        column(:n) = axis%table(place(:n, g) + 1)
+                    else
+                        do s = 1, n
+                            column(s) = axis_value(axis, place(s, g))
+                        end do
+                    end if
+                end associate
+            end do
+            run = run*plan%group(g)%n
         end do
-    end subroutine place_cursor
+    end subroutine axis_columns
 
-    !> Go to the next sample.
-    pure subroutine advance_cursor(plan, cursor)
-        type(sweep_plan), intent(in) :: plan
-        type(sweep_cursor), intent(inout) :: cursor
-        integer :: g
+    !> Places of samples along a group of n values that stays at each for a run of samples.
+    pure subroutine walk_along(n, run, first, place)
+        integer(int64), intent(in) :: n, run
+        integer(int64), intent(in) :: first                !! sample, from 0
+        integer(int64), intent(out) :: place(:)            !! from 0 (sample)
+        integer(int64) :: here, left
+        integer :: s
 
-        do g = size(plan%group), 1, -1
-            cursor%digit(g) = cursor%digit(g) + 1
-            if (cursor%digit(g) == plan%group(g)%n) cursor%digit(g) = 0
-            call set_group(plan, g, cursor)
-            if (cursor%digit(g) > 0) return
+        here = modulo(first/run, n)
+        left = run - modulo(first, run)                    ! samples until the next place
+        do s = 1, size(place)
+            place(s) = here
+            left = left - 1
+            if (left > 0) cycle
+            left = run
+            here = merge(0_int64, here + 1, here + 1 == n)
         end do
-    end subroutine advance_cursor
-
-    pure subroutine set_group(plan, g, cursor)
-        type(sweep_plan), intent(in) :: plan
-        integer, intent(in) :: g
-        type(sweep_cursor), intent(inout) :: cursor
-        integer :: i
-
-        do i = 1, size(plan%group(g)%axis)
-            associate (axis => plan%axis(plan%group(g)%axis(i)))
-                if (allocated(axis%table)) then
-                    cursor%value(plan%group(g)%axis(i)) = axis%table(cursor%digit(g) + 1)
-                else
-                    cursor%value(plan%group(g)%axis(i)) = axis_value(axis, cursor%digit(g))
-                end if
-            end associate
-        end do
-    end subroutine set_group
+    end subroutine walk_along
 
     !> Values of all axes at a sample.
     pure function axis_values(plan, sample) result(value)
         type(sweep_plan), intent(in) :: plan
         integer(int64), intent(in) :: sample               !! from 0
         real(wp) :: value(size(plan%axis))
-        type(sweep_cursor) :: cursor
+        integer(int64) :: place(1, size(plan%group))
+        real(wp) :: column(1, size(plan%axis))
 
-        call place_cursor(plan, sample, cursor)
-        value = cursor%value
+        call axis_columns(plan, sample, 1, place, column)
+        value = column(1, :)
     end function axis_values
 
     !> One value of an axis.

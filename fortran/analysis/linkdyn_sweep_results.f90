@@ -2,15 +2,15 @@
 module linkdyn_sweep_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_code, only: code_in_use
     use linkdyn_dataset, only: dataset_type, sample_variable, find_dimension, add_dimension, &
         add_reals, add_integers, add_texts, add_attribute, text_len
-    use linkdyn_force_map, only: evaluate_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_status, only: n_sample_status, sample_status_name
     use linkdyn_sweep, only: sweep_run
-    use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk
-    use linkdyn_sweep_design, only: sweep_design, open_design, close_design
+    use linkdyn_sweep_chunk, only: ready_design, look_at_samples
+    use linkdyn_sweep_design, only: sweep_design, close_design
     use linkdyn_sweep_map, only: sweep_map, is_least
     use linkdyn_sweep_plan, only: axis_values
     use linkdyn_sweep_quantities, only: quantity_type
@@ -50,6 +50,7 @@ contains
         if (run%map%is_wanted) call add_map(run, by_design, dataset)
         call add_attribute(dataset, "chunk", value=[real(run%plan%chunk, wp)])
         call add_attribute(dataset, "lanes", value=[real(lanes, wp)])
+        call add_attribute(dataset, "machine_code", text=code_in_use())
         if (run%spec%tool_link > 0) call add_attribute(dataset, "tool", text=trim(run%spec%tool))
         if (run%length > 0) call add_attribute(dataset, "characteristic_length", value=[run%length])
     end subroutine sweep_dataset
@@ -490,10 +491,6 @@ contains
         character(len=*), intent(in) :: what, by_design
         type(dataset_type), intent(inout) :: dataset
         type(sweep_design) :: design
-        type(totals_type) :: part
-        type(kept_chunk) :: kept
-        type(sweep_map) :: no_map
-        integer, parameter :: nothing(0) = 0
         real(wp), allocatable :: direction(:)
         real(wp) :: row(3)
         integer(int64) :: sample
@@ -509,10 +506,9 @@ contains
                 sample = run%total(d)%high_at(quantity%first + k)
                 row = nan()
                 if (sample >= 0) then
-                    call open_design(run%spec, run%plan, run%row, run%source, run%solver, sample/run%plan%n_pose, design)
-                    call reduce_chunk(run%spec, run%plan, run%row, run%shape, run%bins, no_map, nothing, sample, 1, design, &
-                        part, kept)
-                    row = design%force(1, k, first_component + 1:first_component + 3)
+                    call ready_design(run%spec, run%plan, run%row, run%source, run%solver, sample/run%plan%n_pose, design)
+                    call look_at_samples(run%spec, run%plan, run%row, sample, 1, design)
+                    row = design%measures%force(1, k, first_component + 1:first_component + 3)
                     row = row/norm2(row)
                 end if
                 direction(place + 1:place + 3) = row

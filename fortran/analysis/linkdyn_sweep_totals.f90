@@ -1,17 +1,16 @@
 !> What is left of many samples: extremes with their places, sums, histograms, counts.
 !>
-!> Samples of a chunk are reduced one after the other on lanes, lanes are joined in order, chunks are joined in order,
-!> so totals are the same bits whoever computed the chunks.
+!> Samples are reduced batch by batch, batches of a chunk are joined in order, chunks are joined in order, so totals are the
+!> same bits whoever computed the chunks.
 module linkdyn_sweep_totals
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
-    use linkdyn_lane_count, only: lanes
     use linkdyn_status, only: n_sample_status
     implicit none (type, external)
     private
-    public :: totals_type, totals_shape, lane_totals, bins_type, empty_totals, start_lanes, reduce_lanes, count_lanes
-    public :: join_lanes, join_totals, pack_totals, unpack_totals, packed_size, watch_lanes
+    public :: totals_type, totals_shape, bins_type, empty_totals, reduce_samples, join_totals
+    public :: pack_totals, unpack_totals, packed_size
     public :: code_feasible, code_no_model, n_fixed_code, first_bound
 
     integer, parameter :: code_feasible = 0                    !! then the codes of failed samples
@@ -50,22 +49,6 @@ module linkdyn_sweep_totals
         integer(int64) :: first_sample = 0                     !! number of the first one
     end type totals_type
 
-    !> The same for one chunk, on lanes.
-    type :: lane_totals
-        integer(int64) :: n_sample = 0
-        integer(int64), allocatable :: n_code(:)
-        real(wp), allocatable :: low(:, :), high(:, :)         !! (lane, n_entry)
-        real(wp), allocatable :: low_at(:, :), high_at(:, :)   !! number of the block
-        real(wp), allocatable :: sum(:, :), square(:, :)       !! (lane, n_entry)
-        real(wp), allocatable :: gain(:, :)                    !! (lane, n_power)
-        real(wp) :: n_reduced(lanes) = 0
-        integer(int64), allocatable :: histogram(:, :)
-        integer(int64) :: n_crossing = 0, first_crossing = -1
-        real(wp) :: first_sign = 0, last_sign = 0
-        integer(int64) :: first_sign_at = -1, n_watched = 0
-        logical :: is_broken = .false.                         !! a new line began behind the first sample
-    end type lane_totals
-
 contains
 
     !> Totals of nothing.
@@ -86,216 +69,114 @@ contains
         allocate (totals%histogram(0:shape%n_bin + 1, size(shape%histogram_of)), source=0_int64)
     end subroutine empty_totals
 
-    !> Make room the first time; then forget the last chunk.
-    subroutine start_lanes(shape, part)
-        type(totals_shape), intent(in) :: shape
-        type(lane_totals), intent(inout) :: part
-        integer :: n, n_moment
-
-        n = shape%n_entry
-        n_moment = merge(n, 0, shape%has_moments)
-        if (allocated(part%low)) then
-            if (size(part%histogram, 2) /= size(shape%histogram_of)) deallocate (part%low, part%high, part%low_at, &
-                part%high_at, part%sum, part%square, part%gain, part%n_code, part%histogram)
-        end if
-        if (.not. allocated(part%low)) then
-            allocate (part%low(lanes, n), part%high(lanes, n), part%low_at(lanes, n), part%high_at(lanes, n))
-            allocate (part%sum(lanes, n_moment), part%square(lanes, n_moment), part%gain(lanes, size(shape%power)))
-            allocate (part%n_code(0:shape%n_code - 1), part%histogram(0:shape%n_bin + 1, size(shape%histogram_of)))
-        end if
-        part%n_sample = 0
-        part%n_code = 0
-        part%low = huge(1.0_wp)
-        part%high = -huge(1.0_wp)
-        part%low_at = -1
-        part%high_at = -1
-        part%sum = 0
-        part%square = 0
-        part%gain = 0
-        part%n_reduced = 0
-        part%histogram = 0
-        part%n_crossing = 0
-        part%first_crossing = -1
-        part%first_sign = 0
-        part%last_sign = 0
-        part%first_sign_at = -1
-        part%n_watched = 0
-        part%is_broken = .false.
-    end subroutine start_lanes
-
-    !> Take the values of one block in. Where a lane is not to be counted its values are NaN.
-    subroutine reduce_lanes(shape, bins, value, counts, block, part)
+    !> The totals of some samples that follow each other, of one design.
+    subroutine reduce_samples(shape, bins, n, value, code, counts, first, n_line, totals)
         type(totals_shape), intent(in) :: shape
         type(bins_type), intent(in) :: bins
-        real(wp), intent(in) :: value(lanes, shape%n_entry)
-        logical, intent(in) :: counts(lanes)
-        integer, intent(in) :: block               !! of the chunk, from 0
-        type(lane_totals), intent(inout) :: part
-        integer :: i
+        integer, intent(in) :: n                   !! samples
+        real(wp), intent(in), contiguous :: value(:, :)    !! (n_entry, sample)
+        integer, intent(in) :: code(:)             !! (sample) the outcome
+        logical, intent(in) :: counts(:)           !! (sample) false: it is counted, but not reduced
+        integer(int64), intent(in) :: first        !! number of the first sample
+        integer(int64), intent(in) :: n_line       !! samples of a line; 0: there are no lines
+        type(totals_type), intent(out) :: totals
+        real(wp), dimension(shape%n_entry) :: low_at, high_at
+        integer :: s, i
 
-        call raise_extremes(shape%n_entry, value, real(block, wp), part%low, part%low_at, part%high, part%high_at)
-        part%n_reduced = part%n_reduced + merge(1.0_wp, 0.0_wp, counts)
-        if (shape%has_moments) then
-            if (all(counts)) then
-                call add_moments(shape%n_entry, value, part%sum, part%square)
-            else
-                call add_some_moments(shape%n_entry, value, counts, part%sum, part%square)
-            end if
-        end if
-        do i = 1, size(shape%power)
-            part%gain(:, i) = part%gain(:, i) + merge(max(value(:, shape%power(i)), 0.0_wp), 0.0_wp, counts)
+        call empty_totals(shape, totals)
+        totals%n_sample = n
+        totals%first_sample = first
+        low_at = -1
+        high_at = -1
+        do s = 1, n
+            totals%n_code(code(s)) = totals%n_code(code(s)) + 1
+            if (.not. counts(s)) cycle
+            totals%n_reduced = totals%n_reduced + 1
+            call raise_extremes(shape%n_entry, value(:, s), real(s - 1, wp), totals%low, low_at, totals%high, high_at)
+            if (shape%has_moments) call add_moments(shape%n_entry, value(:, s), totals%sum, totals%square)
+            do i = 1, size(shape%power)
+                totals%gain(i) = totals%gain(i) + max(value(shape%power(i), s), 0.0_wp)
+            end do
+            do i = 1, size(shape%histogram_of)
+                call add_to_bins(shape%n_bin, bins%from(i), bins%to(i), value(shape%histogram_of(i), s), totals%histogram(:, i))
+            end do
         end do
-        do i = 1, size(shape%histogram_of)
-            call add_to_bins(shape%n_bin, bins%from(i), bins%to(i), value(:, shape%histogram_of(i)), counts, part%histogram(:, i))
-        end do
-    end subroutine reduce_lanes
+        totals%low_at = merge(first + int(low_at, int64), -1_int64, low_at >= 0)
+        totals%high_at = merge(first + int(high_at, int64), -1_int64, high_at >= 0)
+        if (shape%determinant > 0 .and. n_line > 0) &
+            call watch_sign(value(shape%determinant, :n), counts(:n), first, n_line, totals)
+    end subroutine reduce_samples
 
-    !> Written so that a NaN changes nothing, and without branches.
-    pure subroutine raise_extremes(n, value, block, low, low_at, high, high_at)
+    !> Written without branches.
+    pure subroutine raise_extremes(n, value, sample, low, low_at, high, high_at)
         integer, intent(in) :: n
-        real(wp), intent(in) :: value(lanes, n), block
-        real(wp), intent(inout), dimension(lanes, n) :: low, low_at, high, high_at
-        integer :: k, l
+        real(wp), intent(in) :: value(n), sample
+        real(wp), intent(inout), dimension(n) :: low, low_at, high, high_at
+        integer :: k
 
         do k = 1, n
-            do l = 1, lanes
-                low_at(l, k) = merge(block, low_at(l, k), value(l, k) < low(l, k))
-                low(l, k) = merge(value(l, k), low(l, k), value(l, k) < low(l, k))
-                high_at(l, k) = merge(block, high_at(l, k), value(l, k) > high(l, k))
-                high(l, k) = merge(value(l, k), high(l, k), value(l, k) > high(l, k))
-            end do
+            low_at(k) = merge(sample, low_at(k), value(k) < low(k))
+            low(k) = merge(value(k), low(k), value(k) < low(k))
+            high_at(k) = merge(sample, high_at(k), value(k) > high(k))
+            high(k) = merge(value(k), high(k), value(k) > high(k))
         end do
     end subroutine raise_extremes
 
     pure subroutine add_moments(n, value, sum, square)
         integer, intent(in) :: n
-        real(wp), intent(in) :: value(lanes, n)
-        real(wp), intent(inout), dimension(lanes, n) :: sum, square
+        real(wp), intent(in) :: value(n)
+        real(wp), intent(inout), dimension(n) :: sum, square
 
         sum = sum + value
         square = square + value**2
     end subroutine add_moments
 
-    pure subroutine add_some_moments(n, value, counts, sum, square)
-        integer, intent(in) :: n
-        real(wp), intent(in) :: value(lanes, n)
-        logical, intent(in) :: counts(lanes)
-        real(wp), intent(inout), dimension(lanes, n) :: sum, square
-        integer :: k
-
-        do k = 1, n
-            sum(:, k) = sum(:, k) + merge(value(:, k), 0.0_wp, counts)
-            square(:, k) = square(:, k) + merge(value(:, k)**2, 0.0_wp, counts)
-        end do
-    end subroutine add_some_moments
-
-    pure subroutine add_to_bins(n_bin, from, to, value, counts, histogram)
+    pure subroutine add_to_bins(n_bin, from, to, value, histogram)
         integer, intent(in) :: n_bin
-        real(wp), intent(in) :: from, to, value(lanes)
-        logical, intent(in) :: counts(lanes)
+        real(wp), intent(in) :: from, to, value
         integer(int64), intent(inout) :: histogram(0:n_bin + 1)
         real(wp) :: place
-        integer :: l, bin
+        integer :: bin
 
-        do l = 1, lanes
-            if (.not. counts(l)) cycle
-            place = (value(l) - from)*(n_bin/(to - from))
-            bin = 0
-            if (place >= 0) bin = 1 + int(min(place, real(n_bin, wp)))
-            if (value(l) == to) bin = n_bin         ! the last bin holds its upper end
-            histogram(bin) = histogram(bin) + 1
-        end do
+        place = (value - from)*(n_bin/(to - from))
+        bin = 0
+        if (place >= 0) bin = 1 + int(min(place, real(n_bin, wp)))
+        if (value == to) bin = n_bin                ! the last bin holds its upper end
+        histogram(bin) = histogram(bin) + 1
     end subroutine add_to_bins
 
-    !> Count the outcomes of a block.
-    subroutine count_lanes(code, n, part)
-        integer, intent(in) :: code(lanes)
-        integer, intent(in) :: n                   !! samples in the block
-        type(lane_totals), intent(inout) :: part
-        integer :: l
-
-        part%n_sample = part%n_sample + n
-        if (all(code == code_feasible)) then
-            part%n_code(code_feasible) = part%n_code(code_feasible) + n
-        else
-            do l = 1, n
-                part%n_code(code(l)) = part%n_code(code(l)) + 1
-            end do
-        end if
-    end subroutine count_lanes
-
     !> Changes of sign from one sample that counts to the next along a line: a singularity lies between.
-    subroutine watch_lanes(determinant, n, first, n_line, part)
-        real(wp), intent(in) :: determinant(lanes) !! NaN where the sample does not count
-        integer, intent(in) :: n                   !! samples in the block
-        integer(int64), intent(in) :: first        !! number of its first sample
+    subroutine watch_sign(determinant, counts, first, n_line, totals)
+        real(wp), intent(in) :: determinant(:)     !! (sample)
+        logical, intent(in) :: counts(:)           !! (sample)
+        integer(int64), intent(in) :: first        !! number of the first sample
         integer(int64), intent(in) :: n_line       !! samples of a line
-        type(lane_totals), intent(inout) :: part
+        type(totals_type), intent(inout) :: totals
         integer(int64) :: sample
         real(wp) :: sign_here
-        integer :: l
+        logical :: is_first_line
+        integer :: s
 
-        do l = 1, n
-            sample = first + l - 1
+        is_first_line = .true.
+        do s = 1, size(determinant)
+            sample = first + s - 1
             if (modulo(sample, n_line) == 0) then
-                part%last_sign = 0
-                part%is_broken = part%is_broken .or. part%n_watched > 0
+                totals%last_sign = 0
+                is_first_line = s == 1
             end if
-            part%n_watched = part%n_watched + 1
-            if (.not. abs(determinant(l)) > 0) cycle
-            sign_here = sign(1.0_wp, determinant(l))
-            if (part%last_sign*sign_here < 0) then
-                part%n_crossing = part%n_crossing + 1
-                if (part%first_crossing < 0) part%first_crossing = sample
+            if (.not. (counts(s) .and. abs(determinant(s)) > 0)) cycle
+            sign_here = sign(1.0_wp, determinant(s))
+            if (totals%last_sign*sign_here < 0) then
+                totals%n_crossing = totals%n_crossing + 1
+                if (totals%first_crossing < 0) totals%first_crossing = sample
             end if
-            if (part%first_sign == 0 .and. .not. part%is_broken) then
-                part%first_sign = sign_here
-                part%first_sign_at = sample
+            if (totals%first_sign == 0 .and. is_first_line) then
+                totals%first_sign = sign_here
+                totals%first_sign_at = sample
             end if
-            part%last_sign = sign_here
+            totals%last_sign = sign_here
         end do
-    end subroutine watch_lanes
-
-    !> A chunk's totals from its lanes.
-    subroutine join_lanes(shape, part, first, totals)
-        type(totals_shape), intent(in) :: shape
-        type(lane_totals), intent(in) :: part
-        integer(int64), intent(in) :: first        !! number of the chunk's first sample
-        type(totals_type), intent(out) :: totals
-        integer :: k, l
-
-        call empty_totals(shape, totals)
-        totals%n_sample = part%n_sample
-        totals%n_reduced = nint(sum(part%n_reduced), int64)
-        totals%n_code = part%n_code
-        totals%histogram = part%histogram
-        totals%n_crossing = part%n_crossing
-        totals%first_crossing = part%first_crossing
-        totals%first_sign = part%first_sign
-        totals%last_sign = part%last_sign
-        totals%first_sign_at = part%first_sign_at
-        totals%first_sample = first
-        do k = 1, shape%n_entry
-            do l = 1, lanes
-                call take_lower(part%low(l, k), place(part%low_at(l, k)), totals%low(k), totals%low_at(k))
-                call take_higher(part%high(l, k), place(part%high_at(l, k)), totals%high(k), totals%high_at(k))
-            end do
-        end do
-        do l = 1, lanes
-            totals%sum = totals%sum + part%sum(l, :)
-            totals%square = totals%square + part%square(l, :)
-            totals%gain = totals%gain + part%gain(l, :)
-        end do
-
-    contains
-
-        pure integer(int64) function place(block)
-            real(wp), intent(in) :: block
-
-            place = -1
-            if (block >= 0) place = first + int(block, int64)*lanes + l - 1
-        end function place
-    end subroutine join_lanes
+    end subroutine watch_sign
 
     !> The lower of two, of equal ones the first sample.
     pure subroutine take_lower(value, at, low, low_at)
@@ -343,8 +224,11 @@ contains
             call take_higher(next%high(k), next%high_at(k), totals%high(k), totals%high_at(k))
         end do
         call add_exactly(next%sum, totals%sum, totals%sum_rest)
+        call add_exactly(next%sum_rest, totals%sum, totals%sum_rest)
         call add_exactly(next%square, totals%square, totals%square_rest)
+        call add_exactly(next%square_rest, totals%square, totals%square_rest)
         call add_exactly(next%gain, totals%gain, totals%gain_rest)
+        call add_exactly(next%gain_rest, totals%gain, totals%gain_rest)
     end subroutine join_totals
 
     !> A line that runs on from one part into the next.
@@ -356,6 +240,10 @@ contains
 
         line_before = (next%first_sample - 1)/n_line
         line_after = (next%first_sample + next%n_sample - 1)/n_line
+        if (.not. abs(totals%first_sign) > 0 .and. next%first_sample/n_line == totals%first_sample/n_line) then
+            totals%first_sign = next%first_sign
+            totals%first_sign_at = next%first_sign_at
+        end if
         if (modulo(next%first_sample, n_line) == 0) totals%last_sign = 0
         if (totals%last_sign*next%first_sign < 0) then
             totals%n_crossing = totals%n_crossing + 1

@@ -4,7 +4,7 @@
 module linkdyn_turns
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_constants, only: two_pi
-    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_joint_table, only: wraps
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
@@ -30,8 +30,8 @@ contains
 
         if (.not. allocated(turns%before)) allocate (turns%before(size(variable, 1)), source=0.0_wp)
         do j = 1, model%n_joint
-            do v = 1, joint_n_variable(model%joint(j)%kind)
-                if (is_slide(model%joint(j)%kind, v)) cycle
+            do v = 1, joint_n_variable(model%joint(j)%told_kind)
+                if (.not. wraps(model%joint(j)%told_kind, v)) cycle
                 k = 0
                 if (present(q)) k = coordinate_of(model, j, v)
                 associate (value => variable(model%joint(j)%first_variable + v, :), &

@@ -8,14 +8,16 @@
 module linkdyn_f2py_api
     use, intrinsic :: iso_c_binding, only: c_double, c_int, c_intptr_t
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_assemblies, only: assembly_list, find_assemblies
     use linkdyn_assembly_trail, only: assembly_trail
+    use linkdyn_code_texts, only: make_code_texts
     use linkdyn_dataset, only: dataset_type, sample_variable
-    use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json
+    use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, rounding_in_words, default_method, &
         method_name, method_rk4, run_ensemble
-    use linkdyn_generate, only: code_wish, choose_kernel, choose_code_results, generate_code
+    use linkdyn_generate, only: code_wish, choose_kernel, choose_code_results
     use linkdyn_handles, only: close_handle
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, choose_solver
@@ -39,7 +41,7 @@ module linkdyn_f2py_api
     implicit none
     private
     public :: api_version, api_choose_code, api_code, api_default_method
-    public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene
+    public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_loads, api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
@@ -236,6 +238,28 @@ contains
         call report(status, code, message)
     end subroutine api_explain
 
+    !> All assemblies at the start as JSON; text as in `api_describe_scene`.
+    subroutine api_assemblies(handle, capacity, text, length, code, message)
+        integer(c_intptr_t), intent(in) :: handle
+        integer(c_int), intent(in) :: capacity
+        integer(c_int), intent(inout) :: text(capacity)
+        integer(c_int), intent(out) :: length
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(assembly_list) :: list
+        type(status_type) :: status
+
+        length = 0
+        call take_scene(handle, scene, status)
+        if (status%code == 0) then
+            call find_assemblies(scene%model, list)
+            call to_bytes(assemblies_as_json(scene%model, list), text, length)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_assemblies
+
     !> Header and source of a kernel in C, with a zero between them; text as in `api_describe_scene`.
     subroutine api_generate(handle, kernel, want, n_name, name, capacity, text, length, code, message)
         integer(c_intptr_t), intent(in) :: handle
@@ -252,20 +276,13 @@ contains
         type(code_wish) :: wish
         type(status_type) :: status
         character(len=:), allocatable :: header, source
-        integer :: unit(2)
 
         length = 0
         call take_scene(handle, scene, status)
         if (status%code == 0) call choose_kernel(kernel, wish%kernel, status)
         if (status%code == 0) call choose_code_results(want, wish, status)
-        if (status%code == 0) call open_report(unit(1), status)
-        if (status%code == 0) call open_report(unit(2), status)
-        if (status%code == 0) then
-            call generate_code(scene%model, wish, from_bytes(name), unit(1), unit(2), status)
-            call read_report(unit(1), header, status)
-            call read_report(unit(2), source, status)
-            if (status%code == 0) call to_bytes(header//achar(0)//source, text, length)
-        end if
+        if (status%code == 0) call make_code_texts(scene%model, wish, from_bytes(name), header, source, status)
+        if (status%code == 0) call to_bytes(header//achar(0)//source, text, length)
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_generate

@@ -244,7 +244,7 @@ contains
         integer, intent(in) :: width, n                  !! numbers of a sample, samples
         type(status_type), intent(inout) :: status
 
-        if (given == int(width, int64)*n) return
+        if (given == int(width, int64)*n .or. (width == 0 .and. given <= 1)) return    ! numpy's empty arrays come as one number
         call fail(status, status_bad_input, trim(name)//": "//long_to_text(given)//" values given (expected " &
                   //long_to_text(int(width, int64)*n)//")")
     end subroutine check_size

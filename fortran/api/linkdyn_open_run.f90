@@ -8,10 +8,10 @@ module linkdyn_open_run
     use linkdyn_builder, only: build_model
     use linkdyn_forward, only: forward_options
     use linkdyn_handles, only: held_thing, make_handle, take, give_back
-    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_joint_table, only: wraps
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, repeats
     use linkdyn_results, only: block_type, wanted_type, prepare_block, variable_index, samples_width, result_q, result_qd, &
         result_joint_variable, result_status
     use linkdyn_roads, only: road_counts
@@ -207,7 +207,7 @@ contains
         scene%joint%branch = 0                     ! a branch that was forced is that of the start
         scene%joint%has_start = .true.
         do j = 1, model%n_joint
-            associate (n => joint_n_variable(model%joint(j)%kind), first => model%joint(j)%first_variable)
+            associate (n => joint_n_variable(model%joint(j)%told_kind), first => model%joint(j)%first_variable)
                 scene%joint(j)%start(:n) = joint_variable(first + 1:first + n)
             end associate
         end do
@@ -237,7 +237,7 @@ contains
         do k = 1, size(q)
             associate (c => run%model%scene%coordinate(k))
                 if (.not. c%is_driven) cycle
-                if (is_at(q(k), found_q(k), c%unit == "m") .and. is_at(qd(k), found_qd(k), .true.)) cycle
+                if (is_at(q(k), found_q(k), .not. repeats(run%model, k)) .and. is_at(qd(k), found_qd(k), .true.)) cycle
                 call fail(status, status_bad_input, "coordinate "//quoted(c%name)//" is driven: at t = "//to_text(t) &
                           //" s it is at "//place_in_words(found_q(k), found_qd(k), c%unit)//", not at " &
                           //place_in_words(q(k), qd(k), c%unit))
@@ -245,9 +245,9 @@ contains
         end do
         if (.not. present(joint_variable)) return
         do j = 1, run%model%n_joint
-            do v = 1, joint_n_variable(run%model%joint(j)%kind)
+            do v = 1, joint_n_variable(run%model%joint(j)%told_kind)
                 k = run%model%joint(j)%first_variable + v
-                if (is_at(joint_variable(k), found(k), is_slide(run%model%joint(j)%kind, v))) cycle
+                if (is_at(joint_variable(k), found(k), .not. wraps(run%model%joint(j)%kind, v))) cycle
                 call fail(status, status_bad_input, "joint "//quoted(run%model%joint(j)%name)//": no assembly at these " &
                           //"coordinates has it at "//to_text(joint_variable(k))//" (expected joint variables of one position; " &
                           //"the nearest has "//to_text(found(k))//")")
@@ -265,13 +265,13 @@ contains
     end function place_in_words
 
     !> Is a value the one wanted, an angle but for whole turns?
-    pure logical function is_at(wanted, found, is_length)
+    pure logical function is_at(wanted, found, is_exact)
         real(wp), intent(in) :: wanted, found
-        logical, intent(in) :: is_length
+        logical, intent(in) :: is_exact                !! whole turns count
         real(wp) :: apart
 
         apart = abs(wanted - found)
-        if (.not. is_length) apart = abs(least_angle(apart))
+        if (.not. is_exact) apart = abs(least_angle(apart))
         is_at = apart <= fit*max(1.0_wp, abs(wanted))
     end function is_at
 

@@ -3,13 +3,13 @@ module linkdyn_joint_variables
     use linkdyn_bodies, only: world_axes, omega_of, point_velocity
     use linkdyn_constants, only: pi
     use linkdyn_joint_kind, only: marker_pair
-    use linkdyn_mechanism, only: mechanism_type, pair_of, marker_point
+    use linkdyn_mechanism, only: mechanism_type, has_slide, told_pair_of, marker_point
     use linkdyn_scene, only: coordinate_joint
     use linkdyn_value, only: value, nearest_whole, operator(+), operator(-), operator(*)
-    use linkdyn_vector, only: vector, operator(-), operator(.cross.)
+    use linkdyn_vector, only: vector, components, operator(-), operator(.cross.)
     implicit none (type, external)
     private
-    public :: joint_variables, joint_rates, variable_near, variable_rate, coordinate_of_variable
+    public :: joint_variables, joint_rates, one_variable, variable_near, variable_rate, coordinate_of_variable
     public :: within_half_a_turn
 
 contains
@@ -19,16 +19,29 @@ contains
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j
         type(value), allocatable :: q(:)
+        type(value) :: slide(3)
         integer :: k, c
 
-        q = mechanism%kind(mechanism%model%joint(j)%kind)%is%variables(pair_of(mechanism, j))
+        q = mechanism%told_kind(j)%is%variables(told_pair_of(mechanism, j))
         do k = 1, size(q)
             c = coordinate_of_variable(mechanism, j, k)
             if (c > 0) q(k) = mechanism%q(c)
-            if (mechanism%kind(mechanism%model%joint(j)%kind)%is%is_slide(k) .and. mechanism%slide(j)%node > 0) &
-                q(k) = mechanism%slide(j)
+            if (.not. (mechanism%told_kind(j)%is%is_slide(k) .and. has_slide(mechanism, j))) cycle
+            slide = components(mechanism%slide(j))
+            q(k) = slide(mechanism%told_kind(j)%is%axis(k))
         end do
     end function joint_variables
+
+    !> One of them.
+    function one_variable(mechanism, j, variable) result(q)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, variable
+        type(value) :: q
+        type(value), allocatable :: all(:)
+
+        all = joint_variables(mechanism, j)
+        q = all(variable)
+    end function one_variable
 
     !> The same, all angles in (-pi, pi].
     function within_half_a_turn(mechanism, j) result(q)
@@ -39,7 +52,7 @@ contains
 
         q = joint_variables(mechanism, j)
         do k = 1, size(q)
-            if (mechanism%kind(mechanism%model%joint(j)%kind)%is%is_slide(k)) cycle
+            if (.not. mechanism%told_kind(j)%is%wraps(k)) cycle
             if (coordinate_of_variable(mechanism, j, k) > 0) q(k) = q(k) - (2*pi)*nearest_whole((1/(2*pi))*q(k))
         end do
     end function within_half_a_turn
@@ -53,14 +66,14 @@ contains
         type(vector) :: omega, gap_rate
         integer :: k, c
 
-        pair = pair_of(mechanism, j)
+        pair = told_pair_of(mechanism, j)
         associate (link => mechanism%model%joint(j)%link, bodies => mechanism%bodies)
             omega = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
             gap_rate = point_velocity(bodies, link(2), marker_point(mechanism, j, 2)) &
                        - point_velocity(bodies, link(1), marker_point(mechanism, j, 1)) &
                        - (omega_of(bodies, link(1), world_axes) .cross.pair%gap)
         end associate
-        qd = mechanism%kind(mechanism%model%joint(j)%kind)%is%rates(pair, omega, gap_rate)
+        qd = mechanism%told_kind(j)%is%rates(pair, omega, gap_rate)
         do k = 1, size(qd)
             c = coordinate_of_variable(mechanism, j, k)
             if (c > 0) qd(k) = mechanism%qd(c)
@@ -73,12 +86,10 @@ contains
         integer, intent(in) :: j, variable
         type(value), intent(in) :: target
         type(value) :: q
-        type(value), allocatable :: all(:)
 
-        all = joint_variables(mechanism, j)
-        q = all(variable)
+        q = one_variable(mechanism, j, variable)
         if (coordinate_of_variable(mechanism, j, variable) > 0) return
-        if (mechanism%kind(mechanism%model%joint(j)%kind)%is%is_slide(variable)) return
+        if (.not. mechanism%told_kind(j)%is%wraps(variable)) return
         q = q + (2*pi)*nearest_whole((1/(2*pi))*(target - q))
     end function variable_near
 

@@ -3,18 +3,19 @@ module linkdyn_mechanism
     use linkdyn_bodies, only: bodies_type, make_bodies, rotation_of, point_position
     use linkdyn_inertia_wrench, only: mass_properties
     use linkdyn_joint_kind, only: marker_pair
-    use linkdyn_joint_kinds, only: joint_kind_box, list_joint_kinds
+    use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, step_ups, side_of
+    use linkdyn_model, only: model_type, holds_spin, step_ups, side_of
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value
+    use linkdyn_value, only: value, zero
     use linkdyn_vector, only: vector, rotation, vector_of, components, zero_vector, identity_rotation, operator(+), operator(-), &
         operator(*), operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, pair_of, gravity_of, in_own_axes
+    public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, point_of_action, has_slide
+    public :: set_slide, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, least_square
 
@@ -32,13 +33,14 @@ module linkdyn_mechanism
         type(model_type), pointer :: model => null()
         type(number_places) :: at                          !! where numbers stand
         type(value), allocatable :: number(:)              !! those of the scene, constants or inputs
-        type(joint_kind_box), allocatable :: kind(:)
+        type(joint_kind_box), allocatable :: kind(:)       !! (joint)
+        type(joint_kind_box), allocatable :: told_kind(:)  !! (joint) by which its variables are measured
         type(own_axes_type), allocatable :: own(:)         !! (0:link)
         type(bodies_type) :: bodies
         type(value), allocatable :: q(:), qd(:), qdd(:)    !! coordinates and their derivatives [m, rad]
         type(value), allocatable :: quaternion(:, :)       !! (4, pose) of links whose pose is given; absent: angles give it
         type(rate_map) :: rates                            !! of the coordinates
-        type(value), allocatable :: slide(:)               !! (joint) of the second marker along z of the first [m]
+        type(vector), allocatable :: slide(:)              !! (joint) of the second marker, axes of the first [m]; see `has_slide`
         type(vector), allocatable :: universal_axis(:)     !! (joint) first axis of a leg's universal joint in leg axes
         type(value), allocatable :: watched(:)             !! magnitudes that must stay below one
         logical :: is_solved = .true.                      !! false once a system had no pivots
@@ -58,7 +60,7 @@ contains
         mechanism%model => model
         call place_numbers(model, mechanism%at)
         mechanism%number = number
-        call list_joint_kinds(mechanism%kind)
+        call make_kinds(mechanism)
         call choose_own_axes(mechanism)
         mechanism%q = q
         mechanism%qd = qd
@@ -69,6 +71,23 @@ contains
                   mechanism%positive(0), mechanism%ways(2, model%n_dyad))
         call make_bodies(model%link%orientation, gravity_of(mechanism), mechanism%bodies)
     end subroutine begin_mechanism
+
+    !> Each joint with its own numbers.
+    subroutine make_kinds(mechanism)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer :: j
+
+        associate (joint => mechanism%model%joint)
+            allocate (mechanism%kind(size(joint)), mechanism%told_kind(size(joint)))
+            do j = 1, size(joint)
+                call make_joint_kind(joint(j)%kind, mechanism%kind(j))
+                call make_joint_kind(joint(j)%told_kind, mechanism%told_kind(j))
+                if (.not. mechanism%kind(j)%is%is_threaded) cycle
+                mechanism%kind(j)%is%pitch = mechanism%number(mechanism%at%pitch(j))
+                mechanism%told_kind(j)%is%pitch = mechanism%kind(j)%is%pitch
+            end do
+        end associate
+    end subroutine make_kinds
 
     ! ---------------------------------------------------------------- numbers of the scene
 
@@ -135,6 +154,34 @@ contains
         p = in_own_axes(mechanism, mechanism%model%joint(joint)%link(side), scene_point(mechanism, joint, side))
     end function marker_point
 
+    !> Where a joint's reaction and drives act, the second marker's point, on either of its links, own axes.
+    function point_of_action(mechanism, joint, side) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint, side                 !! side: 1 or 2
+        type(vector) :: p
+
+        p = marker_point(mechanism, joint, side)
+        if (side == 1 .and. has_slide(mechanism, joint)) &
+            p = p + (marker_frame(mechanism, joint, 1) .rotate.mechanism%slide(joint))
+    end function point_of_action
+
+    !> Has a step said, or has been measured, how far the joint's markers are apart?
+    logical function has_slide(mechanism, joint)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint
+
+        has_slide = mechanism%slide(joint)%z%node > 0
+    end function has_slide
+
+    !> The joint's markers are so far apart along z of the first.
+    subroutine set_slide(mechanism, joint, along_z)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: joint
+        type(value), intent(in) :: along_z                 !! [m]
+
+        mechanism%slide(joint) = vector(zero(), zero(), along_z)
+    end subroutine set_slide
+
     !> Frame of a joint's marker: from the marker's axes to the link's own.
     function marker_frame(mechanism, joint, side) result(f)
         type(mechanism_type), intent(in) :: mechanism
@@ -158,10 +205,16 @@ contains
         integer, intent(in) :: joint, side
         type(rotation) :: f
 
-        associate (k => mechanism%at%marker(side, joint))
-            f = rotation(point_at(mechanism, k + 3), point_at(mechanism, k + 6), point_at(mechanism, k + 9))
-        end associate
+        f = frame_at(mechanism, mechanism%at%marker(side, joint) + 3)
     end function scene_frame
+
+    function frame_at(mechanism, k) result(f)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: k
+        type(rotation) :: f
+
+        f = rotation(point_at(mechanism, k), point_at(mechanism, k + 3), point_at(mechanism, k + 6))
+    end function frame_at
 
     !> The axes in which each link is traced: the scene's, but those of a leg for a leg's links: z from U to S, y along the
     !> second axis of the universal joint, origins in U and S.
@@ -256,6 +309,30 @@ contains
     end function point_at
 
     ! ---------------------------------------------------------------- joints of placed links
+
+    !> Both markers of a joint as they stand, in the frames by which its variables are told.
+    function told_pair_of(mechanism, joint) result(pair)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint
+        type(marker_pair) :: pair
+
+        pair = pair_of(mechanism, joint)
+        if (.not. holds_spin(mechanism%model%joint(joint))) return
+        pair%first = told(1)
+        pair%second = told(2)
+
+    contains
+
+        function told(side) result(frame)
+            integer, intent(in) :: side
+            type(rotation) :: frame
+
+            associate (link => mechanism%model%joint(joint)%link(side))
+                frame = rotation_of(mechanism%bodies, link)*(mechanism%own(link)%r &
+                                                             *frame_at(mechanism, mechanism%at%marker(side, joint) + 12))
+            end associate
+        end function told
+    end function told_pair_of
 
     !> Both markers of a joint as they stand.
     function pair_of(mechanism, joint) result(pair)

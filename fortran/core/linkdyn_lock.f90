@@ -5,10 +5,13 @@
 !> `hold_texts` is for the making of texts, thus for reading and planning scenes and for messages. gfortran keeps the length of
 !> a text that a function returns in a static variable of the place that called it: two threads there at once would take each
 !> other's. A thread may hold it twice. Nothing is computed under it that takes long.
+!>
+!> `hold_records` is for the making of what a scene's equations keep for the next batch: who wants the same meanwhile, waits. A
+!> thread may hold it twice, and take the texts while it does, but not the other way round.
 module linkdyn_lock
     implicit none (type, external)
     private
-    public :: hold_lock, release_lock, hold_texts, release_texts
+    public :: hold_lock, release_lock, hold_texts, release_texts, hold_records, release_records
 
     interface
         subroutine hold_lock() bind(c, name="linkdyn_hold_lock")
@@ -22,5 +25,11 @@ module linkdyn_lock
 
         subroutine release_texts() bind(c, name="linkdyn_release_texts")
         end subroutine release_texts
+
+        subroutine hold_records() bind(c, name="linkdyn_hold_records")
+        end subroutine hold_records
+
+        subroutine release_records() bind(c, name="linkdyn_release_records")
+        end subroutine release_records
     end interface
 end module linkdyn_lock

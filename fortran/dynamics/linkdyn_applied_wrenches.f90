@@ -1,7 +1,8 @@
 !> Forces that are known from the motion: springs, and driving forces that are given. They act on the links as loads do.
 module linkdyn_applied_wrenches
     use linkdyn_joint_rates, only: joint_view, view_joint, measure_variable
-    use linkdyn_joint_motion, only: relative_axis, is_slide
+    use linkdyn_joint_motion, only: relative_axis
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes

@@ -28,8 +28,8 @@ contains
         type(formulation_type), intent(in) :: formulation
         type(kinematic_state), intent(in) :: state
         real(wp), intent(inout) :: slot(lanes, *)
-        type(vec3) :: arm, direction
-        integer :: i, g, o
+        type(vec3) :: arm, direction, moment
+        integer :: i, k, g, o
 
         if (model%is_planar) then
             call assemble_planar_matrix(model, formulation, state, slot)
@@ -41,19 +41,26 @@ contains
                 o = model%link(incidence%link)%orientation
                 if (incidence%needs_arm) then
                     arm = vec3_of(incidence%arm)
-                    if (incidence%slides) arm = arm + state%slide(:, incidence%joint)*vec3_of(incidence%arm_slide)
+                    do k = 1, incidence%n_slide
+                        arm = arm + state%slide(:, k, incidence%joint)*vec3_of(incidence%arm_slide(:, k))
+                    end do
                     if (.not. formulation%row_in_link(incidence%link)) arm = state%rotation(o).rotate.arm
                 end if
                 do g = 1, size(incidence%group)
                     associate (group => incidence%group(g))
                         if (group%slides) &
-                            call put_slide(group, state%slide(:, incidence%joint), slot)
+                            call put_slides(group, incidence%n_slide, state%slide(:, :, incidence%joint), slot)
                         if (.not. group%needs_direction) cycle
                         direction = direction_in_rows(model, formulation, incidence, &
                                                       formulation%column(group%column), state)
                         if (incidence%sign < 0) direction = -direction
                         call put(group%force_slot, direction, slot)
-                        if (group%needs_arm) call put(group%moment_slot, arm.cross.direction, slot)
+                        if (.not. group%needs_arm) cycle
+                        moment = arm.cross.direction
+                        associate (twist => formulation%column(group%column)%twist)
+                            if (twist /= 0) moment = moment + twist*direction
+                        end associate
+                        call put(group%moment_slot, moment, slot)
                     end associate
                 end do
             end associate
@@ -150,16 +157,23 @@ contains
         if (where_to(3) > 0) slot(:, where_to(3)) = v%z
     end subroutine put
 
-    pure subroutine put_slide(group, slide, slot)
+    pure subroutine put_slides(group, n, slide, slot)
         type(entry_group), intent(in) :: group
-        real(wp), intent(in) :: slide(lanes)
+        integer, intent(in) :: n                      !! slides of the joint
+        real(wp), intent(in) :: slide(:, :)           !! (lane, slide) [m]
         real(wp), intent(inout) :: slot(lanes, *)
-        integer :: k
+        integer :: k, i
 
         do k = 1, 3
-            if (group%slide_slot(k) > 0) slot(:, group%slide_slot(k)) = group%slide_fixed(k) + slide*group%slide_rate(k)
+            if (group%slide_slot(k) == 0) cycle
+            associate (entry => slot(:, group%slide_slot(k)))
+                entry = group%slide_fixed(k) + slide(:, 1)*group%slide_rate(k, 1)
+                do i = 2, n
+                    entry = entry + slide(:, i)*group%slide_rate(k, i)
+                end do
+            end associate
         end do
-    end subroutine put_slide
+    end subroutine put_slides
 
     ! ---------------------------------------------------------------- right-hand side
 

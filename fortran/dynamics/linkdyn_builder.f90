@@ -2,17 +2,27 @@
 module linkdyn_builder
     use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_code, only: check_code
+    use linkdyn_constants, only: two_pi
     use linkdyn_cross, only: cross
+    use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
+    use linkdyn_joint_table, only: moment_directions, along_axes
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, link_type, joint_type, step_csp, step_group, is_dyad, is_length, scene_size
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_model, only: model_type, link_type, joint_type, step_csp, step_group, is_dyad, is_length, is_screw, scene_size, &
+        stride_part, orientation_of
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
-    use linkdyn_scene, only: scene_type, link_spec, marker_spec, law_spec, law_table, joint_n_variable, joint_prismatic, &
-        frame_link
+    use linkdyn_scene, only: scene_type, link_spec, marker_spec, hold_spec, law_spec, law_table, joint_n_variable, &
+        joint_prismatic, frame_link
+    use linkdyn_spin_axes, only: choose_holds
     use linkdyn_spatial_start, only: assemble_in_space
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
+    use linkdyn_vec3, only: mat3_lane
+    use linkdyn_weld_starts, only: spread_weld_starts
     implicit none (type, external)
     private
     public :: build_model
@@ -27,10 +37,50 @@ contains
         type(model_type), intent(out) :: model
         type(status_type), intent(out) :: status
         logical, intent(in), optional :: closed_forms    !! false: all links are placed by Newton's method, to compare with
-        integer :: i
+        type(scene_type) :: with_holds
 
         call check_code(status)
         if (.not. status%is_ok()) return
+        call plan_scene(scene, model, status, closed_forms)
+        if (.not. status%is_ok() .or. allocated(scene%hold) .or. size(model%scene%hold) == 0) return
+        ! Now it is known how the links stand at the start: idle spins are held by directions that suit.
+        with_holds = scene
+        with_holds%hold = holds_at_start(model)
+        call plan_scene(with_holds, model, status, closed_forms)
+    end subroutine build_model
+
+    !> The directions by which idle spins are best held.
+    function holds_at_start(model) result(hold)
+        type(model_type), intent(in) :: model
+        type(hold_spec), allocatable :: hold(:)
+        type(model_type) :: loose
+        type(idle_spin), allocatable :: spin(:)
+        type(kinematic_state) :: state
+        real(wp) :: stand(3, 3, 0:model%n_link)
+        integer :: l
+
+        hold = model%scene%hold
+        call prepare_kinematics(model, 0, state)
+        state%q = spread(model%start_q, 1, lanes)
+        call evaluate_kinematics(model, state)
+        if (state%not_converged(1) .or. state%singular(1) .or. state%unreachable(1)) return
+        do l = 0, model%n_link
+            stand(:, :, l) = mat3_lane(state%rotation(orientation_of(model, l)), 1)
+        end do
+        loose = model
+        loose%joint%kind = loose%joint%told_kind
+        call find_idle_spins(loose, spin)
+        call choose_holds(loose, spin, hold, stand)
+    end function holds_at_start
+
+    !> Constants, plan and assembly.
+    subroutine plan_scene(scene, model, status, closed_forms)
+        type(scene_type), intent(in) :: scene
+        type(model_type), intent(out) :: model
+        type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: closed_forms
+        integer :: i
+
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
         model%is_planar = scene%planar
@@ -55,8 +105,10 @@ contains
             model%joint(i)%first_variable = model%n_variable
             model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
+        call spread_weld_starts(model)
         call number_tables(model%scene)
         call list_joints_of_links(model)
+        call settle_spins(model, status)
         call share_orientations(model)
         call plan_steps(model, status, closed_forms)
         if (status%is_ok()) call refuse_idle_branches(model, status)
@@ -65,7 +117,19 @@ contains
         if (status%is_ok()) call prepare_margins(model)
         call assemble_start(model, status)
         call assemble_in_space(model, status)
-    end subroutine build_model
+    end subroutine plan_scene
+
+    !> Balls that hold idle spins: those that the scene brings along, else any.
+    subroutine settle_spins(model, status)
+        type(model_type), intent(inout) :: model
+        type(status_type), intent(inout) :: status
+        type(idle_spin), allocatable :: spin(:)
+
+        call find_idle_spins(model, spin)
+        call refuse_eccentric(model, spin, status)
+        if (.not. allocated(model%scene%hold)) call choose_holds(model, spin, model%scene%hold)
+        call hold_spins(model, model%scene%hold)
+    end subroutine settle_spins
 
     !> Motions and loads from tables with the same knots get the same number: one search serves them all.
     subroutine number_tables(scene)
@@ -135,15 +199,16 @@ contains
         end do
     end subroutine refuse_idle_branches
 
-    !> A tenth of a radian, or of the mechanism's size.
+    !> A tenth of a radian, or of the mechanism's size; of a screw as many radians as take the nut so far.
     subroutine choose_strides(model)
         type(model_type), intent(inout) :: model
-        real(wp), parameter :: part = 0.1_wp
         integer :: k
 
         allocate (model%stride(model%n_q))
         do k = 1, model%n_q
-            model%stride(k) = part*merge(scene_size(model), 1.0_wp, is_length(model, k))
+            model%stride(k) = stride_part*merge(scene_size(model), 1.0_wp, is_length(model, k))
+            if (is_screw(model, k)) &
+                model%stride(k) = stride_part*scene_size(model)/abs(model%joint(model%scene%coordinate(k)%joint)%pitch)
         end do
     end subroutine choose_strides
 
@@ -171,7 +236,9 @@ contains
         associate (spec => scene%joint(index))
             joint%name = spec%name
             joint%kind = spec%kind
+            joint%told_kind = spec%kind
             joint%link = spec%link
+            joint%pitch = spec%lead/two_pi
             do side = 1, 2
                 if (spec%link(side) == frame_link) then
                     marker = scene%frame%marker(spec%marker(side))
@@ -180,6 +247,7 @@ contains
                 end if
                 if (scene%planar) call lay_in_plane(spec%kind, marker)
                 call take_marker(marker, joint%point(:, side), joint%frame(:, :, side))
+                joint%told_frame(:, :, side) = joint%frame(:, :, side)
             end do
         end associate
     end subroutine take_joint
@@ -232,7 +300,7 @@ contains
         end do
     end subroutine list_joints_of_links
 
-    !> Links joined by a prismatic joint with parallel link axes have one orientation; the frame's is 0.
+    !> Links that do not turn against each other and have parallel axes have one orientation; the frame's is 0.
     subroutine share_orientations(model)
         type(model_type), intent(inout) :: model
         integer :: group(0:model%n_link), i, j, from, to
@@ -240,7 +308,7 @@ contains
         group = [(i, i=0, model%n_link)]
         do j = 1, model%n_joint
             associate (joint => model%joint(j))
-                if (joint%kind /= joint_prismatic .or. any(joint%frame(:, :, 1) /= joint%frame(:, :, 2))) cycle
+                if (moment_directions(joint%kind) /= along_axes .or. any(joint%frame(:, :, 1) /= joint%frame(:, :, 2))) cycle
                 to = min(group(joint%link(1)), group(joint%link(2)))
                 from = max(group(joint%link(1)), group(joint%link(2)))
                 where (group == from) group = to

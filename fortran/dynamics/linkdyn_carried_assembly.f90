@@ -11,7 +11,7 @@ module linkdyn_carried_assembly
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: lead_mechanism, status_of_way, measure_margins, n_map, span_of, &
+    use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, n_map, span_of, &
         follows_assembly
     use linkdyn_model, only: model_type, link_freedom, gives_attitude, attitude_angles
     use linkdyn_newton_group, only: shifted, place_rates
@@ -19,7 +19,8 @@ module linkdyn_carried_assembly
     use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)
     private
-    public :: carried_assembly, begin_assembly, evaluate_on_assembly, accept_assembly, keep_evaluated, count_passed, leaves_doubt
+    public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly
+    public :: keep_evaluated, count_passed, leaves_doubt
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
@@ -69,6 +70,20 @@ contains
         allocate (assembly%column(lanes, link_freedom(model), model%n_link, model%n_q))
         assembly%column = 0
     end subroutine begin_assembly
+
+    !> Kinematics of a state tried; on the assembly that leads there, if there are several.
+    subroutine evaluate_assembled(model, t, assembly, state)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        type(carried_assembly), intent(inout) :: assembly
+        type(kinematic_state), intent(inout) :: state
+
+        if (assembly%is_needed) then
+            call evaluate_on_assembly(model, t, assembly, state)
+        else
+            call evaluate_kinematics(model, state)
+        end if
+    end subroutine evaluate_assembled
 
     !> Kinematics of a state tried, on the assembly that leads there.
     subroutine evaluate_on_assembly(model, t, assembly, state)

@@ -8,13 +8,14 @@
 !>
 !> At a change point rates stay finite, though the dyad's map is singular there: it is no dead point of the coordinate.
 module linkdyn_coordinate_watch
-    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_csp, side_of, scene_size, has_assemblies
-    use linkdyn_scene, only: coordinate_joint, joint_n_variable, joint_revolute, joint_prismatic, joint_cylindrical, frame_link
+    use linkdyn_scene, only: coordinate_joint, joint_n_variable, joint_revolute, joint_prismatic, joint_cylindrical, &
+        joint_screw, frame_link
     implicit none (type, external)
     private
     public :: coordinate_watch, prepare_watch, compare_rates, note_rates, forget_rates, grows, is_near_dead_point, &
@@ -58,11 +59,14 @@ contains
         call forget_rates(watch)
         do j = 1, model%n_joint
             associate (joint => model%joint(j))
-                do k = 1, joint_n_variable(joint%kind)
+                do k = 1, joint_n_variable(joint%told_kind)
                     v = joint%first_variable + k
                     watch%joint(v) = j
                     watch%place(v) = k
                     watch%is_candidate(v) = has_one_axis(joint%kind) .and. .not. any([on_leg(joint%link(1)), on_leg(joint%link(2))])
+                    ! an idle spin leads nothing
+                    if (.not. is_slide(joint%kind, k) .and. any([spins(joint%link(1)), spins(joint%link(2))])) &
+                        watch%is_candidate(v) = .false.
                 end do
             end associate
         end do
@@ -86,13 +90,20 @@ contains
 
             on_leg = any(model%leg%lower == link .or. model%leg%upper == link) .and. link /= frame_link
         end function on_leg
+
+        pure logical function spins(link)
+            integer, intent(in) :: link
+
+            spins = .false.
+            if (link /= frame_link) spins = model%link(link)%spin > 0
+        end function spins
     end subroutine prepare_watch
 
     !> Joints whose variables all turn or slide along one common axis.
     pure logical function has_one_axis(kind)
         integer, intent(in) :: kind
 
-        has_one_axis = any(kind == [joint_revolute, joint_prismatic, joint_cylindrical])
+        has_one_axis = any(kind == [joint_revolute, joint_prismatic, joint_cylindrical, joint_screw])
     end function has_one_axis
 
     !> Of a hinge: how far from its axis the pins that it moves are, on the smaller of its moving links; if it moves none,

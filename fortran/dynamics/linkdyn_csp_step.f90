@@ -59,8 +59,8 @@ contains
             coupler_frame%z = group%u
             r = turn_frame_back(coupler_frame, c%frame(:, :, 3 - g%axis_side))
             state%rotation(o_coupler) = r
-            state%slide(:, step%joint(1)) = merge(1, -1, g%axis_side == 1)*(group%sigma - g%offset(3))
-            state%slide(:, step%joint(3)) = merge(1, -1, g%slide_side == 1)*group%slide
+            state%slide(:, 1, step%joint(1)) = merge(1, -1, g%axis_side == 1)*(group%sigma - g%offset(3))
+            state%slide(:, 1, step%joint(3)) = merge(1, -1, g%slide_side == 1)*group%slide
 
             ! ---- velocity
             carried = slide_arm + to_s + group%slide*group%y      ! to S, from the origin of the link with the slide

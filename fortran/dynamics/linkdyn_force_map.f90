@@ -245,16 +245,17 @@ contains
     !> Largest over smallest singular value of a square matrix.
     !>
     !> One-sided Jacobi rotations make the columns square to each other; their lengths are then the singular values,
-    !> small ones as exact as large ones.
+    !> small ones as exact as large ones. A lane is done when its own columns are: what it gives does not hang on others.
     subroutine scaled_condition(n, a, condition)
         integer, intent(in) :: n
         real(wp), intent(inout) :: a(lanes, n, n)      !! destroyed
         real(wp), intent(out) :: condition(lanes)      !! infinite where singular
         integer, parameter :: most_sweeps = 20
-        real(wp), dimension(lanes) :: alpha, beta, gamma, zeta, t, c, s, kept, largest, smallest, length
-        real(wp) :: worst
+        real(wp), dimension(lanes) :: alpha, beta, gamma, zeta, t, c, s, kept, largest, smallest, length, worst
+        logical :: is_done(lanes)
         integer :: sweep, i, j, k
 
+        is_done = .false.
         do sweep = 1, most_sweeps
             worst = 0
             do i = 1, n - 1
@@ -268,10 +269,10 @@ contains
                         gamma = gamma + a(:, k, i)*a(:, k, j)
                     end do
                     length = abs(gamma)/max(sqrt(alpha*beta), tiny(1.0_wp))
-                    worst = max(worst, maxval(length))
+                    worst = max(worst, length)
                     zeta = (beta - alpha)/sign(max(abs(2*gamma), tiny(1.0_wp)), gamma)
                     t = sign(1.0_wp, zeta)/(abs(zeta) + sqrt(1 + zeta**2))
-                    t = merge(t, 0.0_wp, length > epsilon(1.0_wp))
+                    t = merge(t, 0.0_wp, length > epsilon(1.0_wp) .and. .not. is_done)
                     c = 1/sqrt(1 + t**2)
                     s = c*t
                     do k = 1, n
@@ -282,7 +283,8 @@ contains
                 end do
             end do
             ! The rotations of this sweep leave about the square of what they found.
-            if (.not. worst > sqrt(epsilon(1.0_wp))) exit
+            is_done = is_done .or. .not. worst > sqrt(epsilon(1.0_wp))
+            if (all(is_done)) exit
         end do
         largest = 0
         smallest = huge(1.0_wp)

@@ -12,19 +12,16 @@
 !> wrench the forces in the plane and the moments about z. All the rest of this module is common.
 module linkdyn_formulation
     use linkdyn_cross, only: cross
+    use linkdyn_joint_table, only: along_axes, along_normal, along_z, n_along, force_directions, moment_directions, is_slide, &
+        is_threaded, variable_axis, most_slides, slide_axis, n_slide, joint_universal
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, orientation_of, side_of
-    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     implicit none (type, external)
     private
     public :: formulation_type, wrench_column, entry_group, incidence_type, matrix_entry, reaction_part
-    public :: build_formulation, style_lecture, style_sparse, n_transmitted
+    public :: build_formulation, style_lecture, style_sparse
 
     integer, parameter :: style_lecture = 1, style_sparse = 2
-
-    ! Transmitted forces and moments by kind of joint: revolute, prismatic, cylindrical, universal, spherical.
-    integer, parameter :: n_force_of(5) = [3, 2, 2, 3, 3]
-    integer, parameter :: n_moment_of(5) = [2, 3, 2, 1, 0]
 
     ! Row of each of the six equations among a link's rows; 0: not in the plane.
     integer, parameter :: spatial_row(6) = [1, 2, 3, 4, 5, 6], planar_row(6) = [1, 2, 0, 0, 0, 3]
@@ -43,6 +40,7 @@ module linkdyn_formulation
         integer :: orientation = 0             !! axes in which `direction` is fixed; 0: world
         real(wp) :: direction(3) = 0
         integer :: unit_axis = 0               !! k if `direction` is axis k itself
+        real(wp) :: twist = 0                  !! moment about `direction` that comes with a unit force: of a thread [m]
     end type wrench_column
 
     !> A nonzero of the matrix.
@@ -56,12 +54,12 @@ module linkdyn_formulation
     type :: entry_group
         integer :: column = 0
         logical :: needs_direction = .false.   !! some slot needs the direction in row axes
-        logical :: slides = .false.            !! some slot needs the slide
+        logical :: slides = .false.            !! some slot needs the slides
         logical :: needs_arm = .false.         !! some slot needs arm x direction
         integer :: force_slot(3) = 0           !! direction into the force rows (or the moment rows of a moment)
         integer :: moment_slot(3) = 0          !! arm x direction into the moment rows
-        integer :: slide_slot(3) = 0           !! fixed + slide*rate into the moment rows
-        real(wp) :: slide_fixed(3) = 0, slide_rate(3) = 0
+        integer :: slide_slot(3) = 0           !! fixed + slides*rates into the moment rows
+        real(wp) :: slide_fixed(3) = 0, slide_rate(3, most_slides) = 0
     end type entry_group
 
     !> A joint seen from one of its links.
@@ -69,8 +67,9 @@ module linkdyn_formulation
         integer :: joint = 0, link = 0
         real(wp) :: sign = 1                   !! the reaction acts on the second link, its opposite on the first
         real(wp) :: arm(3) = 0                 !! from the moment point to the joint point, link axes
-        real(wp) :: arm_slide(3) = 0           !! what a unit slide adds to it
-        logical :: has_arm = .false., slides = .false., is_active = .false.
+        integer :: n_slide = 0                 !! of the joint that this link feels
+        real(wp) :: arm_slide(3, most_slides) = 0   !! what a unit of each adds to the arm
+        logical :: has_arm = .false., is_active = .false.
         logical :: needs_arm = .false.         !! some group needs arm x direction
         logical :: varies = .false.            !! some entry varies
         type(entry_group), allocatable :: group(:)
@@ -83,6 +82,7 @@ module linkdyn_formulation
         integer :: unit_column(3) = 0
         integer :: orientation = 0
         integer :: normal_column = 0           !! unknown along the normal of a universal joint; 0: none
+        integer :: thread_column = 0           !! force of a thread, with which this moment comes; 0: none
     end type reaction_part
 
     !> The equations of a model in one style.
@@ -133,8 +133,8 @@ contains
             formulation%moment_point(:, i) = model%link(i)%cog
         end do
         do i = 1, model%n_joint
-            formulation%force_axes(i) = merge(0, 1, n_force_of(model%joint(i)%kind) == 3)
-            formulation%moment_axes(i) = merge(0, 1, n_moment_of(model%joint(i)%kind) == 3)
+            formulation%force_axes(i) = merge(0, 1, force_directions(model%joint(i)%kind) == along_axes)
+            formulation%moment_axes(i) = merge(0, 1, moment_directions(model%joint(i)%kind) == along_axes)
         end do
         call list_drives(model, formulation)
         call list_columns(model, formulation)
@@ -142,16 +142,6 @@ contains
         call list_entries(model, formulation)
         call list_parts(model, formulation)
     end subroutine build_formulation
-
-    !> Forces and moments that a kind of joint transmits in the model's space.
-    pure function n_transmitted(model, kind) result(n)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: kind
-        integer :: n(2)    !! forces, moments
-
-        n = [n_force_of(kind), n_moment_of(kind)]
-        if (model%is_planar) n = [n_force_of(kind) - 1, n_moment_of(kind) - 2]
-    end function n_transmitted
 
     ! ---------------------------------------------------------------- unknowns
 
@@ -228,29 +218,40 @@ contains
         integer, intent(in) :: j
         type(wrench_column), intent(out) :: column(6)
         integer, intent(out) :: n
-        integer :: k, kind
 
-        kind = model%joint(j)%kind
         n = 0
-        do k = 1, n_force_of(kind)
-            if (n_force_of(kind) == 3) then
-                call add_column(along_link_axis(model, j, formulation%force_axes(j), k), .false.)
-            else
-                call add_column(along_marker_axis(model, j, formulation%force_axes(j), k), .false.)
-            end if
-        end do
-        do k = 1, n_moment_of(kind)
-            select case (kind)
-            case (joint_universal)
-                call add_column(wrench_column(joint=j, is_normal=.true.), .true.)
-            case (joint_prismatic)
-                call add_column(along_link_axis(model, j, formulation%moment_axes(j), k), .true.)
-            case default
-                call add_column(along_marker_axis(model, j, formulation%moment_axes(j), k), .true.)
-            end select
-        end do
+        call add_columns(force_directions(model%joint(j)%kind), formulation%force_axes(j), .false.)
+        if (is_threaded(model%joint(j)%kind)) call add_thread()
+        call add_columns(moment_directions(model%joint(j)%kind), formulation%moment_axes(j), .true.)
 
     contains
+
+        !> The power of force and moment vanishes while the slide follows the angle.
+        subroutine add_thread()
+            type(wrench_column) :: thread
+
+            thread = along_marker_axis(model, j, formulation%force_axes(j), 3)
+            thread%twist = -model%joint(j)%pitch
+            call add_column(thread, .false.)
+        end subroutine add_thread
+
+        subroutine add_columns(directions, axes, is_moment)
+            integer, intent(in) :: directions          !! one of `along_*`
+            integer, intent(in) :: axes                !! 0 world, 1 or 2: of that link
+            logical, intent(in) :: is_moment
+            integer :: k
+
+            do k = 1, n_along(directions)
+                select case (directions)
+                case (along_axes)
+                    call add_column(along_link_axis(model, j, axes, k), is_moment)
+                case (along_normal)
+                    call add_column(wrench_column(joint=j, is_normal=.true.), is_moment)
+                case default
+                    call add_column(along_marker_axis(model, j, axes, merge(3, k, directions == along_z)), is_moment)
+                end select
+            end do
+        end subroutine add_columns
 
         !> Unless the plane does not know it.
         subroutine add_column(candidate, is_moment)
@@ -277,11 +278,12 @@ contains
         associate (spec => model%scene%actuator(actuator))
             associate (kind => model%joint(spec%joint)%kind)
                 side = max(1, merge(formulation%force_axes(spec%joint), formulation%moment_axes(spec%joint), &
-                                    kind == joint_prismatic))
+                                    is_slide(kind, spec%variable)))
                 if (kind == joint_universal) side = spec%variable
-                column = along_marker_axis(model, spec%joint, side, 3)
-                column%is_moment = .not. (kind == joint_prismatic &
-                                          .or. (kind == joint_cylindrical .and. spec%variable == 2))
+                ! axes across the common one are those of the first marker
+                if (variable_axis(spec%variable, kind) < 3) side = 1
+                column = along_marker_axis(model, spec%joint, side, variable_axis(spec%variable, kind))
+                column%is_moment = .not. is_slide(kind, spec%variable)
             end associate
         end associate
         column%is_drive = .true.
@@ -327,6 +329,7 @@ contains
                         part%normal_column = c
                         cycle
                     end if
+                    if (column%twist /= 0) formulation%part(2, j)%thread_column = c
                     part%orientation = column%orientation
                     if (column%unit_axis == 0) then
                         part%is_plain = .false.
@@ -359,10 +362,12 @@ contains
         associate (joint => model%joint(j))
             ! The joint point is the second link's marker; seen from the first link it slides.
             incidence%arm = joint%point(:, side) - formulation%moment_point(:, incidence%link)
-            incidence%slides = side == 1 .and. any(joint%kind == [joint_prismatic, joint_cylindrical])
+            incidence%n_slide = merge(n_slide(joint%kind), 0, side == 1)
             incidence%arm_slide = 0
-            if (incidence%slides) incidence%arm_slide = joint%frame(:, 3, 1)
-            incidence%has_arm = incidence%slides .or. any(incidence%arm /= 0)
+            do i = 1, incidence%n_slide
+                incidence%arm_slide(:, i) = joint%frame(:, slide_axis(i, joint%kind), 1)
+            end do
+            incidence%has_arm = incidence%n_slide > 0 .or. any(incidence%arm /= 0)
         end associate
 
         n = formulation%first_column(j + 1) - formulation%first_column(j)
@@ -440,12 +445,14 @@ contains
                 group%force_slot = 1
                 group%needs_direction = .true.
             end if
-            if (.not. incidence%has_arm) return
+            if (.not. incidence%has_arm .and. column%twist == 0) return
             if (is_fixed .and. .not. rows_turn) then
-                group%slide_fixed = incidence%sign*cross(incidence%arm, column%direction)
-                group%slide_rate = incidence%sign*cross(incidence%arm_slide, column%direction)
+                group%slide_fixed = incidence%sign*(cross(incidence%arm, column%direction) + column%twist*column%direction)
+                do k = 1, incidence%n_slide
+                    group%slide_rate(:, k) = incidence%sign*cross(incidence%arm_slide(:, k), column%direction)
+                end do
                 do k = 1, 3
-                    if (group%slide_rate(k) /= 0) then
+                    if (any(group%slide_rate(k, :) /= 0)) then
                         group%slides = .true.
                         group%slide_slot(k) = 1
                     else
@@ -454,9 +461,9 @@ contains
                 end do
             else
                 do k = 1, 3
-                    ! Component k of arm x direction needs the other two components of the direction.
+                    ! Component k of arm x direction needs the other two components of the direction, that of a thread its own.
                     if (is_fixed) then
-                        if (all(pack(column%direction, [1, 2, 3] /= k) == 0)) cycle
+                        if (all(pack(column%direction, [1, 2, 3] /= k) == 0) .and. column%twist*column%direction(k) == 0) cycle
                     end if
                     group%moment_slot(k) = 1
                 end do
@@ -611,8 +618,8 @@ contains
 
         kept = [formulation%force_axes(j), formulation%moment_axes(j)]
         best = joint_cost(model, formulation, j)
-        do force = merge(0, 1, n_force_of(model%joint(j)%kind) == 3), 2
-            do moment = merge(0, 1, n_moment_of(model%joint(j)%kind) == 3), 2
+        do force = merge(0, 1, force_directions(model%joint(j)%kind) == along_axes), 2
+            do moment = merge(0, 1, moment_directions(model%joint(j)%kind) == along_axes), 2
                 formulation%force_axes(j) = force
                 formulation%moment_axes(j) = moment
                 call renew_columns(model, formulation, j)

@@ -1,13 +1,15 @@
 !> The assembly of a group at the start, found by many attempts side by side on the lanes.
 !>
 !> The first attempt sets out from the starting positions of the links, the second from links strung along the joints with
-!> the joints' starting variables, the others from variables at random. Each is closed by Newton's method; of the assemblies
-!> found the one nearest to what the scene says of the start is taken (`linkdyn_start_distance`). The outcome depends on the
-!> scene alone.
+!> the joints' starting variables, but those that have a starting position there, the others from variables at random. Each is
+!> closed by Newton's method; of the assemblies found the one nearest to what the scene says of the start is taken
+!> (`linkdyn_start_distance`). The outcome depends on the scene alone.
 module linkdyn_group_start
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_constants, only: pi
-    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back, is_slide
+    use linkdyn_cross, only: cross
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
+    use linkdyn_joint_table, only: is_slide, is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state
@@ -21,7 +23,7 @@ module linkdyn_group_start
     use linkdyn_vec3, only: mat3, vec3, operator(+), operator(-), operator(.rotate.)
     implicit none (type, external)
     private
-    public :: find_group_start
+    public :: find_group_start, is_same
 
     integer, parameter :: n_attempt = 64
     real(wp), parameter :: exact = 1.0e-12_wp    !! distance that is none
@@ -29,11 +31,12 @@ module linkdyn_group_start
 contains
 
     !> Leave the group closed on every lane of the state; flagged `not_converged` if no attempt succeeds.
-    subroutine find_group_start(model, step, state, n_found)
+    subroutine find_group_start(model, step, state, n_found, every)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state      !! the steps before have been run, all lanes alike
         integer, intent(out) :: n_found                    !! assemblies among which there was the choice; 0: not looked for
+        real(wp), allocatable, intent(out), optional :: every(:, :, :)    !! all that attempts find: places of the links of each
         type(start_distance) :: distance
         real(wp) :: given, others, best(place_size(model), model%n_link), place(place_size(model), model%n_link)
         real(wp) :: found(place_size(model), model%n_link, n_attempt)
@@ -46,13 +49,15 @@ contains
             n_found = 0
             do first = 1, n_attempt, lanes
                 call string_links(model, group, first, state)
-                if (first == 1) call put_as_given(model, group, state)
+                do lane = 1, lanes
+                    if (first + lane - 1 <= 2) call put_as_given(model, group, lane, first + lane == 2, state)
+                end do
                 call clear_flags(state)
                 call run_step(model, step, state)
                 has_closed = .not. (state%not_converged .or. state%singular)
                 distance = measure_distance(model, group%link, group%joint, state, .false.)
                 ! Nothing is nearer than what the scene describes in full.
-                if (first == 1 .and. all(model%scene%link(group%link)%has_start) .and. has_closed(1) &
+                if (.not. present(every) .and. first == 1 .and. all(model%scene%link(group%link)%has_start) .and. has_closed(1) &
                     .and. distance%given(1) <= exact) then
                     given = distance%given(1)
                     best = state%group%place(1, :, :)
@@ -71,6 +76,7 @@ contains
                     best = place
                 end do
             end do
+            if (present(every)) every = found(:, :, :n_found)
             if (given == huge(1.0_wp)) return
             state%group%place = spread(best, 1, lanes)
             call clear_flags(state)
@@ -97,33 +103,55 @@ contains
         type(group_type), intent(in) :: group
         real(wp), intent(in) :: a(:, :), b(:, :)           !! (place_size, n_link)
         real(wp), parameter :: fit = 1.0e-6_wp
-        integer :: n, i
+        integer :: i
 
-        n = merge(2, 3, model%is_planar)
         is_same = .true.
         do i = 1, size(group%link)
-            associate (u => a(:, group%link(i)), v => b(:, group%link(i)))
-                is_same = is_same .and. all(abs(u(:n) - v(:n)) <= fit*scene_size(model))
+            associate (u => a(:, group%link(i)), v => b(:, group%link(i)), link => model%link(group%link(i)))
                 if (model%is_planar) then
-                    is_same = is_same .and. 1 - cos(u(3) - v(3)) <= fit**2
+                    is_same = is_same .and. are_near(u(:2), v(:2)) .and. 1 - cos(u(3) - v(3)) <= fit**2
+                else if (link%spin > 0) then
+                    ! however it has spun, its line is one
+                    is_same = is_same .and. are_near(u(:3) + turned(u(4:), link%spin_point), &
+                                                     v(:3) + turned(v(4:), link%spin_point)) &
+                              .and. all(abs(turned(u(4:), link%spin_axis) - turned(v(4:), link%spin_axis)) <= fit)
                 else
                     ! A quaternion and its opposite are one attitude.
-                    is_same = is_same .and. 1 - abs(dot_product(u(4:), v(4:))) <= fit**2
+                    is_same = is_same .and. are_near(u(:3), v(:3)) .and. 1 - abs(dot_product(u(4:), v(4:))) <= fit**2
                 end if
             end associate
         end do
+
+    contains
+
+        pure logical function are_near(p, r)
+            real(wp), intent(in) :: p(:), r(:)             !! [m]
+
+            are_near = all(abs(p - r) <= fit*scene_size(model))
+        end function are_near
+
+        !> A vector turned by a unit quaternion.
+        pure function turned(q, x) result(y)
+            real(wp), intent(in) :: q(4), x(3)
+            real(wp) :: y(3)
+
+            y = x + 2*cross(q(2:), q(1)*x + cross(q(2:), x))
+        end function turned
     end function is_same
 
-    !> The first attempt: the links' starting positions, else where their markers are written.
-    subroutine put_as_given(model, group, state)
+    !> Links at their starting positions; those without one stay, or are where their markers are written.
+    subroutine put_as_given(model, group, lane, as_written, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
+        integer, intent(in) :: lane
+        logical, intent(in) :: as_written
         type(kinematic_state), intent(inout) :: state
         real(wp) :: quaternion(lanes, 4)
         integer :: i
 
         do i = 1, size(group%link)
-            associate (start => model%scene%link(group%link(i))%start, place => state%group%place(1, :, group%link(i)))
+            associate (start => model%scene%link(group%link(i))%start, place => state%group%place(lane, :, group%link(i)))
+                if (.not. (as_written .or. model%scene%link(group%link(i))%has_start)) cycle
                 if (model%is_planar) then
                     place = start([1, 2, 6])
                 else
@@ -183,6 +211,7 @@ contains
                         cycle
                     end if
                     reach = merge(scene_size(model), pi, is_slide(spec%kind, v))
+                    if (is_threaded(spec%kind)) reach = scene_size(model)/abs(model%joint(group%joint(i))%pitch)
                     do lane = 1, lanes
                         attempt = first + lane - 1
                         q(lane, v) = spec%start(v)
@@ -227,14 +256,14 @@ contains
             known = joint%link(from)
             link = joint%link(3 - from)
             o = orientation_of(model, link)
-            ! Walked backwards, revolute, prismatic and cylindrical joints have their variables reversed; of universal and
-            ! spherical joints some attitude is taken.
+            ! Walked backwards, revolute, prismatic, cylindrical and screw joints have their variables reversed; of
+            ! others some attitude is taken.
             q = merge(variable, -variable, from == 1)
             zero = 0
-            frame = turn_frame(state%rotation(orientation_of(model, known)), joint%frame(:, :, from))
-            call relative_by_variables(joint%kind, frame, q, zero, zero, motion)
+            frame = turn_frame(state%rotation(orientation_of(model, known)), joint%told_frame(:, :, from))
+            call relative_by_variables(joint%told_kind, frame, q, zero, zero, motion, joint%pitch)
             r = state%rotation(o)
-            if (group%turns(findloc(group%link, link, dim=1))) r = turn_frame_back(motion%frame, joint%frame(:, :, 3 - from))
+            if (group%turns(findloc(group%link, link, dim=1))) r = turn_frame_back(motion%frame, joint%told_frame(:, :, 3 - from))
             state%rotation(o) = r
             origin = state%position(known) + (state%rotation(orientation_of(model, known)).rotate.joint%point(:, from)) &
                      + motion%slide - (r.rotate.joint%point(:, 3 - from))

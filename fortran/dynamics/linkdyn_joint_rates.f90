@@ -2,12 +2,13 @@
 module linkdyn_joint_rates
     use linkdyn_assembly, only: link_wrench
     use linkdyn_carried_legs, only: add_leg_wrench, carried_leg_of, leg_slide_column
-    use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, is_slide
+    use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, marker_axis
+    use linkdyn_joint_table, only: is_slide, wraps, slide_axis
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of
+    use linkdyn_model, only: model_type, orientation_of, holds_spin
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_joint_rate, planar_actuator_rates, &
         planar_actuator_columns, planar_link_power, planar_work_columns
@@ -18,7 +19,7 @@ module linkdyn_joint_rates
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: joint_view, view_joint, measure_variable, coordinate_of, joint_rate
+    public :: joint_view, view_joint, measure_variable, coordinate_of, joint_rate, slide_column
     public :: measure_joints, measure_one_joint, actuator_rates, actuator_columns, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.
@@ -47,7 +48,7 @@ contains
         do j = 1, model%n_joint
             call measure_one_joint(model, state, j, q, qd)
             associate (first => model%joint(j)%first_variable)
-                n = joint_n_variable(model%joint(j)%kind)
+                n = joint_n_variable(model%joint(j)%told_kind)
                 variable(:, first + 1:first + n) = q(:, :n)
                 rate(:, first + 1:first + n) = qd(:, :n)
             end associate
@@ -68,9 +69,21 @@ contains
             call measure_planar_variable(model, state, j, variable(:, 1), rate(:, 1))
         else
             call view_joint(model, state, j, state%velocity, state%omega, view)
-            call variables_of_relative(model%joint(j)%kind, view%frame(1), view%frame(2), view%slide, view%slide_rate, &
-                                       view%omega, variable, rate)
+            call variables_of_relative(model%joint(j)%told_kind, told_frame(1), told_frame(2), view%slide, view%slide_rate, &
+                                       view%omega, variable, rate, model%joint(j)%pitch)
         end if
+
+    contains
+
+        pure function told_frame(side) result(frame)
+            integer, intent(in) :: side
+            type(mat3) :: frame
+
+            frame = view%frame(side)
+            if (holds_spin(model%joint(j))) &
+                frame = turn_frame(state%rotation(orientation_of(model, model%joint(j)%link(side))), &
+                                   model%joint(j)%told_frame(:, :, side))
+        end function told_frame
     end subroutine measure_one_joint
 
     !> One joint variable and its rate. A coordinate is taken as it is: it counts turns. A measured angle does not; of
@@ -111,7 +124,7 @@ contains
         end if
         k = stand_in_of(model, j, variable)
         if (k > 0) reference = state%counted(:, k)
-        if (.not. (counts .or. is_slide(model%joint(j)%kind, variable))) whole = -anint((value - reference)/two_pi)
+        if (.not. counts .and. wraps(model%joint(j)%kind, variable)) whole = -anint((value - reference)/two_pi)
         if (present(turns)) then
             turns = whole
         else
@@ -141,7 +154,7 @@ contains
         rate = qd(:, variable)
     end subroutine measure_in_space
 
-    !> Rate of a variable of a revolute, prismatic or cylindrical joint; at level k for a unit rate of coordinate k; at the
+    !> Rate of a variable of a revolute, prismatic, cylindrical or screw joint; at level k for a unit rate of coordinate k; at the
     !> level of what is given its acceleration. (What Coriolis and centripetal terms add is square to the axis, but for those
     !> of points at a distance.) Needs angular rates in world axes.
     function joint_rate(model, state, j, variable, level) result(rate)
@@ -186,6 +199,22 @@ contains
             end associate
         end function centripetal
     end function joint_rate
+
+    !> Rate of a joint's slide for a unit rate of a coordinate. Needs the acceleration columns, in world axes.
+    function slide_column(model, state, j, slide, k) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, slide, k                    !! joint, which slide of it, coordinate
+        real(wp) :: rate(lanes)
+        type(joint_view) :: view
+
+        if (model%is_planar) then
+            rate = planar_joint_rate(model, state, j, k)
+            return
+        end if
+        call view_joint(model, state, j, state%acceleration(k, :), state%alpha(k, :), view)
+        rate = view%slide_rate.dot.marker_axis(view%frame(1), slide_axis(slide, model%joint(j)%kind))
+    end function slide_column
 
     !> The coordinate that is a joint's variable; 0 if none is.
     pure integer function coordinate_of(model, j, variable) result(k)

@@ -5,8 +5,9 @@
 module linkdyn_kinematic_pass
     use linkdyn_csp_step, only: close_csp
     use linkdyn_kinds, only: wp
-    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, relative_by_quaternion, turn_frame, &
-        turn_frame_back, is_slide
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, relative_by_quaternion, marker_axis, turn_frame, &
+        turn_frame_back
+    use linkdyn_joint_table, only: is_slide, is_threaded, slide_axis, n_slide
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_group, orientation_of
@@ -191,9 +192,11 @@ contains
                 call relative_by_quaternion(first, state%quaternion(:, :, step%first), from_components(qd), &
                                             from_components(qdd), motion)
             else
-                call relative_by_variables(joint%kind, first, q, qd, qdd, motion)
+                call relative_by_variables(joint%kind, first, q, qd, qdd, motion, joint%pitch)
             end if
-            state%slide(:, step%joint(1)) = sense*(motion%slide.dot.first%z)
+            do i = 1, n_slide(joint%kind)
+                state%slide(:, i, step%joint(1)) = sense*(motion%slide.dot.marker_axis(first, slide_axis(i, joint%kind)))
+            end do
 
             ! Angular motion: seen from the known link, so its own rotation turns the relative rates as well.
             ! Links that only slide on each other share it.
@@ -222,6 +225,9 @@ contains
                     if (step%coordinate(i) /= k) cycle
                     if (is_slide(joint%kind, i)) then
                         point = point + sense*motion%axis(i)
+                    else if (is_threaded(joint%kind)) then
+                        point = point + (sense*joint%pitch)*motion%axis(i)
+                        state%alpha(k, o) = state%alpha(k, o) + sense*motion%axis(i)
                     else
                         state%alpha(k, o) = state%alpha(k, o) + sense*motion%axis(i)
                     end if
@@ -263,7 +269,7 @@ contains
                 state%rotation(o) = leg%axes
                 state%position(lower) = base_point
                 state%position(upper) = top_point
-                state%slide(:, step%joint(2)) = leg%length
+                state%slide(:, 1, step%joint(2)) = leg%length
 
                 state%velocity(upper) = point_velocity(state%velocity(top), state%omega(o_top), top_arm)
                 a = state%velocity(upper)

@@ -15,7 +15,7 @@ module linkdyn_led_mechanism
     use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, link_freedom, &
-        place_size, is_length, gives_attitude, attitude_angles
+        place_size, repeats, gives_attitude, attitude_angles
     use linkdyn_newton_group, only: shifted, place_rates
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
@@ -104,7 +104,7 @@ contains
         from = nearest_start(model, state)
         do k = 1, model%n_q
             ! To an angle of so many turns rounding leaves no way.
-            if (.not. is_length(model, k)) where (has_vague_turn(state%q(:, k))) &
+            if (repeats(model, k)) where (has_vague_turn(state%q(:, k))) &
                 state%way_status = sample_not_converged
         end do
         goes = any(from /= state%q, dim=2) .and. state%way_status == sample_ok
@@ -124,7 +124,7 @@ contains
 
         from = state%group%start_q
         do k = 1, model%n_q
-            if (.not. is_length(model, k)) from(:, k) = from(:, k) + two_pi*anint((state%q(:, k) - from(:, k))/two_pi)
+            if (repeats(model, k)) from(:, k) = from(:, k) + two_pi*anint((state%q(:, k) - from(:, k))/two_pi)
         end do
     end function nearest_start
 

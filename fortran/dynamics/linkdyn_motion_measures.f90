@@ -2,6 +2,9 @@
 module linkdyn_motion_measures
     use linkdyn_applied_wrenches, only: spring_energy
     use linkdyn_joint_rates, only: joint_view, view_joint
+    use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, along_z, along_axes, along_x_and_y, &
+        along_normal, joint_prismatic, &
+        joint_fixed
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -10,7 +13,6 @@ module linkdyn_motion_measures
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
     use linkdyn_point, only: point_velocity
-    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), vec2_of
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
@@ -84,15 +86,17 @@ contains
             call view_joint(model, state, j, state%velocity, state%omega, view)
             apart = view%slide
             associate (kind => model%joint(j)%kind, first => view%frame(1), second => view%frame(2))
-                if (kind == joint_prismatic .or. kind == joint_cylindrical) &
+                if (force_directions(kind) == along_x_and_y) &
                     apart = apart - (apart.dot.first%z)*first%z
+                if (force_directions(kind) == along_z) apart = (apart.dot.first%z)*first%z
                 gap = max(gap, sqrt(apart.dot.apart))
-                select case (kind)
-                case (joint_revolute, joint_cylindrical)
+                if (is_threaded(kind)) gap = max(gap, abs(model%joint(j)%pitch)*thread_gap(view, model%joint(j)%pitch))
+                select case (moment_directions(kind))
+                case (along_x_and_y)
                     gap = max(gap, length_of(first%z.cross.second%z))
-                case (joint_prismatic)
+                case (along_axes)
                     gap = max(gap, length_of(first%z.cross.second%z), length_of(first%x.cross.second%x))
-                case (joint_universal)
+                case (along_normal)
                     gap = max(gap, abs(first%z.dot.second%z))
                 end select
             end associate
@@ -111,17 +115,30 @@ contains
                 do side = 1, 2
                     o = orientation_of(model, joint%link(side))
                     point(side) = plane%position(joint%link(side)) + (plane%rotation(o).rotate.joint%point(:2, side))
-                    axis(side) = plane%rotation(o).rotate.joint%frame(:2, 3, side)
+                    axis(side) = plane%rotation(o).rotate.joint%frame(:2, merge(3, 1, joint%kind == joint_prismatic), side)
                 end do
                 apart = point(2) - point(1)
                 if (joint%kind == joint_prismatic) then
                     gap = max(gap, abs(axis(1).cross.apart), abs(axis(1).cross.axis(2)))
                 else
                     gap = max(gap, sqrt(apart.dot.apart))
+                    if (joint%kind == joint_fixed) gap = max(gap, abs(axis(1).cross.axis(2)))
                 end if
             end associate
         end do
     end subroutine measure_planar_closure
+
+    !> By what angle a nut is off its thread.
+    pure function thread_gap(view, pitch) result(angle)
+        type(joint_view), intent(in) :: view
+        real(wp), intent(in) :: pitch                  !! [m/rad]
+        real(wp) :: angle(lanes)
+
+        associate (first => view%frame(1), second => view%frame(2))
+            angle = (view%slide.dot.first%z)/pitch - atan2(second%x.dot.first%y, second%x.dot.first%x)
+        end associate
+        angle = abs(atan2(sin(angle), cos(angle)))
+    end function thread_gap
 
     pure function length_of(v) result(length)
         type(vec3), intent(in) :: v

@@ -12,6 +12,7 @@ module linkdyn_newton_group
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_following, only: largest_contraction, untrusted
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -23,7 +24,8 @@ module linkdyn_newton_group
     use linkdyn_quaternion, only: turned_by
     use linkdyn_scene, only: joint_revolute
     use linkdyn_spatial_group, only: put_spatial_links, assemble_errors, assemble_errors_ahead, refuse_turned_joints, &
-        move_spatial_group, is_spatial_length, spatial_speed
+        move_spatial_group, is_spatial_length, spatial_speed, angle_off_threads, &
+        take_spins_apart
     use linkdyn_uncertainty, only: uncertainty_of_motion
     use linkdyn_vec3, only: vec3
     implicit none (type, external)
@@ -35,6 +37,9 @@ module linkdyn_newton_group
     ! Newton's method squares the error: after a correction below this, the next error is below rounding.
     real(wp), parameter :: small_step = 1.0e-2_wp*sqrt(epsilon(1.0_wp))
     real(wp), parameter :: largest_turn = 0.5_wp     !! [rad] of a link in one step
+    !> [rad] A nut is predicted on the right turn of its thread if it is off by less: so much that a sixth of a turn is seldom
+    !> exceeded, so little that the next turn is five times as far.
+    real(wp), parameter :: surely_same_turn = 1.0_wp
     real(wp), parameter :: rounding = 16*epsilon(1.0_wp)    !! of a constraint
     !> Below this a margin is not told from zero: rounding e leaves places uncertain by e/margin, and their tangents by
     !> e/margin^2, which must stay small where two assemblies cross.
@@ -132,9 +137,10 @@ contains
         integer, intent(in) :: g                         !! the group's number
         type(kinematic_state), intent(inout) :: state
         real(wp), dimension(lanes) :: largest, before, noise, margin
-        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, rate, rate_here
+        real(wp), dimension(lanes, size(model%group(g)%unit)) :: correction, spin, rate, rate_here
         logical, dimension(lanes) :: is_done, is_singular, has_no_pivot, is_refused
         logical, dimension(lanes) :: is_recorded, has_rate    ! correction and velocities
+        logical :: has_threads
         integer :: step, k
 
         associate (group => model%group(g))
@@ -142,6 +148,7 @@ contains
             largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
             is_done = .not. state%group%moves
             is_refused = .false.
+            has_threads = any(is_threaded(model%joint(group%joint)%kind))
             do step = 1, most_steps
                 before = largest
                 call find_correction(model, g, state, correction, rate_here, margin, has_no_pivot, is_recorded)
@@ -154,7 +161,15 @@ contains
                 do k = 1, size(rate, 2)
                     where (.not. is_done .or. step == 1) rate(:, k) = rate_here(:, k)
                 end do
-                call correct(model, group, correction, .not. is_done, state%group%place, largest)
+                spin = 0
+                if (has_threads) then
+                    if (step == 1) then
+                        where (angle_off_threads(model, group, state) > surely_same_turn) &
+                            state%group%contraction = huge(1.0_wp)
+                    end if
+                    call take_spins_apart(model, group, state, correction, spin)
+                end if
+                call correct(model, group, correction, correction - spin, .not. is_done, state%group%place, largest)
                 if (step > 1) call watch_contraction(before, largest, noise, state%group%contraction)
                 if (state%group%is_led) is_refused = .not. state%group%contraction <= largest_contraction
                 is_done = is_small(largest, noise) .or. is_refused
@@ -471,10 +486,11 @@ contains
     ! ---------------------------------------------------------------- places
 
     !> Take the correction; how large it was: the largest turn, or shift as part of the mechanism's size.
-    subroutine correct(model, group, correction, takes, place, largest)
+    subroutine correct(model, group, correction, bounded, takes, place, largest)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
         real(wp), intent(in) :: correction(:, :)         !! (lane, row)
+        real(wp), intent(in) :: bounded(:, :)            !! the part of it with turns that may not be large (lane, row)
         logical, intent(in) :: takes(lanes)
         real(wp), intent(inout) :: place(:, :, :)        !! (lane, place_size, n_link)
         real(wp), intent(inout) :: largest(lanes)
@@ -487,7 +503,7 @@ contains
         size_here = 0
         do i = 1, size(correction, 2)
             size_here = max(size_here, abs(correction(:, i))/group%unit(i))
-            if (modulo(i - 1, n) >= n_shift(model)) turn = max(turn, abs(correction(:, i)))
+            if (modulo(i - 1, n) >= n_shift(model)) turn = max(turn, abs(bounded(:, i)))
         end do
         ! Far off, a step is cut so that no link turns further than its equations hold.
         part = min(1.0_wp, largest_turn/max(turn, tiny(1.0_wp)))

@@ -33,13 +33,13 @@ contains
                 if (.not. incidence%varies) cycle
                 if (incidence%needs_arm) then
                     arm = vec2_of(incidence%arm(:2))
-                    if (incidence%slides) arm = arm + state%slide(:, incidence%joint)*vec2_of(incidence%arm_slide(:2))
+                    if (incidence%n_slide > 0) arm = arm + state%slide(:, 1, incidence%joint)*vec2_of(incidence%arm_slide(:2, 1))
                     arm = incidence%sign*(state%plane%rotation(model%link(incidence%link)%orientation).rotate.arm)
                 end if
                 do g = 1, size(incidence%group)
                     associate (group => incidence%group(g))
                         if (group%slides) slot(:, group%slide_slot(3)) = group%slide_fixed(3) &
-                            + group%slide_rate(3)*state%slide(:, incidence%joint)
+                            + group%slide_rate(3, 1)*state%slide(:, 1, incidence%joint)
                         if (.not. group%needs_direction) cycle
                         associate (column => formulation%column(group%column))
                             if (column%orientation == 0) then

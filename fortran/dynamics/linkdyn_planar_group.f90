@@ -1,17 +1,18 @@
 !> Constraints of any planar Assur group (triads and larger, joints with given variables), for Newton's method.
 !>
-!> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it; a
-!> joint whose variable is a coordinate one more. Velocities and accelerations obey the Jacobian of the same gaps.
+!> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it, a weld two
+!> gaps and the angle; a joint whose variable is a coordinate one more. Velocities and accelerations obey the Jacobian of the same gaps.
 module linkdyn_planar_group
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_motion, only: size_of_rows
+    use linkdyn_joint_table, only: most_slides
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, group_type, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
-    use linkdyn_scene, only: joint_prismatic
+    use linkdyn_scene, only: joint_prismatic, joint_fixed
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), perp, rot2, rot2_by_angle, zero_vec2, vec2_of
     implicit none (type, external)
@@ -21,6 +22,7 @@ module linkdyn_planar_group
     !> A joint of the group, world axes.
     type :: joint_view
         logical :: slides = .false.
+        logical :: is_fixed = .false.
         integer :: link(2) = 0, o(2) = 0
         integer :: place(2) = 0            !! of its links among the group's; 0: known
         type(vec2) :: arm(2)               !! origins to where the gap is measured
@@ -59,6 +61,7 @@ contains
 
         associate (joint => model%joint(j))
             view%slides = joint%kind == joint_prismatic
+            view%is_fixed = joint%kind == joint_fixed
             axis = merge(3, 1, view%slides)
             do side = 1, 2
                 view%link(side) = joint%link(side)
@@ -95,7 +98,7 @@ contains
                 right(:, row + 1) = view%turn
                 call put_row(view, perp(view%u), row + 2, matrix)
                 right(:, row + 2) = view%u.cross.view%gap
-                state%slide(:, group%joint(i)) = view%u.dot.view%gap
+                state%slide(:, 1, group%joint(i)) = view%u.dot.view%gap
             else
                 call put_row(view, vec2_of([1.0_wp, 0.0_wp]), row + 1, matrix)
                 call put_row(view, vec2_of([0.0_wp, 1.0_wp]), row + 2, matrix)
@@ -103,6 +106,11 @@ contains
                 right(:, row + 2) = view%gap%y
             end if
             row = row + 2
+            if (view%is_fixed) then
+                row = row + 1
+                call put_turn_row(view, row, matrix)
+                right(:, row) = view%turn
+            end if
             if (c == 0) cycle
             row = row + 1
             if (view%slides) then
@@ -128,6 +136,10 @@ contains
             slides = model%joint(group%joint(i))%kind == joint_prismatic
             is_length(row + 1:row + 2) = [.not. slides, .true.]
             row = row + 2
+            if (model%joint(group%joint(i))%kind == joint_fixed) then
+                row = row + 1
+                is_length(row) = .false.
+            end if
             if (group%coordinate(1, i) == 0) cycle
             row = row + 1
             is_length(row) = slides
@@ -143,7 +155,7 @@ contains
         real(wp), intent(out) :: matrix(:, :, :), right(:, :)
         type(rot2) :: rotation(0:model%n_orientation)
         type(vec2) :: position(0:model%n_link)
-        real(wp) :: slide(lanes, model%n_joint), turn(lanes)
+        real(wp) :: slide(lanes, most_slides, model%n_joint), turn(lanes)
         integer :: o, l
 
         associate (plane => state%plane)
@@ -299,6 +311,10 @@ contains
                 right(:, row + 2) = opening%y
             end if
             row = row + 2
+            if (view%is_fixed) then
+                row = row + 1
+                right(:, row) = turning
+            end if
             c = group%coordinate(1, i)
             if (c == 0) cycle
             row = row + 1

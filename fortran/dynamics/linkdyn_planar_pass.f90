@@ -84,7 +84,7 @@ contains
         end associate
     end subroutine take_pose
 
-    !> Open chain: a crank or slider on a known link. The lecture's crank_input, also on a moving link.
+    !> Open chain: a crank or slider on a known link, or what is welded to it. The lecture's crank_input, also on a moving link.
     subroutine walk_joint(model, step, state)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
@@ -95,7 +95,8 @@ contains
 
         c = step%coordinate(1)
         h = hanger_of(model, step%joint(1), step%link(1))
-        variable = h%sense*state%q(:, c)
+        variable = 0
+        if (c > 0) variable = h%sense*state%q(:, c)
         if (h%slides) then
             call turn_with_known(model, h, state%plane)
             call place_on_slide(model, h, variable, state)
@@ -104,15 +105,18 @@ contains
             call place_on_hinge(model, h, state%plane)
         end if
         do level = level_velocity, state%n_column
-            select case (level)
-            case (level_velocity)
-                rate = h%sense*state%qd(:, c)
-            case (level_given)
-                rate = h%sense*state%qdd(:, c)
-            case default
-                one = merge(h%sense, 0.0_wp, level == c)
-                rate = one
-            end select
+            rate = 0
+            if (c > 0) then
+                select case (level)
+                case (level_velocity)
+                    rate = h%sense*state%qd(:, c)
+                case (level_given)
+                    rate = h%sense*state%qdd(:, c)
+                case default
+                    one = merge(h%sense, 0.0_wp, level == c)
+                    rate = one
+                end select
+            end if
             ! The coordinate is relative; a hinge is told the link's own angular rate.
             if (.not. h%slides) rate = rate + state%plane%angular(:, level, h%o_known)
             call move_link(h, level, rate, state%plane)
@@ -178,13 +182,15 @@ contains
         end associate
     end subroutine turn_with_known
 
-    !> Turn the link against the known one by the joint's angle, counted between the markers' x axes.
+    !> Turn the link against the known one by the joint's angle, counted between the markers' x axes. A welded link may share
+    !> the known one's rotation.
     pure subroutine turn_by_angle(model, h, angle, plane)
         type(model_type), intent(in) :: model
         type(hanger), intent(in) :: h
         real(wp), intent(in) :: angle(lanes)
         type(planar_motion), intent(inout) :: plane
 
+        if (h%o == h%o_known) return
         associate (joint => model%joint(h%joint))
             plane%rotation(h%o) = rot2_by_angle(angle)
             if (all(joint%frame(:2, 1, 1) == joint%frame(:2, 1, 2))) then
@@ -224,7 +230,7 @@ contains
         type(kinematic_state), intent(inout) :: state
 
         h%u = slide_axis(model, h, state%plane)
-        state%slide(:, h%joint) = h%sense*forward
+        state%slide(:, 1, h%joint) = h%sense*forward
         h%hold = hold_of(model, h, state%plane) + forward*h%u
         h%arm = state%plane%rotation(h%o).rotate.own_point(model, h)
         state%plane%position(h%link) = state%plane%position(h%known) + h%hold - h%arm
@@ -361,7 +367,7 @@ contains
             d = (plane%position(h2%known) + hold_of(model, h2, plane)) - (plane%position(h1%known) + hold_of(model, h1, plane))
             call locate_rpr(d, offset(2), state%branch(:, step%first), u, forward, is_reachable)
             state%unreachable = state%unreachable .or. .not. is_reachable
-            state%slide(:, step%joint(2)) = forward - offset(1)
+            state%slide(:, 1, step%joint(2)) = forward - offset(1)
             plane%rotation(h1%o) = rot2_of_directions(axis, u)
             if (h2%o /= h1%o) plane%rotation(h2%o) = rot2_of_directions(inner%frame(:2, 3, 2), u)
             call place_on_hinge(model, h1, plane)
@@ -422,7 +428,7 @@ contains
                 reach2 = reach2 + forward2*u2
             else
                 call place_on_hinge(model, h2, plane)
-                state%slide(:, step%joint(2)) = inner%sense*forward2
+                state%slide(:, 1, step%joint(2)) = inner%sense*forward2
                 reach2 = h2%hold
                 reach1 = plane%position(h2%known) + reach2 - plane%position(h1%known)
             end if

@@ -7,7 +7,7 @@ module linkdyn_planar_rates
     use linkdyn_planar_assembly, only: planar_link_wrench
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_planar_point, only: carried
-    use linkdyn_scene, only: joint_prismatic
+    use linkdyn_scene, only: joint_prismatic, joint_n_variable
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(.dot.), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
@@ -26,6 +26,7 @@ contains
         integer :: j, k
 
         do j = 1, model%n_joint
+            if (joint_n_variable(model%joint(j)%kind) == 0) cycle
             k = model%joint(j)%first_variable + 1
             call measure_planar_variable(model, state, j, variable(:, k), rate(:, k))
         end do
@@ -42,7 +43,7 @@ contains
 
         rate = planar_joint_rate(model, state, j, level_velocity)
         if (model%joint(j)%kind == joint_prismatic) then
-            variable = state%slide(:, j)
+            variable = state%slide(:, 1, j)
             return
         end if
         do side = 1, 2

@@ -6,7 +6,7 @@ module linkdyn_reach
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: lead_mechanism
-    use linkdyn_model, only: model_type, is_length, scene_size
+    use linkdyn_model, only: model_type, is_length, is_screw, stride_part
     implicit none (type, external)
     private
     public :: find_reach
@@ -21,7 +21,7 @@ contains
         real(wp), intent(in) :: branch(:)              !! (n_branch)
         real(wp), intent(in) :: place(:, :)            !! of the groups' links (place_size, n_link)
         real(wp), intent(out) :: lowest, highest       !! [m, rad]
-        logical, intent(out) :: is_limited             !! false: an angle goes all the way round, a slide farther than the mechanism is long
+        logical, intent(out) :: is_limited             !! false: an angle goes all the way round, a slide or nut farther than the mechanism is long
         real(wp), parameter :: longest = 10            !! sizes of the mechanism
         type(kinematic_state) :: state
         type(way_report) :: report
@@ -32,7 +32,7 @@ contains
         if (model%n_branch > 0) state%branch = spread(branch, 1, lanes)
         if (size(model%group) > 0) state%group%place = spread(place, 1, lanes)
         span = two_pi
-        if (is_length(model, k)) span = longest*scene_size(model)
+        if (is_length(model, k) .or. is_screw(model, k)) span = longest/stride_part*model%stride(k)
         from = spread(q, 1, lanes)
         state%q = from
         state%q(1, k) = q(k) - span

@@ -5,7 +5,7 @@ module linkdyn_reactions
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, holds_spin
     use linkdyn_vec2, only: vec2, operator(.rotate.)
     use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.), zero_vec3
     implicit none (type, external)
@@ -59,8 +59,13 @@ contains
                     total%z = unknown(solution, part%unit_column(3))
                     if (.not. part%is_plain) call add_slanted(formulation, solution, j, half == 2, total)
                     if (part%orientation > 0) total = state%rotation(part%orientation).rotate.total
-                    if (part%normal_column > 0) total = total + unknown(solution, part%normal_column) &
-                        *column_direction(model, formulation%column(part%normal_column), state)
+                    ! what holds an idle spin takes no moment
+                    if (part%normal_column > 0 .and. .not. holds_spin(model%joint(j))) &
+                        total = total + unknown(solution, part%normal_column) &
+                                *column_direction(model, formulation%column(part%normal_column), state)
+                    if (part%thread_column > 0) total = total &
+                        + (formulation%column(part%thread_column)%twist*unknown(solution, part%thread_column)) &
+                        *column_direction(model, formulation%column(part%thread_column), state)
                 end associate
                 reaction(:, 3*half - 2, j) = total%x
                 reaction(:, 3*half - 1, j) = total%y

@@ -16,7 +16,7 @@ module linkdyn_settled_samples
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: lead_from_start
     use linkdyn_mix, only: counter_bits
-    use linkdyn_model, only: model_type, is_length, link_freedom, scene_size
+    use linkdyn_model, only: model_type, repeats, link_freedom, scene_size
     use linkdyn_status, only: sample_ok
     use linkdyn_stride, only: is_step_believed, is_close
     use linkdyn_threads, only: team_size
@@ -126,7 +126,7 @@ contains
         logical :: is_angle(size(q, 1))
         integer :: i, k, place
 
-        is_angle = [(.not. is_length(model, k), k=1, size(q, 1))]
+        is_angle = [(repeats(model, k), k=1, size(q, 1))]
         allocate (node%q(size(q, 1), most), known(size(q, 1), most), node%of(size(q, 2)), table(0:4*most))
         table = 0
         node%of = 0
@@ -166,7 +166,7 @@ contains
 
         way = q - model%start_q
         do k = 1, size(q)
-            if (.not. is_length(model, k)) way(k) = least_angle(way(k))
+            if (repeats(model, k)) way(k) = least_angle(way(k))
         end do
     end function way_from_start
 

@@ -6,7 +6,7 @@
 !> round differently. Zeros stay zero and equal lengths stay equal, so the similar mechanism has the same equations.
 module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length
     use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
@@ -46,6 +46,8 @@ contains
         end do
         do i = 1, model%n_joint
             similar%joint(i)%point = scale*model%joint(i)%point
+            similar%joint(i)%pitch = scale*model%joint(i)%pitch
+            similar%scene%joint(i)%lead = scale*model%scene%joint(i)%lead
             similar%joint(i)%frame = other_rounding(copy, model%joint(i)%frame)
             do k = 1, size(model%scene%joint(i)%start)
                 if (is_slide(model%joint(i)%kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)

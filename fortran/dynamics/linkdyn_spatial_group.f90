@@ -5,9 +5,13 @@
 !> the links' rates, so positions (by Newton's method), velocities and columns of accelerations obey one matrix; what
 !> velocities alone do to a constraint is its bias.
 module linkdyn_spatial_group
+    use linkdyn_constants, only: two_pi
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_motion, only: size_of_rows
-    use linkdyn_joint_motion, only: turn_frame, variables_of_relative, is_slide
+    use linkdyn_joint_motion, only: turn_frame, variables_of_relative, marker_axis
+    use linkdyn_joint_table, only: is_slide, is_threaded, variable_axis, most_slides, slide_axis, n_slide, joint_universal, &
+        along_z, force_directions, moment_directions, n_along, along_axes, &
+        along_x_and_y, along_normal
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -16,13 +20,13 @@ module linkdyn_spatial_group
     use linkdyn_planner, only: joint_constraints
     use linkdyn_point, only: point_column
     use linkdyn_quaternion, only: rotation_of_quaternion
-    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), vec3_of, zero_vec3
+    use linkdyn_whole_turns, only: least_angle
     implicit none (type, external)
     private
     public :: put_spatial_links, assemble_errors, assemble_errors_ahead, refuse_turned_joints, move_spatial_group
-    public :: is_spatial_length, spatial_speed
+    public :: is_spatial_length, spatial_speed, angle_off_threads, take_spins_apart
 
     !> A joint of the group, world axes.
     type :: joint_view
@@ -32,16 +36,20 @@ module linkdyn_spatial_group
         type(mat3) :: frame(2)             !! of the markers
         type(vec3) :: arm(2)               !! origins of the links to their markers
         type(vec3) :: gap                  !! from the first marker to the second
+        real(wp) :: pitch = 0              !! of a screw [m/rad]
     end type joint_view
 
     !> One constraint.
     type :: closure_row
         logical :: turns = .false.         !! an angle, else a distance
+        logical :: is_thread = .false.     !! a distance that an angle comes off
         type(vec3) :: u                    !! axis of the angle; direction of the distance
         type(vec3) :: arm(2)               !! distance: from the links' origins to where it is felt
         real(wp) :: error(lanes)           !! what Newton's method brings to zero
         real(wp) :: bias(lanes)            !! second derivative at zero accelerations
+        type(vec3) :: twist                !! thread: axis of that angle, as long as a unit of it goes [m]
         integer :: coordinate = 0          !! given by it; 0: zero
+        real(wp) :: unit = 1               !! what a unit of the coordinate makes of the error
     end type closure_row
 
     integer, parameter :: most_rows = 8    !! of a joint: its constraints and the coordinates at it
@@ -73,14 +81,83 @@ contains
 
         do i = 1, size(group%joint)
             view = view_of(model, group, group%joint(i), state)
-            select case (view%kind)
-            case (joint_revolute, joint_cylindrical, joint_prismatic)
+            select case (moment_directions(view%kind))
+            case (along_x_and_y, along_axes)
                 state%not_converged = state%not_converged .or. (view%frame(1)%z.dot.view%frame(2)%z) < 0
-                if (view%kind == joint_prismatic) &
+                if (moment_directions(view%kind) == along_axes) &
                     state%not_converged = state%not_converged .or. (view%frame(1)%x.dot.view%frame(2)%x) < 0
             end select
         end do
     end subroutine refuse_turned_joints
+
+    ! ---------------------------------------------------------------- threads
+
+    !> By what angle the nut that is farthest off its thread is off it, where the iteration stands.
+    function angle_off_threads(model, group, state) result(angle)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: angle(lanes)
+        type(joint_view) :: view
+        integer :: i
+
+        angle = 0
+        do i = 1, size(group%joint)
+            if (.not. is_threaded(model%joint(group%joint(i))%kind)) cycle
+            view = view_of(model, group, group%joint(i), state)
+            angle = max(angle, abs(angle_ahead(view)))
+        end do
+    end function angle_off_threads
+
+    !> What the slide of a nut makes of its angle, less the angle; but for whole turns.
+    pure function angle_ahead(view) result(angle)
+        type(joint_view), intent(in) :: view
+        real(wp) :: angle(lanes)
+
+        associate (first => view%frame(1), second => view%frame(2))
+            angle = (view%gap.dot.first%z)/view%pitch - atan2(second%x.dot.first%y, second%x.dot.first%x)
+        end associate
+        angle = atan2(sin(angle), cos(angle))
+    end function angle_ahead
+
+    !> Of a correction the turns of links about the axes of their threads: a small way along a thread is a large angle about it.
+    !> Whole turns, which change nothing, are taken off the correction itself.
+    subroutine take_spins_apart(model, group, state, correction, spin)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(inout) :: correction(:, :)      !! (lane, row)
+        real(wp), intent(out) :: spin(:, :)              !! (lane, row)
+        type(joint_view) :: view
+        type(vec3) :: about
+        real(wp) :: angle(lanes)
+        integer :: i, side, k
+
+        spin = 0
+        do i = 1, size(group%joint)
+            if (.not. is_threaded(model%joint(group%joint(i))%kind)) cycle
+            view = view_of(model, group, group%joint(i), state)
+            do side = 1, 2
+                if (view%place(side) == 0) cycle
+                k = 6*(view%place(side) - 1) + 3
+                about = view%frame(side)%z
+                angle = correction(:, k + 1)*about%x + correction(:, k + 2)*about%y + correction(:, k + 3)*about%z
+                call add(-two_pi*anint(angle/two_pi), correction)
+                call add(least_angle(angle), spin)
+            end do
+        end do
+
+    contains
+
+        subroutine add(angle, to)
+            real(wp), intent(in) :: angle(lanes)
+            real(wp), intent(inout) :: to(:, :)
+
+            to(:, k + 1) = to(:, k + 1) + angle*about%x
+            to(:, k + 2) = to(:, k + 2) + angle*about%y
+            to(:, k + 3) = to(:, k + 3) + angle*about%z
+        end subroutine add
+    end subroutine take_spins_apart
 
     ! ---------------------------------------------------------------- constraints
 
@@ -95,6 +172,7 @@ contains
         associate (joint => model%joint(j))
             view%kind = joint%kind
             view%link = joint%link
+            view%pitch = joint%pitch
             do side = 1, 2
                 view%o(side) = orientation_of(model, joint%link(side))
                 view%place(side) = findloc(group%link, joint%link(side), dim=1)
@@ -117,30 +195,38 @@ contains
 
         n = 0
         associate (first => view%frame(1), second => view%frame(2))
-            select case (view%kind)
-            case (joint_prismatic, joint_cylindrical)
+            select case (force_directions(view%kind))
+            case (along_x_and_y)
                 call add_distance_along(first%x)
                 call add_distance_along(first%y)
-            case default
+            case (along_z)
+                call add_distance_along(first%z)
+            case (along_axes)
                 call add_distance(vec3_of([1.0_wp, 0.0_wp, 0.0_wp]))
                 call add_distance(vec3_of([0.0_wp, 1.0_wp, 0.0_wp]))
                 call add_distance(vec3_of([0.0_wp, 0.0_wp, 1.0_wp]))
             end select
-            select case (view%kind)
-            case (joint_universal)
+            select case (moment_directions(view%kind))
+            case (along_normal)
                 call add_right_angle(second%z, first%z)
-            case (joint_revolute, joint_cylindrical, joint_prismatic)
+            case (along_x_and_y, along_axes)
                 call add_right_angle(second%z, first%x)
                 call add_right_angle(second%z, first%y)
-                if (view%kind == joint_prismatic) call add_right_angle(second%x, first%y)
+                if (moment_directions(view%kind) == along_axes) call add_right_angle(second%x, first%y)
             end select
+            if (is_threaded(view%kind)) call add_thread()
             if (all(coordinate == 0)) return
-            call variables_of_relative(view%kind, first, second, view%gap, zero_vec3(), zero_vec3(), variable, rate)
+            call variables_of_relative(view%kind, first, second, view%gap, zero_vec3(), zero_vec3(), variable, rate, view%pitch)
             do k = 1, 3
                 if (coordinate(k) == 0) cycle
                 if (is_slide(view%kind, k)) then
-                    call add_distance_along(first%z)
+                    call add_distance_along(marker_axis(first, variable_axis(k, view%kind)))
                     row(n)%error = variable(:, k) - state%q(:, coordinate(k))
+                else if (is_threaded(view%kind)) then
+                    ! the slide tells a screw's angle, and its turns
+                    call add_distance_along(first%z)
+                    row(n)%unit = view%pitch
+                    row(n)%error = view%pitch*(variable(:, k) - state%q(:, coordinate(k)))
                 else if (view%kind == joint_universal .and. k == 2) then
                     call add_angle(second%z, view%o(2), variable(:, k) - state%q(:, coordinate(k)))
                 else
@@ -175,6 +261,19 @@ contains
                 row(n)%bias = row(n)%bias + 2.0_wp*(opening.dot.(omega.cross.u)) + (view%gap.dot.(omega.cross.(omega.cross.u)))
             end associate
         end subroutine add_distance_along
+
+        !> The slide along z less what the angle about it makes of it, but for whole turns.
+        subroutine add_thread()
+
+            call add_distance_along(view%frame(1)%z)
+            associate (first => view%frame(1))
+                row(n)%is_thread = .true.
+                row(n)%twist = (-view%pitch)*first%z
+                row(n)%error = view%pitch*angle_ahead(view)
+                row(n)%bias = row(n)%bias - view%pitch &
+                              *((state%omega(view%o(2)) - state%omega(view%o(1))).dot.(state%omega(view%o(1)).cross.first%z))
+            end associate
+        end subroutine add_thread
 
         !> Directions of the second and of the first link that stay square to each other.
         subroutine add_right_angle(a, b)
@@ -234,8 +333,9 @@ contains
         first = 0
         do i = 1, size(group%joint)
             view = view_of(model, group, group%joint(i), state)
-            if (any(view%kind == [joint_prismatic, joint_cylindrical])) &
-                state%slide(:, group%joint(i)) = view%gap.dot.view%frame(1)%z
+            do k = 1, n_slide(view%kind)
+                state%slide(:, k, group%joint(i)) = view%gap.dot.marker_axis(view%frame(1), slide_axis(k, view%kind))
+            end do
             call list_rows(view, group%coordinate(:, i), state, row, n)
             do k = 1, n
                 call put_row(view, row(k), matrix(:, first + k, :))
@@ -256,12 +356,12 @@ contains
         do i = 1, size(group%joint)
             associate (kind => model%joint(group%joint(i))%kind)
                 n = joint_constraints(model, kind)
-                is_length(row + 1:row + n) = [(k <= merge(2, 3, any(kind == [joint_prismatic, joint_cylindrical])), k=1, n)]
+                is_length(row + 1:row + n) = [(k <= n_along(force_directions(kind)) .or. (k == n .and. is_threaded(kind)), k=1, n)]
                 row = row + n
                 do k = 1, 3
                     if (group%coordinate(k, i) == 0) cycle
                     row = row + 1
-                    is_length(row) = is_slide(kind, k)
+                    is_length(row) = is_slide(kind, k) .or. is_threaded(kind)
                 end do
             end associate
         end do
@@ -276,7 +376,7 @@ contains
         real(wp), intent(out) :: matrix(:, :, :), right(:, :)
         type(mat3) :: rotation(0:model%n_orientation)
         type(vec3) :: position(0:model%n_link), turn
-        real(wp) :: slide(lanes, model%n_joint)
+        real(wp) :: slide(lanes, most_slides, model%n_joint)
         integer :: o, l
 
         rotation = state%rotation
@@ -338,6 +438,7 @@ contains
                 entry(:, k + 2) = u%y
                 entry(:, k + 3) = u%z
                 lever = row%arm(side).cross.u
+                if (row%is_thread) lever = lever + merge(-1.0_wp, 1.0_wp, side == 1)*row%twist
             end if
             entry(:, k + 4) = lever%x
             entry(:, k + 5) = lever%y
@@ -406,9 +507,9 @@ contains
                         rate = rate + merge(-1, 1, side == 1)*known_rate(side)
                     end do
                     if (c == 0) cycle
-                    if (level == level_velocity) rate = rate - state%qd(:, c)
-                    if (level == level_given) rate = rate - state%qdd(:, c)
-                    if (level == c) rate = rate - 1
+                    if (level == level_velocity) rate = rate - row(k)%unit*state%qd(:, c)
+                    if (level == level_given) rate = rate - row(k)%unit*state%qdd(:, c)
+                    if (level == c) rate = rate - row(k)%unit
                 end associate
             end do
             first = first + n
@@ -424,6 +525,7 @@ contains
                 rate = row(k)%u.dot.angular(view%o(side))
             else
                 rate = row(k)%u.dot.point_column(linear(view%link(side)), angular(view%o(side)), row(k)%arm(side))
+                if (row(k)%is_thread) rate = rate + (row(k)%twist.dot.angular(view%o(side)))
             end if
         end function known_rate
     end subroutine assemble_rates

@@ -10,9 +10,10 @@ module linkdyn_force_system
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_bodies, only: world_axes, own_axes
     use linkdyn_inertia_wrench, only: inertia_wrench, mass_properties
-    use linkdyn_joint_kind, only: along_axes, along_x_and_y, along_normal
+    use linkdyn_joint_table, only: along_axes, along_x_and_y, along_z, along_normal
     use linkdyn_layout, only: layout_type, about_cog, about_origin
-    use linkdyn_mechanism, only: mechanism_type, properties_of, marker_point, marker_frame
+    use linkdyn_mechanism, only: mechanism_type, properties_of, marker_point, marker_frame, point_of_action
+    use linkdyn_model, only: holds_spin
     use linkdyn_scene, only: name_len
     use linkdyn_system, only: system_type, unknown, require, solved
     use linkdyn_value, only: value, is_zero, operator(*)
@@ -60,15 +61,30 @@ contains
         type(force_unknowns), intent(inout) :: unknowns
         type(acting_type) :: acting
 
-        associate (joint => mechanism%model%joint(j), kind => mechanism%kind(mechanism%model%joint(j)%kind)%is)
+        associate (joint => mechanism%model%joint(j), kind => mechanism%kind(j)%is)
             acting%joint = j
             if (side > 0) acting%turning = mechanism%bodies%body(joint%link(side))%turning
             acting%force = sum_along(kind%forces, is_force=.true.)
-            acting%moment = sum_along(kind%moments, is_force=.false.)
+            acting%moment = zero_vector()
+            if (kind%is_threaded) call add_thread(kind%pitch)
+            acting%moment = acting%moment + sum_along(kind%moments, is_force=.false.)
             unknowns%reaction(j) = acting
         end associate
 
     contains
+
+        !> A force along the axis and the moment about it that comes with it: together they have no power.
+        subroutine add_thread(pitch)
+            type(value), intent(in) :: pitch           !! [m/rad]
+            type(rotation) :: frame
+            type(vector) :: thrust
+
+            frame = frame_in(max(side, 1))
+            thrust = zero_vector()
+            call add(frame%z, .true., "F3", thrust)
+            acting%force = acting%force + thrust
+            acting%moment = -(pitch*thrust)
+        end subroutine add_thread
 
         function sum_along(directions, is_force) result(total)
             integer, intent(in) :: directions
@@ -87,6 +103,9 @@ contains
                 frame = frame_in(max(side, 1))
                 call add(frame%x, is_force, merge("F1", "M1", is_force), total)
                 call add(frame%y, is_force, merge("F2", "M2", is_force), total)
+            case (along_z)
+                frame = frame_in(max(side, 1))
+                call add(frame%z, is_force, merge("F1", "M1", is_force), total)
             case (along_normal)
                 call add(normal(), is_force, merge("F1", "M1", is_force), total)
             end select
@@ -157,10 +176,8 @@ contains
             unknowns%effort(i) = unknown(system)
             if (.not. unknowns%wants_names) cycle
             associate (actuator => mechanism%model%scene%actuator(i))
-                associate (joint => mechanism%model%joint(actuator%joint))
-                    symbol = merge("F  ", "tau", mechanism%kind(joint%kind)%is%is_slide(actuator%variable))
-                    unknowns%name = [character(len=label_len) :: unknowns%name, trim(symbol)//" "//joint%name]
-                end associate
+                symbol = merge("F  ", "tau", mechanism%kind(actuator%joint)%is%is_slide(actuator%variable))
+                unknowns%name = [character(len=label_len) :: unknowns%name, trim(symbol)//" "//actuator%name]
             end associate
         end do
     end subroutine add_unknown_drives
@@ -285,16 +302,11 @@ contains
         function arm_to(acting) result(arm)
             type(acting_type), intent(in) :: acting
             type(vector) :: arm
-            type(rotation) :: frame
 
             if (acting%joint == 0) then
                 arm = acting%point - p
             else
-                arm = own_marker(acting%joint) - p
-                if (is_first(acting) .and. mechanism%slide(acting%joint)%node > 0) then
-                    frame = marker_frame(mechanism, acting%joint, 1)
-                    arm = arm + mechanism%slide(acting%joint)*frame%z
-                end if
+                arm = point_of_action(mechanism, acting%joint, merge(1, 2, is_first(acting))) - p
             end if
             arm = turned(mechanism%bodies, arm, mechanism%bodies%body(l)%turning, turning)
         end function arm_to
@@ -310,7 +322,11 @@ contains
 
         associate (acting => unknowns%reaction(j), bodies => mechanism%bodies)
             r(:3) = solved(system, components(turned(bodies, acting%force, acting%turning, 0)))
-            r(4:) = solved(system, components(turned(bodies, acting%moment, acting%turning, 0)))
+            if (holds_spin(mechanism%model%joint(j))) then
+                r(4:) = components(zero_vector())        ! what holds an idle spin takes no moment
+            else
+                r(4:) = solved(system, components(turned(bodies, acting%moment, acting%turning, 0)))
+            end if
         end associate
     end function reaction_of
 end module linkdyn_force_system

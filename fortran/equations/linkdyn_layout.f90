@@ -1,6 +1,6 @@
 !> How the equations are written down: choices that change no force, but how many entries vary, and what the matrix looks like.
 module linkdyn_layout
-    use linkdyn_joint_kinds, only: joint_kind_box, list_joint_kinds
+    use linkdyn_joint_table, only: n_transmitted
     use linkdyn_model, only: model_type, step_ups, side_of
     implicit none (type, external)
     private
@@ -21,10 +21,8 @@ contains
     function sparse_layout(model) result(layout)
         type(model_type), intent(in) :: model
         type(layout_type) :: layout
-        type(joint_kind_box), allocatable :: kind(:)
-        integer :: i, l, j, most, n
+        integer :: i, l, j, most, n(2)
 
-        call list_joint_kinds(kind)
         layout = world_layout(model, about_origin)
         do i = 1, size(model%step)
             associate (step => model%step(i))
@@ -39,9 +37,9 @@ contains
             most = 0
             do i = model%first_at(l), model%first_at(l + 1) - 1
                 j = model%joint_at(i)
-                n = kind(model%joint(j)%kind)%is%forces
-                if (n <= most) cycle
-                most = n
+                n = n_transmitted(model%joint(j)%kind, model%is_planar)
+                if (n(1) <= most) cycle
+                most = n(1)
                 layout%moment_joint(l) = j
             end do
         end do

@@ -4,10 +4,10 @@ module linkdyn_link_wrenches
     use linkdyn_acting, only: acting_type, turned
     use linkdyn_bodies, only: own_axes, omega_of, rotation_of
     use linkdyn_inertia_wrench, only: inertia_wrench
-    use linkdyn_mechanism, only: mechanism_type, properties_of, marker_point, marker_frame
+    use linkdyn_mechanism, only: mechanism_type, properties_of, point_of_action
     use linkdyn_trace, only: traced_type
     use linkdyn_value, only: value, zero, operator(+), operator(-)
-    use linkdyn_vector, only: vector, rotation, zero_vector, operator(+), operator(-), operator(*), operator(.dot.), &
+    use linkdyn_vector, only: vector, zero_vector, operator(+), operator(-), operator(*), operator(.dot.), &
         operator(.cross.), operator(.unrotate.)
     implicit none (type, external)
     private
@@ -58,8 +58,6 @@ contains
         type(mechanism_type), intent(in) :: mechanism
         type(acting_type), intent(in) :: acting
         type(vector), intent(inout) :: force(:), moment(:)
-        type(vector) :: point
-        type(rotation) :: frame
         integer :: side
 
         if (acting%joint == 0) then
@@ -67,12 +65,8 @@ contains
             return
         end if
         do side = 1, 2
-            point = marker_point(mechanism, acting%joint, side)
-            if (side == 1 .and. mechanism%slide(acting%joint)%node > 0) then
-                frame = marker_frame(mechanism, acting%joint, 1)
-                point = point + mechanism%slide(acting%joint)*frame%z
-            end if
-            call take(mechanism%model%joint(acting%joint)%link(side), point, opposite=side == 1)
+            call take(mechanism%model%joint(acting%joint)%link(side), point_of_action(mechanism, acting%joint, side), &
+                      opposite=side == 1)
         end do
 
     contains

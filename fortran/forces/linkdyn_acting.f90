@@ -3,6 +3,7 @@
 !> Loads, springs, drives and joint reactions all become this; the balance of a link adds it up without asking what it is.
 module linkdyn_acting
     use linkdyn_bodies, only: bodies_type
+    use linkdyn_joint_kind, only: axis_of
     use linkdyn_mechanism, only: mechanism_type, marker_frame
     use linkdyn_value, only: value, operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, operator(*), operator(.rotate.), operator(.unrotate.)
@@ -44,7 +45,7 @@ contains
         integer :: side
 
         acting%joint = joint
-        associate (link => mechanism%model%joint(joint)%link, kind => mechanism%kind(mechanism%model%joint(joint)%kind)%is)
+        associate (link => mechanism%model%joint(joint)%link, kind => mechanism%kind(joint)%is)
             side = kind%axis_side(variable)
             ! a hinge's or a slide's axis is fixed in both links: that of a moving one may stand in simpler axes
             if (link(side) == 0 .and. kind%n_variable < 2) side = 3 - side
@@ -53,9 +54,9 @@ contains
             acting%force = zero_vector()
             acting%moment = zero_vector()
             if (kind%is_slide(variable)) then
-                acting%force = effort*frame%z
+                acting%force = effort*axis_of(frame, kind%axis(variable))
             else
-                acting%moment = effort*frame%z
+                acting%moment = effort*axis_of(frame, kind%axis(variable))
             end if
         end associate
     end function at_joint_variable

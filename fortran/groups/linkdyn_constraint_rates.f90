@@ -44,7 +44,7 @@ contains
         type(marker_pair) :: pair
 
         call free_pair(mechanism, j, constraint, rates, pair)
-        constraint%c = mechanism%kind(mechanism%model%joint(j)%kind)%is%constraints(pair)
+        constraint%c = mechanism%kind(j)%is%constraints(pair)
         call differentiate(constraint, rates)
     end function constraints_of_joint
 
@@ -55,16 +55,14 @@ contains
         type(constraint_type) :: constraint
         type(rate_map) :: rates
         type(marker_pair) :: pair
-        type(value), allocatable :: q(:)
 
         call free_pair(mechanism, j, constraint, rates, pair)
         call set_rate(rates, mechanism%q(k), mechanism%qd(k))
         call set_rate(rates, mechanism%qd(k), mechanism%qdd(k))
-        associate (kind => mechanism%kind(mechanism%model%joint(j)%kind)%is)
-            q = kind%variables(pair)
-            constraint%c = [q(variable) - mechanism%q(k)]
+        associate (kind => mechanism%kind(j)%is)
+            constraint%c = [kind%variable_constraint(pair, variable, mechanism%q(k))]
             call differentiate(constraint, rates)
-            if (.not. kind%is_slide(variable)) constraint%c = [atan2(sin(constraint%c(1)), cos(constraint%c(1)))]
+            if (kind%wraps(variable)) constraint%c = [atan2(sin(constraint%c(1)), cos(constraint%c(1)))]
         end associate
     end function constraint_of_variable
 

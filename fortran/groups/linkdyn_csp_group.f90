@@ -2,7 +2,7 @@
 !> line along the slide meets the cylinder that the ball describes about the other axis.
 module linkdyn_csp_group
     use linkdyn_bodies, only: point_position, rotation_of
-    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, must_be_positive, least_square
+    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, least_square
     use linkdyn_model, only: step_type, side_of
     use linkdyn_value, only: value, operator(+), operator(-), operator(*), operator(/), sqrt, reciprocal, select, square
     use linkdyn_vector, only: vector, rotation, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
@@ -77,12 +77,20 @@ contains
             bodies%body(coupler)%position = axis_point + w - (rotation_of(bodies, coupler) .rotate.own_s)
             bodies%body(output)%position = axis_point + w &
                                            - (rotation_of(bodies, output) .rotate.marker_point(mechanism, s, 3 - side_s))
-            mechanism%slide(c) = sigma - offset%z
-            if (side_c == 1) mechanism%slide(c) = -mechanism%slide(c)
-            mechanism%slide(p) = slide
-            if (side_p == 1) mechanism%slide(p) = -slide
+            call set_slide(mechanism, c, counted_from(side_c, sigma - offset%z))
+            call set_slide(mechanism, p, counted_from(side_p, slide))
         end associate
     end subroutine place_csp
+
+    !> A slide that a link has made, as its joint counts it: the second link against the first.
+    function counted_from(side, slide) result(counted)
+        integer, intent(in) :: side                    !! of the link
+        type(value), intent(in) :: slide
+        type(value) :: counted
+
+        counted = slide
+        if (side == 1) counted = -slide
+    end function counted_from
 
     !> A link's rotation from the frame of its marker as it stands and as it is fixed in the link.
     function turned_back(frame, own) result(r)

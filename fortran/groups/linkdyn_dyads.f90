@@ -6,7 +6,7 @@
 module linkdyn_dyads
     use linkdyn_bodies, only: point_position, rotation_of
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, must_be_positive, least_square
+    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, least_square
     use linkdyn_model, only: step_type, side_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, reciprocal, square
     use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(-), operator(*), operator(.dot.), &
@@ -313,7 +313,10 @@ contains
         mechanism%bodies%body(half%link)%position = &
             outer_point(mechanism, half) + forward*u &
             - (rotation_of(mechanism%bodies, half%link) .rotate.marker_point(mechanism, half%outer, half%side))
-        mechanism%slide(half%outer) = forward
-        if (half%side == 1) mechanism%slide(half%outer) = -forward
+        if (half%side == 1) then
+            call set_slide(mechanism, half%outer, -forward)
+        else
+            call set_slide(mechanism, half%outer, forward)
+        end if
     end subroutine slide_out
 end module linkdyn_dyads

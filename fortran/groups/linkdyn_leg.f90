@@ -7,7 +7,7 @@ module linkdyn_leg
     use linkdyn_bodies, only: world_axes, own_axes, set_vector, omega_of, alpha_of, point_position, point_velocity, &
         point_acceleration, rotation_of
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, must_be_positive, least_square
+    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, least_square
     use linkdyn_model, only: step_type, side_of
     use linkdyn_system, only: system_type, unknown, require
     use linkdyn_value, only: value, zero, declare_inverse, operator(+), operator(-), operator(*), sqrt, reciprocal
@@ -61,7 +61,7 @@ contains
             call declare_inverse(m, per_m)
             k = c*per_m
             axes%x = per_m*u - k*axes%z
-            mechanism%slide(step%joint(2)) = slide_of_length(mechanism, step, length)
+            call set_slide(mechanism, step%joint(2), slide_of_length(mechanism, step, length))
             mechanism%universal_axis(step%joint(1)) = vector(m, zero(), c)
 
             ! velocity

@@ -73,7 +73,7 @@ contains
 
         a = mechanism%model%joint(j)%link(1)
         b = mechanism%model%joint(j)%link(2)
-        associate (kind => mechanism%kind(mechanism%model%joint(j)%kind)%is)
+        associate (kind => mechanism%kind(j)%is)
             shift = kind%shift(q)
             frame_a = marker_frame(mechanism, j, 1)
             frame_b = marker_frame(mechanism, j, 2)
@@ -87,7 +87,7 @@ contains
             s(1) = shift%slide
             s(2) = rate_of_vector(mechanism, s(1))
             s(3) = rate_of_vector(mechanism, s(2))
-            mechanism%slide(j) = shift%slide%z
+            mechanism%slide(j) = shift%slide
             do k = 1, 3
                 s(k) = frame_a.rotate.s(k)
             end do

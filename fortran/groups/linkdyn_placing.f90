@@ -6,12 +6,12 @@ module linkdyn_placing
     use linkdyn_group_rates, only: group_constraints, list_constraints, move_group
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_leg, only: close_leg
-    use linkdyn_mechanism, only: mechanism_type, pair_of
+    use linkdyn_mechanism, only: mechanism_type, has_slide, pair_of
     use linkdyn_model, only: step_type, step_pose, step_joint, step_ups, step_csp, step_group, is_dyad
     use linkdyn_open_chain, only: take_pose, walk_joint
     use linkdyn_system, only: system_type
     use linkdyn_value, only: value, zero
-    use linkdyn_vector, only: vector, vector_of, operator(.dot.)
+    use linkdyn_vector, only: vector, vector_of, operator(.unrotate.)
     implicit none (type, external)
     private
     public :: run_step, place_group
@@ -106,7 +106,7 @@ contains
         end do
     end subroutine take_places
 
-    !> How far the second markers stand along the first ones' axes, where no step has said it.
+    !> Where the second markers stand seen from the first, where no step has said it.
     subroutine measure_slides(mechanism, joint)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: joint(:)
@@ -114,10 +114,9 @@ contains
         integer :: i
 
         do i = 1, size(joint)
-            if (mechanism%slide(joint(i))%node > 0) cycle
-            if (.not. any(mechanism%kind(mechanism%model%joint(joint(i))%kind)%is%is_slide)) cycle
+            if (has_slide(mechanism, joint(i)) .or. .not. mechanism%kind(joint(i))%is%slides) cycle
             pair = pair_of(mechanism, joint(i))
-            mechanism%slide(joint(i)) = pair%gap.dot.pair%first%z
+            mechanism%slide(joint(i)) = pair%first.unrotate.pair%gap
         end do
     end subroutine measure_slides
 end module linkdyn_placing

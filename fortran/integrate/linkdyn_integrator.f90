@@ -8,12 +8,13 @@ module linkdyn_integrator
     use linkdyn_ode_gsl, only: ode_gsl, runge_kutta_gsl, has_gsl
     use linkdyn_pause, only: pause_type
     use linkdyn_rk4, only: rk4_workspace, rk4_step
+    use linkdyn_seulex, only: seulex_method
     use linkdyn_step_control, only: step_control, step_accepted, step_paused, step_too_rough, step_breaks_law
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: integrator_type, integrator_options, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs
+    public :: integrator_type, integrator_options, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
     public :: default_method, method_name, choose_method, check_options
     public :: stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law
 
@@ -22,7 +23,8 @@ module linkdyn_integrator
     integer, parameter :: method_rk8pd = 3     !! order 8(9), adaptive
     integer, parameter :: method_msbdf = 4     !! implicit, for stiff systems
     integer, parameter :: method_gbs = 5       !! extrapolation, order and step adaptive, columns on lanes
-    character(len=5), parameter :: method_name(5) = [character(len=5) :: "rk4", "rkf45", "rk8pd", "msbdf", "gbs"]
+    integer, parameter :: method_seulex = 6    !! extrapolation of an implicit rule, for stiff systems; columns on lanes
+    character(len=6), parameter :: method_name(6) = [character(len=6) :: "rk4", "rkf45", "rk8pd", "msbdf", "gbs", "seulex"]
     integer, parameter :: default_method = merge(method_rk8pd, method_gbs, has_gsl)    !! one that every build has
 
     !> Steps that a run may take at most: hours, whatever the mechanism.
@@ -86,7 +88,8 @@ contains
             if (text == method_name(method)) return
         end do
         method = default_method
-        call fail(status, status_bad_input, "method "//quoted(text)//" is not known (expected rk4, rkf45, rk8pd, msbdf or gbs)")
+        call fail(status, status_bad_input, "method "//quoted(text)// &
+                  " is not known (expected rk4, rkf45, rk8pd, msbdf, gbs or seulex)")
     end subroutine choose_method
 
     !> Refuse what no integrator can work with.
@@ -130,6 +133,7 @@ contains
         real(wp), intent(in) :: y(:, :)
         type(status_type), intent(inout) :: status
         type(gbs_method), allocatable :: gbs
+        type(seulex_method), allocatable :: seulex
         type(runge_kutta_gsl), allocatable :: runge_kutta
 
         if (allocated(self%control%method)) then
@@ -148,6 +152,10 @@ contains
                 allocate (gbs)
                 call gbs%start(system%n, options%rtol)
                 call move_alloc(gbs, control%method)
+            case (method_seulex)
+                allocate (seulex)
+                call seulex%start(system%n, options%rtol)
+                call move_alloc(seulex, control%method)
             case default
                 allocate (runge_kutta)
                 call runge_kutta%start(trim(method_name(options%method)), system, status)

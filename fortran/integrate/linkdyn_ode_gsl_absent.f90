@@ -32,7 +32,7 @@ contains
         type(status_type), intent(inout) :: status
 
         call fail(status, status_unavailable, "method "//quoted(name)//" needs the GNU Scientific Library, and this linkdyn (" &
-                  //wp_name//") was built without it (expected rk4 or gbs, or a build with -Dgsl=enabled)")
+                  //wp_name//") was built without it (expected rk4, gbs or seulex, or a build with -Dgsl=enabled)")
     end subroutine refuse
 
     subroutine start_runge_kutta(self, name, system, status)

@@ -17,6 +17,7 @@ module linkdyn_checkpoint
     use linkdyn_sweep, only: sweep_run
     use linkdyn_sweep_totals, only: packed_size, pack_totals, unpack_totals
     use linkdyn_text, only: to_text
+    use linkdyn_block, only: forms_multiply_adds
     use linkdyn_build, only: version
     implicit none (type, external)
     private
@@ -40,13 +41,15 @@ contains
         has_checkpoint = path_exists(checkpoint_name(output))
     end function has_checkpoint
 
-    !> A number that differs when results could: of the scene, its tables, the solver, the build.
+    !> A number that differs when results could: of the scene, its tables, the solver, the build, and
+    !> whether the processor forms multiply-adds.
     integer(int64) function sweep_hash(run) result(hash)
         type(sweep_run), intent(in) :: run
         integer :: i, k
 
         hash = hash_text(0_int64, version)
-        hash = hash_text(hash, to_text(lanes)//" "//to_text(digits(1.0_wp))//" "//to_text(run%solver))
+        hash = hash_text(hash, to_text(lanes)//" "//to_text(digits(1.0_wp))//" "//to_text(run%solver)// &
+                         merge(" fused", "      ", forms_multiply_adds()))
         hash = hash_text(hash, run%scene%text)
         do i = 1, size(run%spec%keeps)
             hash = hash_text(hash, merge("1", "0", run%spec%keeps(i)))

@@ -1,12 +1,15 @@
 !> A scene and the layout of its results as JSON: how other languages learn names, units and shapes.
 module linkdyn_description
+    use linkdyn_assemblies, only: assembly_list
     use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, joint_kind_name
+    use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, joint_kind_name, &
+        joint_n_variable, joint_screw, variable_name, idle_spins
     implicit none (type, external)
     private
-    public :: scene_as_json, layout_as_json, dataset_as_json
+    public :: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
 
 contains
 
@@ -45,10 +48,54 @@ contains
             text = text//separator(i)//"{"//pair("name", string(scene%variable(i)%name))//","// &
                 pair("value", number(scene%variable(i)%value))//","//pair("unit", string(scene%variable(i)%unit))//"}"
         end do
-        text = text//"]"
+        text = text//"],"//pair("idle_spins", string(idle_spins(scene)))
         if (size(scene%source) > 1) text = text//","//pair("text", string(scene%text))
         text = text//"}"
     end function scene_as_json
+
+    !> Assemblies of a model, each with its branches, joint variables and places of the links.
+    function assemblies_as_json(model, list) result(text)
+        type(model_type), intent(in) :: model
+        type(assembly_list), intent(in) :: list
+        character(len=:), allocatable :: text
+        integer :: i, j, k
+
+        text = "{"//pair("is_complete", logical_value(list%is_complete))//',"branch_joint":['
+        do i = 1, size(list%chooser)
+            text = text//separator(i)//string(model%joint(list%chooser(i))%name)
+        end do
+        text = text//'],"start_variable":['
+        do i = 1, size(list%telling)
+            text = text//separator(i)//integer_value(list%telling(i) - 1)
+        end do
+        text = text//'],"placed_link":['
+        do i = 1, size(list%placed)
+            text = text//separator(i)//integer_value(list%placed(i) - 1)
+        end do
+        text = text//'],"link":['
+        do i = 1, model%n_link
+            text = text//separator(i)//string(model%link(i)%name)
+        end do
+        text = text//'],"variable":['
+        k = 0
+        do j = 1, model%n_joint
+            do i = 1, joint_n_variable(model%joint(j)%told_kind)
+                k = k + 1
+                text = text//separator(k)//string(trim(model%joint(j)%name)//"."//variable_name(i, model%joint(j)%told_kind))
+            end do
+        end do
+        text = text//'],"assemblies":['
+        do i = 1, list%n
+            text = text//separator(i)//'{"branch":['
+            do k = 1, size(list%chooser)
+                text = text//separator(k)//integer_value(list%branch(k, i))
+            end do
+            text = text//"],"//pair("variable", numbers(list%variable(:, i)))//"," &
+                //pair("position", numbers([list%position(:, :, i)]))//"," &
+                //pair("rotation", numbers([(transpose(list%rotation(:, :, k, i)), k=1, model%n_link)]))//"}"
+        end do
+        text = text//"]}"
+    end function assemblies_as_json
 
     !> Dimensions with labels and units, variables with their dimensions: see `linkdyn_results`.
     function layout_as_json(layout) result(text)
@@ -90,7 +137,7 @@ contains
         character(len=:), allocatable :: text
 
         text = "{"//pair("name", string(marker%name))//","//pair("at", numbers(marker%at))//","// &
-            pair("axis", numbers(marker%axis))//"}"
+            pair("axis", numbers(marker%axis))//","//pair("x", numbers(marker%x_axis))//"}"
     end function marker_object
 
     function joint_object(scene, joint) result(text)
@@ -101,7 +148,9 @@ contains
         text = "{"//pair("name", string(joint%name))//","//pair("type", string(joint_kind_name(joint%kind)))//","// &
             '"links":['//integer_value(joint%link(1))//","//integer_value(joint%link(2))//'],"markers":['// &
             string(marker_name(scene, joint%link(1), joint%marker(1)))//","// &
-            string(marker_name(scene, joint%link(2), joint%marker(2)))//"]}"
+            string(marker_name(scene, joint%link(2), joint%marker(2)))//"]"
+        if (joint%kind == joint_screw) text = text//","//pair("lead", number(joint%lead))
+        text = text//"}"
     end function joint_object
 
     function load_object(scene, load) result(text)

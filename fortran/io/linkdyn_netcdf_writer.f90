@@ -27,6 +27,7 @@ module linkdyn_netcdf_writer
         character(len=:), allocatable :: version
         character(len=:), allocatable :: solver
         character(len=:), allocatable :: scene     !! text of the scene file
+        character(len=:), allocatable :: idle_spins    !! links whose idle spins are settled; empty: there are none
         character(len=:), allocatable :: history   !! when and by which command
         real(wp) :: gravity(3) = 0                 !! [m/s2]
     end type attributes_type
@@ -264,6 +265,7 @@ contains
         call put_text("solver", attributes%solver)
         call check(nf90_put_att(writer%id, nf90_global, "gravity", &
             real(attributes%gravity(:merge(2, 3, planar)), real64)), writer, status)
+        if (attributes%idle_spins /= "") call put_text("idle_spins", attributes%idle_spins)
         call put_text("scene", attributes%scene)
         call put_text("history", attributes%history)
     contains

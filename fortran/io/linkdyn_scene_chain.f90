@@ -1,44 +1,75 @@
 !> Ready-made chains of a scene file: [[chain]] tables turned into links, joints and actuators.
 !>
-!> `UPS` legs: a universal joint at the base, a slide, a spherical joint at the platform. Origin of the
-!> lower link at the universal joint, of the upper one at the spherical joint; z of both along the leg.
+!> What kinds there are stands in `linkdyn_chain_kinds`, what a leg is made of in `linkdyn_chain_parts`; here the keys are read.
 module linkdyn_scene_chain
+    use linkdyn_chain_kinds, only: chain_kind, list_chain_kinds, links_of_leg, joints_of_leg, is_crank_kind, is_rail_kind, &
+        is_telescope, drive_of, in_plane, in_space
+    use linkdyn_chain_parts, only: leg_spec, build_leg
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_scene, only: scene_type, link_spec, joint_spec, marker_spec, name_len, frame_link, &
-        joint_universal, joint_prismatic, joint_spherical
-    use linkdyn_toml, only: toml_node, toml_array, toml_string, toml_table
+    use linkdyn_scene, only: scene_type, link_spec, name_len, frame_link
+    use linkdyn_toml, only: toml_node, toml_array, toml_string
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
-        require_table, direction_of, text_of, get_name, get_word, get_flag, require_name
+        require_table, direction_of, text_of, get_name, get_word, get_flag, get_integer, get_quantity, require_name
     use linkdyn_scene_names, only: find_marker
-    use linkdyn_scene_links, only: read_mass_properties, new_marker, add_marker
+    use linkdyn_scene_links, only: read_mass_properties, carried_x
     use linkdyn_scene_joints, only: require_two_links
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern
+    use linkdyn_units, only: quantity_type, length, angle
     implicit none (type, external)
     private
-    public :: count_legs, read_chains
+    public :: count_chain_parts, read_chains
 
 contains
 
-    !> Number of legs of all chains, for the scene's lists.
-    subroutine count_legs(root, planar, n_leg, status)
+    !> Number of links and joints of all chains, for the scene's lists.
+    subroutine count_chain_parts(root, planar, n_link, n_joint, status)
         type(scene_place), intent(in) :: root
         logical, intent(in) :: planar
-        integer, intent(out) :: n_leg
+        integer, intent(out) :: n_link, n_joint
         type(status_type), intent(inout) :: status
         type(repeated_tables) :: tables
         type(scene_place) :: place
-        integer :: i
+        type(chain_kind) :: kind
+        type(status_type) :: of_kind
+        integer :: i, n_leg
 
-        n_leg = 0
+        n_link = 0
+        n_joint = 0
         call list_repeated(root, "chain", planar, .true., tables, status)
         if (.not. status%is_ok()) return
         do i = 1, size(tables%table)
             place = repeated_at(root, tables, i, "chain")
-            n_leg = n_leg + n_marker(place%node%get("base"))
+            of_kind = status_type()
+            call read_kind(place, planar, kind, of_kind)
+            if (.not. of_kind%is_ok()) cycle               ! told when the chain is read
+            n_leg = n_marker(place%node%get("base"))
+            n_link = n_link + links_of_leg(kind)*n_leg
+            n_joint = n_joint + joints_of_leg(kind)*n_leg
         end do
-    end subroutine count_legs
+    end subroutine count_chain_parts
+
+    !> The key `type`: a kind that the space has.
+    subroutine read_kind(place, planar, kind, status)
+        type(scene_place), intent(in) :: place
+        logical, intent(in) :: planar
+        type(chain_kind), intent(out) :: kind
+        type(status_type), intent(inout) :: status
+        type(chain_kind), allocatable :: kinds(:)
+        integer :: k
+
+        kinds = list_chain_kinds()
+        k = 1
+        call get_word(place, "type", kinds%name, k, status)
+        kind = kinds(k)
+        if (.not. status%is_ok()) return
+        if (planar .and. kind%space == in_space) then
+            call refuse(place, "a "//trim(kind%name)//" chain does not exist in a plane (expected space = ""spatial"")", status)
+        else if (.not. planar .and. kind%space == in_plane) then
+            call refuse(place, "a "//trim(kind%name)//" chain exists in a plane only (expected space = ""planar"")", status)
+        end if
+    end subroutine read_kind
 
     !> Expand the chains behind the links and joints that the scene file names itself.
     subroutine read_chains(root, first_link, first_joint, scene, driven, status)
@@ -70,33 +101,65 @@ contains
         type(status_type), intent(inout) :: status
         character(len=name_len) :: chain_name
         character(len=name_len), allocatable :: names(:)
+        type(chain_kind) :: kind
+        type(leg_spec) :: leg
         type(toml_node) :: base, platform
         logical :: is_driven, found
-        integer :: kind, i
+        integer :: i
 
         chain_name = "leg"
         if (place%copy > 0) chain_name = "leg"//to_text(place%copy)
         call get_name(place, "name", chain_name, status, found)
         if (.not. status%is_ok()) return
         place%what = "chain "//quoted(chain_name)
-        call allow_keys(place, [character(len=8) :: "type", "name", "names", "base", "platform", "axis", "lower", &
-            "upper", "actuated"], status)
-        call get_word(place, "type", ["UPS"], kind, status)
-        if (status%is_ok() .and. scene%planar) call refuse(place, &
-            "a UPS chain does not exist in a plane (expected space = ""spatial"")", status)
+        call read_kind(place, scene%planar, kind, status)
+        if (.not. status%is_ok()) return
+        call allow_keys(place, [character(len=8) :: "type", "name", "names", "base", "platform", "actuated", "start", kind%link, &
+            direction_keys(kind)], status)
         base = marker_list(place, "base", -1, status)
         platform = marker_list(place, "platform", n_marker(base), status)
-        call leg_names(place, chain_name, n_marker(base), names, status)
+        call leg_names(place, chain_name, kind, base, names, status)
         is_driven = .true.
         call get_flag(place, "actuated", is_driven, status)
         do i = 1, n_marker(base)
             if (.not. status%is_ok()) return
-            call read_leg(place, i, trim(names(i)), base, platform, next_link, next_joint, scene, status)
-            if (is_driven) driven = [driven, next_joint + 1]
-            next_link = next_link + 2
-            next_joint = next_joint + 3
+            leg = leg_spec(line=place%line)
+            leg%name = trim(names(i))              ! in the constructor gfortran would not free it
+            call read_leg(place, i, kind, base, platform, next_link, scene, leg, status)
+            if (.not. status%is_ok()) return
+            call build_leg(kind, leg, next_link, next_joint, scene)
+            if (is_driven) driven = [driven, next_joint + drive_of(kind) - 1]
+            next_link = next_link + links_of_leg(kind)
+            next_joint = next_joint + joints_of_leg(kind)
         end do
     end subroutine read_chain
+
+    !> The keys that say how a leg of a kind lies.
+    pure function direction_keys(kind) result(key)
+        type(chain_kind), intent(in) :: kind
+        character(len=8), allocatable :: key(:)
+
+        allocate (key(0))
+        if (is_rail_kind(kind)) key = [key, "rail    "]
+        if (has_axis(kind)) key = [key, "axis    "]
+        if (is_crank_kind(kind)) key = [character(len=8) :: key, "zero", "elbow"]
+        if (has_top_axis(kind)) key = [key, "top_axis"]
+        if (kind%is_parallelogram) key = [key, "width   "]
+    end function direction_keys
+
+    !> Has a leg an axis that the scene must give, of its first universal joint or of its hinge on the base?
+    pure logical function has_axis(kind)
+        type(chain_kind), intent(in) :: kind
+
+        has_axis = kind%space == in_space .and. (is_crank_kind(kind) .or. scan(kind%letters(:2), "U") > 0)
+    end function has_axis
+
+    !> Has it one fixed in the platform?
+    pure logical function has_top_axis(kind)
+        type(chain_kind), intent(in) :: kind
+
+        has_top_axis = kind%letters(3:3) == "U" .or. kind%is_parallelogram
+    end function has_top_axis
 
     !> The list of markers under `base` or `platform`, one a leg.
     type(toml_node) function marker_list(place, key, n_leg, status) result(list)
@@ -140,18 +203,19 @@ contains
     end function marker_at
 
     !> Names of the legs: the chain's name and a number, or as the file has them.
-    subroutine leg_names(place, chain_name, n_leg, names, status)
+    subroutine leg_names(place, chain_name, kind, base, names, status)
         type(scene_place), intent(in) :: place
         character(len=*), intent(in) :: chain_name
-        integer, intent(in) :: n_leg
+        type(chain_kind), intent(in) :: kind
+        type(toml_node), intent(in) :: base            !! list of markers
         character(len=name_len), allocatable, intent(out) :: names(:)
         type(status_type), intent(inout) :: status
-        character(len=*), parameter :: longest_suffix = ".lower"
         character(len=:), allocatable :: text
         type(toml_node) :: list, item
         logical :: is_text
-        integer :: i
+        integer :: i, n_leg
 
+        n_leg = n_marker(base)
         allocate (names(n_leg))
         if (.not. status%is_ok()) return
         list = place%node%get("names")
@@ -159,110 +223,197 @@ contains
             counted(list%count(), "element")//" (expected "//to_text(n_leg)//", one a leg)", status)
         do i = 1, n_leg
             text = trim(chain_name)//to_text(i)
-            if (place%copy > 0 .and. n_leg == 1) text = trim(chain_name)
+            if ((place%copy > 0 .or. base%kind() == toml_string) .and. n_leg == 1) text = trim(chain_name)
             if (list%is_present()) then
                 item = list%at(i)
                 call text_of(place, item, text, is_text)
                 if (.not. is_text) call refuse_value(place, "names", list, "holds "//item%kind_text()// &
                     " (expected names in quotes)", status)
             end if
-            call require_name(place, text//longest_suffix, list%line(), status)
+            ! the longest name made of it, that of one of two rods
+            call require_name(place, text//"."//trim(kind%link(1))//repeat("1", merge(1, 0, kind%is_parallelogram)), list%line(), &
+                              status)
             names(i) = text
         end do
     end subroutine leg_names
 
-    !> One leg: links lower and upper, joints U, P and S.
-    subroutine read_leg(place, i, name, base, platform, link, joint, scene, status)
+    !> What the scene says of leg i, and the mass properties of its links.
+    subroutine read_leg(place, i, kind, base, platform, link, scene, leg, status)
         type(scene_place), intent(in) :: place
         integer, intent(in) :: i                       !! number of the leg
-        character(len=*), intent(in) :: name
+        type(chain_kind), intent(in) :: kind
         type(toml_node), intent(in) :: base, platform  !! lists of markers
-        integer, intent(in) :: link, joint             !! where the leg's own begin
+        integer, intent(in) :: link                    !! where the leg's own begin
         type(scene_type), intent(inout) :: scene
+        type(leg_spec), intent(inout) :: leg
         type(status_type), intent(inout) :: status
-        real(wp), parameter :: origin(3) = 0, y_axis(3) = [0, 1, 0], z_axis(3) = [0, 0, 1]
-        real(wp) :: axis(3), at(3)
-        integer :: base_link, base_marker, top_link, top_marker
+        type(pattern_type) :: pattern
+        character(len=:), allocatable :: link_name
+        logical :: found
+        integer :: k
 
-        call find_marker(scene, place, "base", marker_at(base, i), base_link, base_marker, status)
-        call find_marker(scene, place, "platform", marker_at(platform, i), top_link, top_marker, status)
-        call require_two_links(place, "platform", marker_at(platform, i), scene, [base_link, top_link], status)
-        call read_axis(place, i, axis, status)
-        call read_leg_link(place, "lower", i, name, scene%link(link), status)
-        call read_leg_link(place, "upper", i, name, scene%link(link + 1), status)
-        if (.not. status%is_ok()) return
-
-        call add_marker(scene%link(link), new_marker("U", origin, y_axis, place%line))
-        call add_marker(scene%link(link), new_marker("P", origin, z_axis, place%line))
-        call add_marker(scene%link(link + 1), new_marker("P", origin, z_axis, place%line))
-        call add_marker(scene%link(link + 1), new_marker("S", origin, z_axis, place%line))
-        ! Legs may share a point of the base and yet differ in their axes: each brings its own marker.
-        if (base_link == frame_link) then
-            at = scene%frame%marker(base_marker)%at
-            call add_marker(scene%frame, new_marker(name//".U", at, axis, place%line))
-            base_marker = size(scene%frame%marker)
-        else
-            at = scene%link(base_link)%marker(base_marker)%at
-            call add_marker(scene%link(base_link), new_marker(name//".U", at, axis, place%line))
-            base_marker = size(scene%link(base_link)%marker)
+        call find_marker(scene, place, "base", marker_at(base, i), leg%end_link(1), leg%end_marker(1), status)
+        call find_marker(scene, place, "platform", marker_at(platform, i), leg%end_link(2), leg%end_marker(2), status)
+        call require_two_links(place, "platform", marker_at(platform, i), scene, leg%end_link, status)
+        if (place%copy > 0) call read_pattern(place, scene%planar, .true., pattern, status)
+        call read_directions(place, i, kind, scene%planar, pattern, leg, status)
+        if (kind%is_parallelogram) then
+            call get_quantity(place, "width", length, leg%width, status)
+            if (status%is_ok() .and. .not. leg%width > 0) call refuse_value(place, "width", place%node%get("width"), "= " &
+                //to_text(leg%width)//" m (expected the distance between both rods, more than zero)", status)
         end if
+        call get_quantity(place, "start", drive_quantity(kind), leg%start, status, leg%has_start)
+        call get_integer(place, "elbow", leg%elbow, status, found)
+        if (status%is_ok() .and. found .and. abs(leg%elbow) /= 1) call refuse_value(place, "elbow", place%node%get("elbow"), &
+            "= "//to_text(leg%elbow)//" (expected 1 or -1)", status)
+        if (.not. status%is_ok()) return
+        if (scene%planar .and. place%copy > 0) then
+            ! an image turns the other way
+            if (pattern%is_image(place%copy)) leg%elbow = -leg%elbow
+            if (pattern%is_image(place%copy) .and. is_crank_kind(kind)) leg%start = -leg%start
+        end if
+        if (is_telescope(kind) .and. kind%name /= "UPS" .and. .not. leg%has_start) then
+            leg%start = about_length(scene, leg)
+            leg%has_start = .true.
+        end if
+        do k = 1, links_of_leg(kind)
+            link_name = trim(kind%link(min(k, 2)))
+            associate (its => scene%link(link + k - 1))
+                its%name = leg%name//"."//link_name
+                if (kind%is_parallelogram .and. k > 1) its%name = trim(its%name)//to_text(k - 1)
+                call read_leg_link(place, link_name, i, scene%planar, has_length(), leg%length(min(k, 2)), its, status)
+            end associate
+        end do
 
-        scene%joint(joint) = joint_spec(name=name//".U", kind=joint_universal, line=place%line, &
-            link=[base_link, link], marker=[base_marker, 1])
-        scene%joint(joint + 1) = joint_spec(name=name//".P", kind=joint_prismatic, line=place%line, &
-            link=[link, link + 1], marker=[2, 1])
-        scene%joint(joint + 2) = joint_spec(name=name//".S", kind=joint_spherical, line=place%line, &
-            link=[link + 1, top_link], marker=[2, top_marker])
+    contains
+
+        pure logical function has_length()
+
+            has_length = link_name == "crank" .or. (link_name == "rod" .and. .not. is_telescope(kind))
+        end function has_length
     end subroutine read_leg
 
-    !> First axis of the universal joint of leg i: one for all, or one a leg.
-    subroutine read_axis(place, i, axis, status)
+    !> Unit of the driven variable.
+    pure type(quantity_type) function drive_quantity(kind) result(quantity)
+        type(chain_kind), intent(in) :: kind
+
+        quantity = length
+        if (is_crank_kind(kind)) quantity = angle
+    end function drive_quantity
+
+    !> Drawn out, not pushed through: any length of the mechanism's size says so.
+    pure real(wp) function about_length(scene, leg)
+        type(scene_type), intent(in) :: scene
+        type(leg_spec), intent(in) :: leg
+        integer :: side
+
+        about_length = 0
+        do side = 1, 2
+            associate (l => leg%end_link(side), m => leg%end_marker(side))
+                if (l == frame_link) then
+                    about_length = max(about_length, maxval(abs(scene%frame%marker(m)%at)))
+                else
+                    about_length = max(about_length, maxval(abs(scene%link(l)%marker(m)%at)))
+                end if
+            end associate
+        end do
+        if (.not. about_length > 0) about_length = 1
+    end function about_length
+
+    !> Directions of leg i, of a copy turned with it. The axis of a hinge turns an image the other way, as a mirror does.
+    subroutine read_directions(place, i, kind, planar, pattern, leg, status)
         type(scene_place), intent(in) :: place
         integer, intent(in) :: i
-        real(wp), intent(out) :: axis(3)
+        type(chain_kind), intent(in) :: kind
+        logical, intent(in) :: planar
+        type(pattern_type), intent(in) :: pattern
+        type(leg_spec), intent(inout) :: leg
         type(status_type), intent(inout) :: status
-        type(toml_node) :: node, base, item
-        type(pattern_type) :: pattern
+        real(wp) :: hinge_sign
+        logical :: found
 
-        axis = [0, 1, 0]
-        if (.not. status%is_ok()) return
-        node = place%node%get("axis")
-        base = place%node%get("base")
-        item = node%at(1)
-        if (.not. node%is_present()) then
-            call refuse_missing(place, "axis", "the universal joint's first axis in the base link, [0, 1, 0]", status)
-        else if (item%kind() /= toml_array) then
-            call direction_of(place, "axis", node, axis, status)
-        else if (node%count() /= n_marker(base)) then
-            call refuse_value(place, "axis", node, "has "//to_text(node%count())//" axes (expected one, or "// &
-                to_text(n_marker(base))//", one a leg)", status)
-        else
-            call direction_of(place, "axis", node%at(i), axis, status)
+        if (is_rail_kind(kind)) call read_direction("rail", "the direction of the slide in the base link, [1, 0, 0]", leg%rail)
+        if (has_axis(kind)) call read_direction("axis", "the universal joint's first axis in the base link, [0, 1, 0]", leg%axis)
+        leg%top_axis = leg%axis
+        if (has_top_axis(kind)) call read_direction("top_axis", "", leg%top_axis, found)
+        if (is_crank_kind(kind)) then
+            if (.not. planar) leg%zero = carried_x(leg%axis)
+            call read_direction("zero", "", leg%zero, found)
+            if (.not. status%is_ok()) return
+            if (.not. planar) leg%zero = leg%zero - dot_product(leg%zero, leg%axis)*leg%axis
+            if (.not. norm2(leg%zero) > 1.0e-6_wp) then
+                call refuse_value(place, "zero", place%node%get("zero"), "lies along 'axis' (expected where the crank points "// &
+                    "at angle zero, square to its hinge)", status)
+                return
+            end if
+            leg%zero = leg%zero/norm2(leg%zero)
         end if
-        if (place%copy == 0) return
-        call read_pattern(place, .false., .true., pattern, status)
-        if (status%is_ok()) axis = matmul(pattern%turn(:, :, place%copy), axis)
-    end subroutine read_axis
+        if (place%copy == 0 .or. .not. status%is_ok()) return
+        associate (turn => pattern%turn(:, :, place%copy))
+            hinge_sign = merge(-1, 1, is_crank_kind(kind) .and. pattern%is_image(place%copy))
+            leg%axis = hinge_sign*matmul(turn, leg%axis)
+            leg%top_axis = hinge_sign*matmul(turn, leg%top_axis)
+            leg%rail = matmul(turn, leg%rail)
+            leg%zero = matmul(turn, leg%zero)
+        end associate
 
-    !> Mass properties of one half of leg i: one table for all, or one a leg.
-    subroutine read_leg_link(place, key, i, leg_name, link, status)
+    contains
+
+        !> One for all legs, or one a leg.
+        subroutine read_direction(key, expected, axis, found)
+            character(len=*), intent(in) :: key, expected
+            real(wp), intent(inout) :: axis(3)
+            logical, intent(out), optional :: found
+            type(toml_node) :: node, base, item
+            integer :: n
+
+            if (present(found)) found = .false.
+            if (.not. status%is_ok()) return
+            n = merge(2, 3, planar)
+            node = place%node%get(key)
+            base = place%node%get("base")
+            item = node%at(1)
+            if (.not. node%is_present()) then
+                if (.not. present(found)) call refuse_missing(place, key, expected, status)
+                return
+            end if
+            axis = 0
+            if (item%kind() /= toml_array) then
+                call direction_of(place, key, node, axis(:n), status)
+            else if (node%count() /= n_marker(base)) then
+                call refuse_value(place, key, node, "has "//to_text(node%count())//" axes (expected one, or "// &
+                    to_text(n_marker(base))//", one a leg)", status)
+            else
+                call direction_of(place, key, node%at(i), axis(:n), status)
+            end if
+            if (present(found)) found = .true.
+        end subroutine read_direction
+    end subroutine read_directions
+
+    !> Mass properties of one link of leg i: one table for all, or one a leg. Cranks and rods have a length, too, and are thin and
+    !> uniform if nothing else is said.
+    subroutine read_leg_link(place, key, i, planar, has_length, link_length, link, status)
         type(scene_place), intent(in) :: place
-        character(len=*), intent(in) :: key            !! lower or upper
+        character(len=*), intent(in) :: key            !! lower, rod, ...
         integer, intent(in) :: i
-        character(len=*), intent(in) :: leg_name
+        logical, intent(in) :: planar, has_length
+        real(wp), intent(out) :: link_length           !! [m]
         type(link_spec), intent(inout) :: link
         type(status_type), intent(inout) :: status
-        character(len=*), parameter :: expected = "{ mass = .., cog = [..], inertia = [..] }"
+        character(len=:), allocatable :: expected
         type(scene_place) :: inner
         type(toml_node) :: node, base
 
+        link_length = 0
         if (.not. status%is_ok()) return
-        link%name = leg_name//"."//key
         link%line = place%line
         node = place%node%get(key)
         base = place%node%get("base")
+        expected = "{ mass = .., cog = [..], inertia = [..] }"
+        if (has_length) expected = "{ length = .., mass = .. }"
         if (.not. node%is_present()) then
-            call refuse_missing(place, key, expected//", or { mass = 0 }", status)
+            if (.not. has_length) expected = expected//", or { mass = 0 }"
+            call refuse_missing(place, key, expected, status)
             return
         end if
         if (node%kind() == toml_array) then
@@ -275,7 +426,15 @@ contains
         end if
         inner = place_at(place, node, "link "//quoted(link%name))
         call require_table(inner, "a table, "//expected, status)
-        call allow_keys(inner, [character(len=13) :: "mass", "cog", "inertia", "inertia_check"], status)
-        call read_mass_properties(inner, .false., link, status)
+        if (has_length) then
+            call allow_keys(inner, [character(len=13) :: "length", "mass", "cog", "inertia", "inertia_check"], status)
+            call get_quantity(inner, "length", length, link_length, status)
+            if (status%is_ok() .and. .not. link_length > 0) call refuse_value(inner, "length", inner%node%get("length"), "= "// &
+                to_text(link_length)//" m (expected a length of more than zero)", status)
+            call read_mass_properties(inner, planar, link, status, rod_length=link_length)
+        else
+            call allow_keys(inner, [character(len=13) :: "mass", "cog", "inertia", "inertia_check"], status)
+            call read_mass_properties(inner, planar, link, status)
+        end if
     end subroutine read_leg_link
 end module linkdyn_scene_chain

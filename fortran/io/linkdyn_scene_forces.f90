@@ -4,7 +4,7 @@ module linkdyn_scene_forces
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted
     use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
-        joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
+        joint_cylindrical, joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
         drive_spring_damper, drive_dc_motor, drive_pd, law_table
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
@@ -48,6 +48,8 @@ contains
         end do
         do i = 1, size(driven)
             scene%actuator(n + i)%joint = driven(i)
+            ! what a chain drives is a slide or an angle; of a cylindrical joint the slide
+            if (scene%joint(driven(i))%kind == joint_cylindrical) scene%actuator(n + i)%variable = 2
             scene%actuator(n + i)%line = scene%joint(driven(i))%line
             call name_actuator(scene, scene%actuator(n + i))
         end do

@@ -1,10 +1,11 @@
 !> Joints of a scene file.
 module linkdyn_scene_joints
+    use linkdyn_joint_table, only: joint_in_plane, is_slide, is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_scene, only: scene_type, joint_spec, frame_link, joint_kind_name, joint_n_variable, &
-        variable_name, joint_prismatic
+        variable_name
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, length, angle
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
@@ -48,14 +49,15 @@ contains
         call get_name(place, "name", joint%name, status)
         if (.not. status%is_ok()) return
         place%what = "joint "//quoted(joint%name)
-        call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch"], status)
+        call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch", "lead"], status)
         call get_word(place, "type", joint_kind_name, joint%kind, status)
         if (.not. status%is_ok()) return
-        if (scene%planar .and. joint%kind > joint_prismatic) then
+        if (scene%planar .and. .not. joint_in_plane(joint%kind)) then
             call refuse_value(place, "type", place%node%get("type"), "= "//quoted(joint_kind_name(joint%kind))// &
-                " does not exist in a plane (expected one of "//join(joint_kind_name(:joint_prismatic))//")", status)
+                " does not exist in a plane (expected one of "//join(pack(joint_kind_name, joint_in_plane))//")", status)
             return
         end if
+        call read_lead(place, joint, status)
         between = place%node%get("between")
         if (.not. between%is_present()) then
             call refuse_missing(place, "between", expected, status)
@@ -75,6 +77,29 @@ contains
         if (abs(joint%branch) /= 1) call refuse_value(place, "branch", place%node%get("branch"), &
             "= "//to_text(joint%branch)//" (expected 1 or -1)", status)
     end subroutine read_joint
+
+    !> How far a screw goes in a turn.
+    subroutine read_lead(place, joint, status)
+        type(scene_place), intent(in) :: place
+        type(joint_spec), intent(inout) :: joint
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: expected = "the way that the screw goes in a turn, for example '5 mm'"
+        type(toml_node) :: node
+        logical :: found
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("lead")
+        if (.not. is_threaded(joint%kind)) then
+            if (node%is_present()) call refuse_value(place, "lead", node, "has no meaning here: a "// &
+                trim(joint_kind_name(joint%kind))//" joint has no thread", status)
+            return
+        end if
+        call get_quantity(place, "lead", length, joint%lead, status, found)
+        if (.not. status%is_ok()) return
+        if (.not. found) call refuse_missing(place, "lead", expected, status)
+        if (status%is_ok() .and. joint%lead == 0) call refuse_value(place, "lead", node, "= 0 (expected "//expected// &
+            ", negative for a left-handed one)", status)
+    end subroutine read_lead
 
     !> A joint, a spring or a leg joins two different links.
     subroutine require_two_links(place, key, node, scene, link, status)
@@ -109,7 +134,10 @@ contains
         if (.not. node%is_present()) return
         joint%has_start = .true.
         n = joint_n_variable(joint%kind)
-        if (node%kind() == toml_table) then
+        if (n == 0) then
+            call refuse_value(place, "start", node, "has no meaning here: a "//trim(joint_kind_name(joint%kind))// &
+                " joint has no variables", status)
+        else if (node%kind() == toml_table) then
             inner = place_at(place, node, trim(place%what)//", start")
             call allow_keys(inner, variable_name(:n, joint%kind), status)
             do i = 1, n
@@ -129,6 +157,6 @@ contains
         integer, intent(in) :: kind, variable
 
         quantity = angle
-        if (variable_name(variable, kind) == "slide") quantity = length
+        if (is_slide(kind, variable)) quantity = length
     end function variable_quantity
 end module linkdyn_scene_joints

@@ -14,7 +14,7 @@ module linkdyn_scene_links
         get_name, get_text, get_word, get_flag, require_name
     implicit none (type, external)
     private
-    public :: read_frame, read_links, read_mass_properties, new_marker, add_marker
+    public :: read_frame, read_links, read_mass_properties, new_marker, add_marker, carried_x
 
     character(len=*), parameter :: mesh_units(4) = [character(len=2) :: "m", "cm", "mm", "in"]
 
@@ -129,11 +129,13 @@ contains
     end subroutine read_mesh
 
     !> Mass, centre of mass and inertia, for a body that can exist.
-    subroutine read_mass_properties(place, planar, link, status)
+    subroutine read_mass_properties(place, planar, link, status, rod_length)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: planar
         type(link_spec), intent(inout) :: link
         type(status_type), intent(inout) :: status
+        real(wp), intent(in), optional :: rod_length   !! [m] what is not said is that of a thin uniform rod, from the origin
+                                                       !! along z, in a plane x
         type(toml_node) :: node
         logical :: is_checked, found
 
@@ -142,12 +144,18 @@ contains
         if (link%mass < 0) call refuse_value(place, "mass", place%node%get("mass"), &
             "= "//to_text(link%mass)//" kg is negative (expected a mass of zero or more)", status)
         call get_vector(place, "cog", length, link%cog(:merge(2, 3, planar)), status, found)
+        if (present(rod_length) .and. .not. found) link%cog(merge(1, 3, planar)) = rod_length/2
         is_checked = .true.
         call get_flag(place, "inertia_check", is_checked, status)
         node = place%node%get("inertia")
         if (.not. node%is_present()) then
-            if (link%mass > 0 .and. .not. planar) call refuse_missing(place, "inertia", &
-                "Ixx Iyy Izz Ixy Iyz Izx about the cog, or { diagonal = [Ixx, Iyy, Izz] }", status)
+            if (present(rod_length)) then
+                if (planar) link%inertia(3) = link%mass*rod_length**2/12
+                if (.not. planar) link%inertia(:2) = link%mass*rod_length**2/12
+            else if (link%mass > 0 .and. .not. planar) then
+                call refuse_missing(place, "inertia", &
+                    "Ixx Iyy Izz Ixy Iyz Izx about the cog, or { diagonal = [Ixx, Iyy, Izz] }", status)
+            end if
             return
         end if
         if (planar) then

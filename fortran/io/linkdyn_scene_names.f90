@@ -3,7 +3,7 @@ module linkdyn_scene_names
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, name_len, frame_link, joint_n_variable, &
-        variable_name
+        joint_kind_name, variable_name
     use linkdyn_toml, only: toml_node
     use linkdyn_suggest, only: suggestion
     use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, get_name, text_of
@@ -128,6 +128,12 @@ contains
         variable = 1
         if (.not. status%is_ok()) return
         names = variable_name(:joint_n_variable(scene%joint(joint)%kind), scene%joint(joint)%kind)
+        if (size(names) == 0) then
+            call refuse_value(place, "joint", place%node%get("joint"), "names a "// &
+                trim(joint_kind_name(scene%joint(joint)%kind))//" joint, which has no variables (expected a joint that moves)", &
+                status)
+            return
+        end if
         expected = quoted(names(1))
         do i = 2, size(names)
             expected = expected//" or "//quoted(names(i))

@@ -18,7 +18,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated
     use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
     use linkdyn_scene_joints, only: read_joints
-    use linkdyn_scene_chain, only: count_legs, read_chains
+    use linkdyn_scene_chain, only: count_chain_parts, read_chains
     use linkdyn_scene_laws, only: table_shelf, files_of
     use linkdyn_scene_motion, only: read_coordinates
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
@@ -123,19 +123,19 @@ contains
         type(table_shelf) :: shelf
         type(repeated_tables) :: links, joints
         integer, allocatable :: driven(:)
-        integer :: n_link, n_joint, n_leg
+        integer :: n_link, n_joint, n_chain_link, n_chain_joint
 
         shelf%folder = folder
         call read_head(root, scene, status)
         call list_repeated(root, "link", scene%planar, .true., links, status)
         call list_repeated(root, "joint", scene%planar, .false., joints, status)
-        call count_legs(root, scene%planar, n_leg, status)
+        call count_chain_parts(root, scene%planar, n_chain_link, n_chain_joint, status)
         n_link = size(links%table)
         n_joint = size(joints%table)
         if (status%is_ok() .and. n_link == 0) &
             call refuse(root, "the scene has no links (expected at least one [[link]])", status)
         if (.not. status%is_ok()) return
-        allocate (scene%link(n_link + 2*n_leg), scene%joint(n_joint + 3*n_leg))
+        allocate (scene%link(n_link + n_chain_link), scene%joint(n_joint + n_chain_joint))
         call read_frame(root, scene, status)
         call read_links(root, scene, status)
         call read_chains(root, n_link + 1, n_joint + 1, scene, driven, status)

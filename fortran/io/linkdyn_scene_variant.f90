@@ -2,6 +2,7 @@
 !> so that a design takes the same time however long the lists of values in the file are.
 module linkdyn_scene_variant
     use linkdyn_kinds, only: wp
+    use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_parameters, only: varied_numbers, find_numbers, vary_numbers
     use linkdyn_scene_reader, only: read_document, root_of
@@ -66,10 +67,10 @@ contains
         call read_document(taken%document, self%scene%source, self%folder, .false., scene, status)
         ! Markers that carry a load only in the sweep got one when [sweep] was read.
         if (status%is_ok()) scene%load = [scene%load, self%scene%load(size(scene%load) + 1:)]
-        !$omp critical (linkdyn_document_shelf)
+        call hold_lock()
         taken%next => self%shelf%first
         self%shelf%first => taken
-        !$omp end critical (linkdyn_document_shelf)
+        call release_lock()
     end subroutine make_variant
 
     !> One from the shelf, or a new one.
@@ -78,10 +79,10 @@ contains
         type(shelf_document), pointer, intent(out) :: taken
         type(status_type), intent(inout) :: status
 
-        !$omp critical (linkdyn_document_shelf)
+        call hold_lock()
         taken => self%shelf%first
         if (associated(taken)) self%shelf%first => taken%next
-        !$omp end critical (linkdyn_document_shelf)
+        call release_lock()
         if (associated(taken)) return
         allocate (taken)
         call reopen_document(self%scene%source, self%folder, taken%document, status)

@@ -1,7 +1,7 @@
 !> The cylindrical joint: the second marker turns about z of the first and shifts along it.
 module linkdyn_cylindrical
     use linkdyn_attitude, only: rotation_about_z
-    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift, along_x_and_y
+    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
     use linkdyn_revolute, only: angle_about_z
     use linkdyn_value, only: value
     use linkdyn_vector, only: unit_vector, operator(*), operator(.dot.)
@@ -15,22 +15,8 @@ module linkdyn_cylindrical
         procedure :: shift
         procedure :: variables
     end type cylindrical
-    interface cylindrical
-        module procedure make_cylindrical
-    end interface cylindrical
 
 contains
-
-    function make_cylindrical() result(kind)
-        type(cylindrical) :: kind
-
-        kind%name = "cylindrical"
-        kind%n_variable = 2
-        kind%variable(:2) = [character(len=7) :: "angle", "slide"]
-        kind%is_slide(2) = .true.
-        kind%forces = along_x_and_y
-        kind%moments = along_x_and_y
-    end function make_cylindrical
 
     !> The second point lies on the axis, the axes are parallel.
     function constraints(self, pair) result(c)

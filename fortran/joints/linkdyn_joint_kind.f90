@@ -1,22 +1,18 @@
 !> What a kind of joint must tell: everything else follows from it.
 !>
 !> A joint holds two markers together. Each has a frame, z along its axis. A kind knows the second marker's frame as a
-!> function of the joint variables, the joint variables as functions of both frames, the values that vanish while the
-!> joint holds (constraints), and along which directions it transmits forces and moments. Velocities, accelerations,
-!> Newton's matrix and equations are derived from these.
+!> function of the joint variables, the joint variables as functions of both frames, and the values that vanish while the
+!> joint holds (constraints). Its names and the directions in which it transmits forces and moments stand in
+!> `linkdyn_joint_table`. Velocities, accelerations, Newton's matrix and equations are derived from these.
 module linkdyn_joint_kind
-    use linkdyn_value, only: value
+    use linkdyn_joint_table, only: joint_n_variable, variable_is_slide, variable_axis, wraps, n_slide, is_threaded, &
+        force_directions, &
+        moment_directions
+    use linkdyn_value, only: value, operator(-)
     use linkdyn_vector, only: vector, rotation, operator(.dot.)
     implicit none (type, external)
     private
-    public :: joint_kind, marker_pair, joint_shift
-    public :: along_axes, along_x_and_y, along_normal, along_nothing
-
-    ! ---- directions of the forces or moments that a joint transmits
-    integer, parameter :: along_nothing = 0    !! none
-    integer, parameter :: along_normal = 1     !! one, square to both markers' axes
-    integer, parameter :: along_x_and_y = 2    !! two, square to the markers' common axis
-    integer, parameter :: along_axes = 3       !! all three, in whatever axes suit
+    public :: joint_kind, marker_pair, joint_shift, axis_of
 
     !> Two markers as they stand, world axes.
     type :: marker_pair
@@ -32,16 +28,20 @@ module linkdyn_joint_kind
     end type joint_shift
 
     type, abstract :: joint_kind
-        character(len=11) :: name = ""         !! its word in a scene
         integer :: n_variable = 0
-        character(len=7) :: variable(3) = ""   !! names of the joint variables
         logical :: is_slide(3) = .false.       !! else an angle
-        integer :: forces = along_axes         !! one of `along_*`
-        integer :: moments = along_nothing
+        logical :: wraps(3) = .false.          !! an angle that looks the same after a turn
+        integer :: axis(3) = 0                 !! of its marker, 1 to 3, about or along which a variable moves the second link
+        logical :: slides = .false.            !! the second marker moves away from the first
+        integer :: forces = 0, moments = 0     !! one of `along_*` of the table
+        logical :: is_threaded = .false.       !! besides, a force along the axis comes with a moment
+        type(value) :: pitch                   !! of a thread: slide per angle [m/rad]
     contains
+        procedure :: describe
         procedure(constraints_interface), deferred :: constraints
         procedure(shift_interface), deferred :: shift
         procedure(variables_interface), deferred :: variables
+        procedure :: variable_constraint
         procedure :: axis_side
         procedure :: drive_axis
         procedure :: rates
@@ -75,7 +75,35 @@ module linkdyn_joint_kind
 
 contains
 
-    !> Whose marker's z is the axis about or along which a variable moves the second link: there a drive, a spring, a
+    !> What the table says of the kind.
+    subroutine describe(self, kind)
+        class(joint_kind), intent(inout) :: self
+        integer, intent(in) :: kind            !! one of `joint_*`
+
+        self%n_variable = joint_n_variable(kind)
+        self%is_slide = variable_is_slide(:, kind)
+        self%wraps = wraps(kind, [1, 2, 3])
+        self%axis = variable_axis(:, kind)
+        self%slides = n_slide(kind) > 0
+        self%is_threaded = is_threaded(kind)
+        self%forces = force_directions(kind)
+        self%moments = moment_directions(kind)
+    end subroutine describe
+
+    !> What vanishes while a variable is q. Of an angle that wraps full turns do not count.
+    function variable_constraint(self, pair, k, q) result(c)
+        class(joint_kind), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        integer, intent(in) :: k               !! which variable
+        type(value), intent(in) :: q           !! [m, rad]
+        type(value) :: c
+        type(value), allocatable :: all(:)
+
+        all = self%variables(pair)
+        c = all(k) - q
+    end function variable_constraint
+
+    !> Whose marker has the axis about or along which a variable moves the second link: there a drive, a spring, a
     !> damper acts.
     integer function axis_side(self, k)
         class(joint_kind), intent(in) :: self
@@ -91,9 +119,28 @@ contains
         integer, intent(in) :: k
         type(vector) :: axis
 
-        axis = pair%first%z
-        if (self%axis_side(k) == 2) axis = pair%second%z
+        if (self%axis_side(k) == 2) then
+            axis = axis_of(pair%second, self%axis(k))
+        else
+            axis = axis_of(pair%first, self%axis(k))
+        end if
     end function drive_axis
+
+    !> Axis k of a frame.
+    function axis_of(frame, k) result(axis)
+        type(rotation), intent(in) :: frame
+        integer, intent(in) :: k               !! 1 to 3: x, y, z
+        type(vector) :: axis
+
+        select case (k)
+        case (1)
+            axis = frame%x
+        case (2)
+            axis = frame%y
+        case default
+            axis = frame%z
+        end select
+    end function axis_of
 
     !> Rates of the joint variables, if the axes of its drives are square to each other.
     function rates(self, pair, omega, gap_rate) result(qd)

@@ -1,32 +1,49 @@
-!> The kinds of joints that there are. A new kind is a module of its own and one line here.
+!> The kinds of joints that there are. A new kind is a row of the table, a module of its own and a case here.
 module linkdyn_joint_kinds
     use linkdyn_cylindrical, only: cylindrical
+    use linkdyn_fixed, only: fixed
     use linkdyn_joint_kind, only: joint_kind
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
+        joint_fixed, joint_planar
+    use linkdyn_planar, only: planar
     use linkdyn_prismatic, only: prismatic
     use linkdyn_revolute, only: revolute
+    use linkdyn_screw, only: screw
     use linkdyn_spherical, only: spherical
     use linkdyn_universal, only: universal
     implicit none (type, external)
     private
-    public :: joint_kind_box, list_joint_kinds, n_kind
+    public :: joint_kind_box, make_joint_kind
 
     type :: joint_kind_box
         class(joint_kind), allocatable :: is
     end type joint_kind_box
 
-    integer, parameter :: n_kind = 5
-
 contains
 
-    !> All kinds, in the order in which a scene numbers them.
-    subroutine list_joint_kinds(kinds)
-        type(joint_kind_box), allocatable, intent(out) :: kinds(:)
+    !> A kind of the table.
+    subroutine make_joint_kind(kind, box)
+        integer, intent(in) :: kind                    !! one of `joint_*`
+        type(joint_kind_box), intent(out) :: box
 
-        allocate (kinds(n_kind))
-        allocate (kinds(1)%is, source=revolute())
-        allocate (kinds(2)%is, source=prismatic())
-        allocate (kinds(3)%is, source=cylindrical())
-        allocate (kinds(4)%is, source=universal())
-        allocate (kinds(5)%is, source=spherical())
-    end subroutine list_joint_kinds
+        select case (kind)
+        case (joint_revolute)
+            allocate (revolute :: box%is)
+        case (joint_prismatic)
+            allocate (prismatic :: box%is)
+        case (joint_cylindrical)
+            allocate (cylindrical :: box%is)
+        case (joint_universal)
+            allocate (universal :: box%is)
+        case (joint_spherical)
+            allocate (spherical :: box%is)
+        case (joint_fixed)
+            allocate (fixed :: box%is)
+        case (joint_planar)
+            allocate (planar :: box%is)
+        case default
+            allocate (screw :: box%is)
+        end select
+        call box%is%describe(kind)
+    end subroutine make_joint_kind
 end module linkdyn_joint_kinds

@@ -1,6 +1,6 @@
 !> The prismatic joint, a slide: the second marker shifts along z of the first and does not turn.
 module linkdyn_prismatic
-    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift, along_axes, along_x_and_y
+    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
     use linkdyn_value, only: value
     use linkdyn_vector, only: identity_rotation, unit_vector, operator(*), operator(.dot.)
     implicit none (type, external)
@@ -13,22 +13,8 @@ module linkdyn_prismatic
         procedure :: shift
         procedure :: variables
     end type prismatic
-    interface prismatic
-        module procedure make_prismatic
-    end interface prismatic
 
 contains
-
-    function make_prismatic() result(kind)
-        type(prismatic) :: kind
-
-        kind%name = "prismatic"
-        kind%n_variable = 1
-        kind%variable(1) = "slide"
-        kind%is_slide(1) = .true.
-        kind%forces = along_x_and_y
-        kind%moments = along_axes
-    end function make_prismatic
 
     !> The second point lies on the axis, the frames are parallel.
     function constraints(self, pair) result(c)

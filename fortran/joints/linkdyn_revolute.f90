@@ -1,7 +1,7 @@
 !> The revolute joint, a hinge: the second marker turns about z of the first.
 module linkdyn_revolute
     use linkdyn_attitude, only: rotation_about_z
-    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift, along_axes, along_x_and_y
+    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
     use linkdyn_value, only: value, atan2
     use linkdyn_vector, only: components, zero_vector, unit_vector, operator(.dot.)
     implicit none (type, external)
@@ -14,21 +14,8 @@ module linkdyn_revolute
         procedure :: shift
         procedure :: variables
     end type revolute
-    interface revolute
-        module procedure make_revolute
-    end interface revolute
 
 contains
-
-    function make_revolute() result(kind)
-        type(revolute) :: kind
-
-        kind%name = "revolute"
-        kind%n_variable = 1
-        kind%variable(1) = "angle"
-        kind%forces = along_axes
-        kind%moments = along_x_and_y
-    end function make_revolute
 
     !> The points meet, the axes are parallel.
     function constraints(self, pair) result(c)

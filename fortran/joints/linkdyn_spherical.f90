@@ -2,7 +2,7 @@
 !> the first, Rx(roll) Ry(pitch) Rz(yaw).
 module linkdyn_spherical
     use linkdyn_attitude, only: rotation_by_angles, angles_of_rotation, rates_of_angles
-    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift, along_axes
+    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
     use linkdyn_value, only: value, sin, cos, zero
     use linkdyn_vector, only: vector, rotation, components, zero_vector, unit_vector, operator(.unrotate.)
     implicit none (type, external)
@@ -16,20 +16,8 @@ module linkdyn_spherical
         procedure :: variables
         procedure :: rates
     end type spherical
-    interface spherical
-        module procedure make_spherical
-    end interface spherical
 
 contains
-
-    function make_spherical() result(kind)
-        type(spherical) :: kind
-
-        kind%name = "spherical"
-        kind%n_variable = 3
-        kind%variable = [character(len=7) :: "roll", "pitch", "yaw"]
-        kind%forces = along_axes
-    end function make_spherical
 
     function constraints(self, pair) result(c)
         class(spherical), intent(in) :: self

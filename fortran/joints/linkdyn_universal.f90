@@ -2,7 +2,7 @@
 !> marker while the first angle is zero.
 module linkdyn_universal
     use linkdyn_attitude, only: rotation_about_z
-    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift, along_axes, along_normal
+    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
     use linkdyn_value, only: value, sin, cos, atan2, zero, operator(-)
     use linkdyn_vector, only: vector, rotation, components, zero_vector, unit_vector, operator(*), operator(-), operator(.dot.)
     implicit none (type, external)
@@ -16,21 +16,8 @@ module linkdyn_universal
         procedure :: variables
         procedure :: axis_side
     end type universal
-    interface universal
-        module procedure make_universal
-    end interface universal
 
 contains
-
-    function make_universal() result(kind)
-        type(universal) :: kind
-
-        kind%name = "universal"
-        kind%n_variable = 2
-        kind%variable(:2) = [character(len=7) :: "angle1", "angle2"]
-        kind%forces = along_axes
-        kind%moments = along_normal
-    end function make_universal
 
     !> The points meet, the axes are square to each other.
     function constraints(self, pair) result(c)

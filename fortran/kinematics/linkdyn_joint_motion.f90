@@ -4,8 +4,12 @@
 !> Each marker has a frame, z along its axis. The second marker's frame follows from the first's:
 !> revolute Rz(angle); prismatic parallel, shifted by the slide along z; cylindrical both; universal
 !> Rz(angle1) Rx(-90 deg) Rz(angle2), so that the second axis is y of the first marker when angle1 = 0;
-!> spherical Rx(roll) Ry(pitch) Rz(yaw).
+!> spherical Rx(roll) Ry(pitch) Rz(yaw); fixed the same frame; planar Rz(angle), shifted along x and y; screw Rz(angle), shifted
+!> along z in proportion.
 module linkdyn_joint_motion
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
+        joint_fixed, &
+        joint_planar, joint_screw, variable_axis
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy, rates_of_rpy, rotation_about_z
@@ -15,12 +19,7 @@ module linkdyn_joint_motion
     implicit none (type, external)
     private
     public :: relative_motion, turn_frame, turn_frame_back
-    public :: relative_by_variables, relative_by_quaternion, variables_of_relative, relative_axis, is_slide
-    public :: kind_revolute, kind_prismatic, kind_cylindrical, kind_universal, kind_spherical
-
-    ! The kinds of joints, as the scene numbers them; this layer does not know scenes.
-    integer, parameter :: kind_revolute = 1, kind_prismatic = 2, kind_cylindrical = 3
-    integer, parameter :: kind_universal = 4, kind_spherical = 5
+    public :: relative_by_variables, relative_by_quaternion, variables_of_relative, relative_axis, marker_axis
 
     !> Motion of the second marker's frame seen from the first link, in world axes.
     type :: relative_motion
@@ -56,11 +55,12 @@ contains
     end function turn_frame_back
 
     !> Motion through the joint from its variables.
-    pure subroutine relative_by_variables(kind, first, q, qd, qdd, motion)
-        integer, intent(in) :: kind                               !! one of `kind_*`
+    pure subroutine relative_by_variables(kind, first, q, qd, qdd, motion, pitch)
+        integer, intent(in) :: kind                               !! one of `joint_*`
         type(mat3), intent(in) :: first                           !! first marker's frame, world axes
         real(wp), intent(in), dimension(lanes, 3) :: q, qd, qdd   !! joint variables and derivatives [m, rad]
         type(relative_motion), intent(out) :: motion
+        real(wp), intent(in), optional :: pitch                   !! of a screw [m/rad]
         type(rpy_rotation) :: turn
         type(vec3) :: second_axis
 
@@ -68,19 +68,23 @@ contains
         motion%slide_rate = motion%slide
         motion%slide_rate2 = motion%slide
         select case (kind)
-        case (kind_revolute, kind_cylindrical)
-            motion%frame = first*rotation_about_z(q(:, 1))
+        case (joint_revolute, joint_cylindrical, joint_screw)
+            call turn_about_z(first, q(:, 1), qd(:, 1), qdd(:, 1), motion)
             motion%axis = first%z
-            motion%omega = qd(:, 1)*first%z
-            motion%alpha = qdd(:, 1)*first%z
-            if (kind == kind_cylindrical) call slide_along(first%z, q(:, 2), qd(:, 2), qdd(:, 2), motion)
-        case (kind_prismatic)
+            if (kind == joint_cylindrical) call slide_along(first%z, q(:, 2), qd(:, 2), qdd(:, 2), motion)
+            if (kind == joint_screw) call slide_along(first%z, pitch*q(:, 1), pitch*qd(:, 1), pitch*qdd(:, 1), motion)
+        case (joint_planar)
+            call turn_about_z(first, q(:, 3), qd(:, 3), qdd(:, 3), motion)
+            motion%axis = [first%x, first%y, first%z]
+            call slide_along(first%x, q(:, 1), qd(:, 1), qdd(:, 1), motion)
+            call slide_along(first%y, q(:, 2), qd(:, 2), qdd(:, 2), motion)
+        case (joint_prismatic, joint_fixed)
             motion%frame = first
             motion%axis = first%z
             motion%omega = motion%slide
             motion%alpha = motion%slide
-            call slide_along(first%z, q(:, 1), qd(:, 1), qdd(:, 1), motion)
-        case (kind_universal)
+            if (kind == joint_prismatic) call slide_along(first%z, q(:, 1), qd(:, 1), qdd(:, 1), motion)
+        case (joint_universal)
             motion%frame = universal_frame(first, q(:, 1), q(:, 2))
             second_axis = motion%frame%z
             motion%axis = [first%z, second_axis, second_axis]
@@ -117,10 +121,20 @@ contains
         real(wp), intent(in) :: s(lanes), sd(lanes), sdd(lanes)
         type(relative_motion), intent(inout) :: motion
 
-        motion%slide = s*axis
-        motion%slide_rate = sd*axis
-        motion%slide_rate2 = sdd*axis
+        motion%slide = motion%slide + s*axis
+        motion%slide_rate = motion%slide_rate + sd*axis
+        motion%slide_rate2 = motion%slide_rate2 + sdd*axis
     end subroutine slide_along
+
+    pure subroutine turn_about_z(first, angle, rate, rate2, motion)
+        type(mat3), intent(in) :: first
+        real(wp), intent(in) :: angle(lanes), rate(lanes), rate2(lanes)
+        type(relative_motion), intent(inout) :: motion
+
+        motion%frame = first*rotation_about_z(angle)
+        motion%omega = rate*first%z
+        motion%alpha = rate2*first%z
+    end subroutine turn_about_z
 
     !> Second frame of a universal joint.
     pure function universal_frame(first, angle1, angle2) result(frame)
@@ -137,13 +151,6 @@ contains
         frame = turned*rotation_about_z(angle2)
     end function universal_frame
 
-    !> Is the joint variable a slide, not an angle?
-    pure logical function is_slide(kind, variable)
-        integer, intent(in) :: kind, variable
-
-        is_slide = kind == kind_prismatic .or. (kind == kind_cylindrical .and. variable == 2)
-    end function is_slide
-
     !> Axis about or along which the variable of an actuated joint moves the second link, world axes. A spherical joint
     !> has no such axes at pitch = 90 degrees and is never actuated.
     pure function relative_axis(kind, variable, first, second) result(axis)
@@ -151,39 +158,66 @@ contains
         type(mat3), intent(in) :: first, second   !! marker frames, world axes
         type(vec3) :: axis
 
-        axis = first%z
-        if (kind == kind_universal .and. variable == 2) axis = second%z
+        axis = marker_axis(first, variable_axis(variable, kind))
+        if (kind == joint_universal .and. variable == 2) axis = second%z
     end function relative_axis
+
+    !> Axis k of a marker's frame.
+    pure function marker_axis(frame, k) result(axis)
+        type(mat3), intent(in) :: frame
+        integer, intent(in) :: k          !! 1 to 3: x, y, z
+        type(vec3) :: axis
+
+        select case (k)
+        case (1)
+            axis = frame%x
+        case (2)
+            axis = frame%y
+        case default
+            axis = frame%z
+        end select
+    end function marker_axis
 
     !> Joint variables and rates from the motion of both links.
     !>
-    !> Angles lie in (-pi, pi]; a spherical joint's rates are not finite at pitch = 90 degrees.
-    pure subroutine variables_of_relative(kind, first, second, slide, slide_rate, omega, q, qd)
+    !> Angles lie in (-pi, pi], but a screw's, which its slide tells; a spherical joint's rates are not finite at
+    !> pitch = 90 degrees.
+    pure subroutine variables_of_relative(kind, first, second, slide, slide_rate, omega, q, qd, pitch)
         integer, intent(in) :: kind
         type(mat3), intent(in) :: first, second    !! marker frames, world axes
         type(vec3), intent(in) :: slide            !! first to second marker point, world axes [m]
         type(vec3), intent(in) :: slide_rate       !! its rate seen from the first link [m/s]
         type(vec3), intent(in) :: omega            !! angular velocity of the second minus the first link [rad/s]
         real(wp), intent(out) :: q(lanes, 3), qd(lanes, 3)
+        real(wp), intent(in), optional :: pitch    !! of a screw [m/rad]
 
         q = 0
         qd = 0
         select case (kind)
-        case (kind_revolute)
+        case (joint_revolute)
             call angle_about_z(first, second, omega, q(:, 1), qd(:, 1))
-        case (kind_prismatic)
+        case (joint_prismatic)
             q(:, 1) = slide.dot.first%z
             qd(:, 1) = slide_rate.dot.first%z
-        case (kind_cylindrical)
+        case (joint_cylindrical)
             call angle_about_z(first, second, omega, q(:, 1), qd(:, 1))
             q(:, 2) = slide.dot.first%z
             qd(:, 2) = slide_rate.dot.first%z
-        case (kind_universal)
+        case (joint_universal)
             q(:, 1) = atan2(-(second%z.dot.first%x), second%z.dot.first%y)
             q(:, 2) = atan2(-(second%x.dot.first%z), -(second%y.dot.first%z))
             qd(:, 1) = omega.dot.first%z
             qd(:, 2) = omega.dot.second%z
-        case default
+        case (joint_planar)
+            q(:, 1) = slide.dot.first%x
+            q(:, 2) = slide.dot.first%y
+            qd(:, 1) = slide_rate.dot.first%x
+            qd(:, 2) = slide_rate.dot.first%y
+            call angle_about_z(first, second, omega, q(:, 3), qd(:, 3))
+        case (joint_screw)
+            q(:, 1) = (slide.dot.first%z)/pitch
+            qd(:, 1) = omega.dot.first%z
+        case (joint_spherical)
             q(:, 1) = atan2(-(second%z.dot.first%y), second%z.dot.first%z)
             q(:, 2) = atan2(second%z.dot.first%x, sqrt((second%z.dot.first%y)**2 + (second%z.dot.first%z)**2))
             q(:, 3) = atan2(-(second%y.dot.first%x), second%x.dot.first%x)

@@ -8,7 +8,8 @@
 !> corrected formula is used and named here.
 module linkdyn_lecture_spatial
     use linkdyn_csp, only: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp
-    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, kind_revolute
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame
+    use linkdyn_joint_table, only: joint_revolute
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lecture, only: angle_motion
@@ -64,7 +65,7 @@ contains
         q(:, 1) = theta%the
         qd(:, 1) = theta%dthe
         qdd(:, 1) = theta%ddthe
-        call relative_by_variables(kind_revolute, frame%r, q, qd, qdd, motion)
+        call relative_by_variables(joint_revolute, frame%r, q, qd, qdd, motion)
         carrier_omega = frame%r.rotate.frame%omega
         motion%alpha = motion%alpha + (frame%r.rotate.frame%domega) + (carrier_omega.cross.motion%omega)
         motion%omega = motion%omega + carrier_omega

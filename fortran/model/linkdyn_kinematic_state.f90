@@ -7,6 +7,7 @@
 module linkdyn_kinematic_state
     use linkdyn_csp, only: csp_group
     use linkdyn_group_motion, only: group_motion, prepare_groups
+    use linkdyn_joint_table, only: most_slides
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
@@ -39,7 +40,7 @@ module linkdyn_kinematic_state
         type(vec3), allocatable :: position(:)                !! origin, world [m]                    (0:n_link)
         type(ups_leg), allocatable :: leg(:)                  !!                                      (n_leg)
         type(csp_group), allocatable :: csp(:)                !!                                      (n_branch)
-        real(wp), allocatable :: slide(:, :)                  !! first to second marker along axis [m] (lane, n_joint)
+        real(wp), allocatable :: slide(:, :, :)               !! first to second marker along axes [m] (lane, slide, n_joint)
         logical :: unreachable(lanes) = .false.               !! a loop could not be closed
         logical :: singular(lanes) = .false.                  !! at a dead point: rates are not determined
         logical :: not_converged(lanes) = .false.             !! an iteration ran out of steps
@@ -72,7 +73,8 @@ contains
 
         state%n_column = n_column
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
-            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), state%slide(lanes, model%n_joint), &
+            allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), &
+                      state%slide(lanes, most_slides, model%n_joint), &
                       state%turns(lanes, n_q), state%counted(lanes, n_q))
             allocate (state%by_quaternion(model%n_attitude), state%quaternion(lanes, 4, model%n_attitude), &
                       state%branch(lanes, model%n_branch))

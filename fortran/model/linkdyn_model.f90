@@ -1,15 +1,17 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
-    use linkdyn_joint_motion, only: is_slide
+    use linkdyn_joint_table, only: is_slide, is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical
     implicit none (type, external)
     private
     public :: model_type, link_type, joint_type, step_type, leg_type, group_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
-    public :: n_probe, by_branch, by_start, by_markers, by_nothing
+    public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing
     public :: gives_attitude, attitude_angles, number_attitudes
-    public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies, is_length, scene_size
+    public :: holds_spin
+    public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
+    public :: is_length, is_screw, repeats, scene_size
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -30,6 +32,7 @@ module linkdyn_model
     integer, parameter :: by_start = 2       !! it is the nearest to the starts given
     integer, parameter :: by_markers = 3     !! the links close where their markers are written
     integer, parameter :: by_nothing = 4     !! the first of both; or the nearest to joint variables of zero
+    real(wp), parameter :: stride_part = 0.1_wp   !! stride of a coordinate: of a radian, or of the mechanism's size
     integer, parameter :: n_probe = 2        !! vectors with which the margin of a group is measured
 
     !> Constants of a moving link.
@@ -44,16 +47,22 @@ module linkdyn_model
         logical :: needs_world = .false.      !! its angular rates in world axes are read by a later step
         logical :: is_carried_leg = .false.   !! of a leg that is carried along (see leg_type)
         integer :: pose = 0                   !! the step that takes its pose from coordinates
+        integer :: spin = 0                   !! the idle spin that turns it (see linkdyn_idle_spin); 0: none
+        real(wp) :: spin_point(3) = 0         !! of the line about which that is, link axes [m]
+        real(wp) :: spin_axis(3) = 0          !! unit vector along it, link axes
     end type link_type
 
     !> Constants of a joint.
     type :: joint_type
         character(len=name_len) :: name = ""
-        integer :: kind = 0
+        integer :: kind = 0                   !! by which it closes loops and transmits forces
+        integer :: told_kind = 0              !! as the scene has it, and by which its variables are measured
         integer :: link(2) = 0                !! 0 is the frame
         real(wp) :: point(3, 2) = 0           !! markers in link axes [m]
         real(wp) :: frame(3, 3, 2) = 0        !! marker frames in link axes, columns x, y, z
+        real(wp) :: told_frame(3, 3, 2) = 0   !! likewise; both differ where a ball holds an idle spin
         integer :: first_variable = 0         !! its variables are first_variable + 1, ...
+        real(wp) :: pitch = 0                 !! of a screw: slide per angle [m/rad]
         integer :: leg = 0                    !! the leg whose length is its slide
         integer :: attitude = 0               !! that its three angles give
     end type joint_type
@@ -148,6 +157,13 @@ contains
         end do
     end function dyad_names
 
+    !> Does a ball joint hold an idle spin, as a universal joint would? The moment that this takes is none.
+    pure logical function holds_spin(joint)
+        type(joint_type), intent(in) :: joint
+
+        holds_spin = joint%kind /= joint%told_kind
+    end function holds_spin
+
     !> Is the step one of the planar dyads?
     pure logical function is_dyad(kind)
         integer, intent(in) :: kind
@@ -179,6 +195,25 @@ contains
             if (coordinate%kind == coordinate_joint) is_length = is_slide(model%joint(coordinate%joint)%kind, coordinate%variable)
         end associate
     end function is_length
+
+    !> Is a coordinate the angle of a screw?
+    pure logical function is_screw(model, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+
+        associate (coordinate => model%scene%coordinate(k))
+            is_screw = coordinate%kind == coordinate_joint
+            if (is_screw) is_screw = is_threaded(model%joint(coordinate%joint)%kind)
+        end associate
+    end function is_screw
+
+    !> Is a coordinate an angle after a whole turn of which the mechanism looks alike? With a screw in it a nut has gone on.
+    pure logical function repeats(model, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+
+        repeats = .not. (is_length(model, k) .or. any(is_threaded(model%joint%kind)))
+    end function repeats
 
     !> A length typical of the mechanism [m].
     pure real(wp) function scene_size(model)

@@ -1,5 +1,6 @@
 !> All numbers of a scene that physics computes with, in one list: what a sweep or a user may vary without planning again.
 module linkdyn_numbers
+    use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: frame_link
@@ -8,7 +9,7 @@ module linkdyn_numbers
     public :: number_places, place_numbers, collect_numbers
 
     integer, parameter :: of_link = 10         !! mass, cog (3), inertia (6: Ixx Iyy Izz Ixy Iyz Izx)
-    integer, parameter :: of_marker = 12       !! point (3), frame (9: axes x, y, z)
+    integer, parameter :: of_marker = 21       !! point (3), frame (9: axes x, y, z), frame by which variables are told (9)
     integer, parameter :: of_spring = 9        !! stiffness, damping, rest, points (6)
     integer, parameter :: of_drive = 8
 
@@ -17,7 +18,8 @@ module linkdyn_numbers
         integer :: n = 0
         integer :: gravity = 1
         integer, allocatable :: link(:)        !! mass; cog from +1, inertia from +4
-        integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3
+        integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3, told frame from +12
+        integer, allocatable :: pitch(:)       !! (joint) slide per angle of a screw; 0: the joint is none
         integer, allocatable :: load(:)        !! point
         integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
         integer, allocatable :: drive(:)
@@ -35,6 +37,12 @@ contains
         at%n = at%n + of_link*model%n_link
         at%marker = reshape([(at%n + 1 + of_marker*(i - 1), i=1, 2*model%n_joint)], [2, model%n_joint])
         at%n = at%n + 2*of_marker*model%n_joint
+        at%pitch = [(0, i=1, model%n_joint)]
+        do i = 1, model%n_joint
+            if (.not. is_threaded(model%joint(i)%kind)) cycle
+            at%n = at%n + 1
+            at%pitch(i) = at%n
+        end do
         at%load = [(at%n + 1 + 3*(i - 1), i=1, model%n_load)]
         at%n = at%n + 3*model%n_load
         at%spring = [(at%n + 1 + of_spring*(i - 1), i=1, size(model%scene%spring))]
@@ -63,7 +71,9 @@ contains
                 k = at%marker(side, i)
                 number(k:k + 2) = model%joint(i)%point(:, side)
                 number(k + 3:k + 11) = reshape(model%joint(i)%frame(:, :, side), [9])
+                number(k + 12:k + 20) = reshape(model%joint(i)%told_frame(:, :, side), [9])
             end do
+            if (at%pitch(i) > 0) number(at%pitch(i)) = model%joint(i)%pitch
         end do
         do i = 1, model%n_load
             number(at%load(i):at%load(i) + 2) = marker_at(model%scene%load(i)%link, model%scene%load(i)%marker)

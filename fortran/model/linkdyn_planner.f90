@@ -6,6 +6,7 @@
 !> planned is refused with the names of the links and joints concerned.
 module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups
+    use linkdyn_joint_table, only: n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_model, only: model_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, &
@@ -19,8 +20,6 @@ module linkdyn_planner
     private
     public :: plan_steps, joint_constraints, mobility_of
 
-    !> Constraints that a joint puts on two links, by kind.
-    integer, parameter :: spatial_constraints(5) = [5, 5, 4, 4, 3], planar_constraints = 2
     integer, parameter :: most_named = 6                    !! links or joints listed in a message
     real(wp), parameter :: alignment = 64*epsilon(1.0_wp)   !! how far from exact a given direction may be by rounding
 
@@ -42,7 +41,7 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: kind
 
-        joint_constraints = merge(planar_constraints, spatial_constraints(kind), model%is_planar)
+        joint_constraints = sum(n_transmitted(kind, model%is_planar))
     end function joint_constraints
 
     !> Mobility by counting: freedoms of the links less the constraints of the joints.

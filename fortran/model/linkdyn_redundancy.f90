@@ -11,9 +11,12 @@
 module linkdyn_redundancy
     use linkdyn_cross, only: cross
     use linkdyn_dense, only: dense_workspace, solve_dense
+    use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, along_axes, along_x_and_y, along_z, &
+        along_normal
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, link_freedom, scene_size
-    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_kind_name
+    use linkdyn_model, only: model_type, holds_spin, link_freedom, scene_size
+    use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_planar, &
+        joint_screw, joint_kind_name
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
@@ -29,6 +32,7 @@ module linkdyn_redundancy
     !> can be built and is a tenth of a radian off its special positions are not that near to dependent.
     real(wp), parameter :: hardly_new = 1.0e-6_wp
 
+    integer, parameter :: most_held = 6                 !! directions, by a joint
     integer, parameter :: of_force = 1, of_moment = 2
     integer, parameter :: across = 1, along = 2         !! the axis of the joint's marker
 
@@ -154,8 +158,14 @@ contains
             case (joint_cylindrical)
                 turned = turn_by([0.0_wp, 0.0_wp, start(1) + off(1)])
                 shift(3) = start(2)/loop%size + off(2)
-            case default
+            case (joint_universal, joint_spherical)
                 turned = turn_by(off)
+            case (joint_planar)
+                turned = turn_by([0.0_wp, 0.0_wp, start(3) + off(3)])
+                shift(:2) = start(:2)/loop%size + off(:2)
+            case (joint_screw)
+                turned = turn_by([0.0_wp, 0.0_wp, start(1) + off(1)])
+                shift(3) = pitch_of(model, loop, i)*(start(1) + off(1))
             end select
             if (from == 2) then
                 turned = transpose(turned)
@@ -168,6 +178,15 @@ contains
             end associate
         end associate
     end subroutine place_behind
+
+    !> Slide per angle of a screw, in scene sizes.
+    pure real(wp) function pitch_of(model, loop, i)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        integer, intent(in) :: i
+
+        pitch_of = model%joint(loop%joint(i))%pitch/loop%size
+    end function pitch_of
 
     !> Three numbers in [-1, 1] without a pattern, the same in every run: multiples of the golden ratio and its kin.
     pure function spread_out(i) result(x)
@@ -265,9 +284,10 @@ contains
         real(wp), dimension(3) :: point, gap, tilt, twist
         integer :: i, k
 
-        allocate (rows%row(size(loop%column)*ubound(loop%position, 2), 5*size(loop%joint)), source=0.0_wp)
-        allocate (rows%residual(5*size(loop%joint)), source=0.0_wp)
-        allocate (rows%joint(5*size(loop%joint)), rows%sort(5*size(loop%joint)), rows%direction(5*size(loop%joint)))
+        allocate (rows%row(size(loop%column)*ubound(loop%position, 2), most_held*size(loop%joint)), source=0.0_wp)
+        allocate (rows%residual(most_held*size(loop%joint)), source=0.0_wp)
+        allocate (rows%joint(most_held*size(loop%joint)), rows%sort(most_held*size(loop%joint)), &
+                  rows%direction(most_held*size(loop%joint)))
         do i = 1, size(loop%joint)
             first = frame_of(1)
             second = frame_of(2)
@@ -276,19 +296,20 @@ contains
             do k = 1, 3
                 if (holds_force(model, loop%kind(i), k)) call add_row(of_force, first(:, k), dot_product(first(:, k), gap))
             end do
+            if (is_threaded(loop%kind(i))) call add_thread()
             ! small rotations: the axis tilts, the frame twists
             tilt = cross(first(:, 3), second(:, 3))
             twist = (cross(first(:, 1), second(:, 1)) + cross(first(:, 2), second(:, 2)) + tilt)/2
-            select case (loop%kind(i))
-            case (joint_universal)
+            select case (moment_directions(loop%kind(i)))
+            case (along_normal)
                 tilt = cross(second(:, 3), first(:, 3))
                 k = 1
                 call add_row(of_moment, tilt, dot_product(first(:, 3), second(:, 3)))
-            case (joint_prismatic)
+            case (along_axes)
                 do k = 1, 3
-                    if (holds_moment(model, k)) call add_row(of_moment, first(:, k), dot_product(first(:, k), twist))
+                    if (holds_moment(model, loop%kind(i), k)) call add_row(of_moment, first(:, k), dot_product(first(:, k), twist))
                 end do
-            case (joint_revolute, joint_cylindrical)
+            case (along_x_and_y)
                 do k = 1, 2
                     if (.not. model%is_planar) call add_row(of_moment, first(:, k), dot_product(first(:, k), tilt))
                 end do
@@ -304,10 +325,24 @@ contains
             frame = matmul(loop%rotation(:, :, loop%body(side, i)), model%joint(loop%joint(i))%frame(:, :, side))
         end function frame_of
 
-        !> The velocity of the second body against the first along an axis, at the joint; or its angular velocity.
-        subroutine add_row(sort, axis, residual)
+        !> The slide along the axis, less what the angle makes of it but for whole turns.
+        subroutine add_thread()
+            real(wp) :: ahead
+
+            k = 3
+            associate (pitch => pitch_of(model, loop, i))
+                ahead = dot_product(first(:, 3), gap)/pitch &
+                        - atan2(dot_product(second(:, 1), first(:, 2)), dot_product(second(:, 1), first(:, 1)))
+                call add_row(of_force, first(:, 3), pitch*atan2(sin(ahead), cos(ahead)), twist=-pitch)
+            end associate
+        end subroutine add_thread
+
+        !> The velocity of the second body against the first along an axis, at the joint; or its angular velocity. A twist adds
+        !> the angular velocity about the axis, so many times.
+        subroutine add_row(sort, axis, residual, twist)
             integer, intent(in) :: sort
             real(wp), intent(in) :: axis(3), residual
+            real(wp), intent(in), optional :: twist
             real(wp) :: six(6)
             integer :: side, b, n
 
@@ -318,6 +353,7 @@ contains
                 if (b == 0) cycle
                 six = [0.0_wp, 0.0_wp, 0.0_wp, axis]
                 if (sort == of_force) six = [axis, cross(point - loop%position(:, b), axis)]
+                if (present(twist)) six(4:) = six(4:) + twist*axis
                 rows%row(n*(b - 1) + 1:n*b, rows%n) = rows%row(n*(b - 1) + 1:n*b, rows%n) + (2*side - 3)*six(loop%column)
             end do
             rows%residual(rows%n) = residual
@@ -332,16 +368,24 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: kind, k
 
-        holds_force = k < 3 .or. (kind /= joint_prismatic .and. kind /= joint_cylindrical)
+        select case (force_directions(kind))
+        case (along_z)
+            holds_force = k == 3
+        case (along_x_and_y)
+            holds_force = k < 3
+        case default
+            holds_force = .true.
+        end select
         if (model%is_planar) holds_force = merge(k == 1, k < 3, kind == joint_prismatic)
     end function holds_force
 
-    !> Does a slide hold a moment about axis k of its first marker? In the plane, about the plane's normal: axis 2.
-    pure logical function holds_moment(model, k)
+    !> Does a joint that turns about no axis hold a moment about axis k of its first marker? In the plane, about the plane's
+    !> normal: axis 2 of a slide, else 3.
+    pure logical function holds_moment(model, kind, k)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: k
+        integer, intent(in) :: kind, k
 
-        holds_moment = k == 2 .or. .not. model%is_planar
+        holds_moment = k == merge(2, 3, kind == joint_prismatic) .or. .not. model%is_planar
     end function holds_moment
 
     !> Rows in the span of those before them: Gram and Schmidt, twice.
@@ -431,7 +475,7 @@ contains
         call count_rows(changed, left, mobility)
         do k = 1, size(looser, 2)
             do i = size(loop%joint), 1, -1
-                if (left == 0 .or. looser(1, k) /= changed%kind(i)) cycle
+                if (left == 0 .or. looser(1, k) /= changed%kind(i) .or. holds_spin(model%joint(loop%joint(i)))) cycle
                 tried = changed
                 tried%kind(i) = looser(2, k)
                 call count_rows(tried, left_then, mobility_then)

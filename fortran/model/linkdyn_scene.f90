@@ -4,37 +4,27 @@
 !> the reader in `io/`; whether the mechanism can be computed is for the planner to say. Everything
 !> is SI and radians here. Planar scenes use the x, y components and leave z zero.
 module linkdyn_scene
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
+        joint_fixed, joint_planar, joint_screw, joint_kind_name, joint_n_variable, variable_name
     use linkdyn_kinds, only: wp
     use linkdyn_sweep_spec, only: sweep_spec
     implicit none (type, external)
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
-    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf
+    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf, hold_spec
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
+    public :: joint_fixed, joint_planar, joint_screw
     public :: joint_kind_name, joint_n_variable, variable_name
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table
-    public :: axes_world, axes_link, put_file_first
+    public :: axes_world, axes_link, put_file_first, idle_spins
     public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
     integer, parameter :: path_len = 1024   !! longest file name
     integer, parameter :: frame_link = 0    !! index of the fixed link
-
-    ! ---- kinds of joints; the joint variables are counted in the order of `variable_name`
-    integer, parameter :: joint_revolute = 1     !! angle about the axis
-    integer, parameter :: joint_prismatic = 2    !! slide along the axis
-    integer, parameter :: joint_cylindrical = 3  !! angle about, slide along the axis
-    integer, parameter :: joint_universal = 4    !! angle about the first link's axis, then the second's
-    integer, parameter :: joint_spherical = 5    !! three angles
-    character(len=11), parameter :: joint_kind_name(5) = &
-        [character(len=11) :: "revolute", "prismatic", "cylindrical", "universal", "spherical"]
-    integer, parameter :: joint_n_variable(5) = [1, 1, 2, 2, 3]
-    character(len=7), parameter :: variable_name(3, 5) = reshape([character(len=7) :: &
-        "angle", "", "", "slide", "", "", "angle", "slide", "", "angle1", "angle2", "", &
-        "roll", "pitch", "yaw"], [3, 5])
 
     ! ---- kinds of coordinates
     integer, parameter :: coordinate_joint = 1   !! a variable of a joint
@@ -92,11 +82,12 @@ module linkdyn_scene
     !> Two markers held together.
     type :: joint_spec
         character(len=name_len) :: name = ""
-        integer :: kind = 0                       !! one of `joint_*`
+        integer :: kind = 0                       !! one of `joint_*` of `linkdyn_joint_table`
         integer :: link(2) = 0                    !! first and second link; 0 is the frame
         integer :: marker(2) = 0                  !! index into the marker list of that link
         real(wp) :: start(3) = 0                  !! joint variables near which closure starts [m, rad]
         logical :: has_start = .false.
+        real(wp) :: lead = 0                      !! of a screw: how far it goes in a turn [m]; negative: left-handed
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
         integer :: line = 0
     end type joint_spec
@@ -172,6 +163,14 @@ module linkdyn_scene
         integer :: line = 0
     end type spring_spec
 
+    !> An idle spin, settled at a ball joint: two directions there stay square to each other. See `linkdyn_idle_spin`.
+    type :: hold_spec
+        integer :: joint = 0
+        integer :: side = 0                       !! of the joint that spins: 1 or 2
+        character(len=:), allocatable :: links    !! names of the links that spin, joined by "+"
+        real(wp) :: axis(3, 2) = 0                !! the directions, axes of the joint's first and second link
+    end type hold_spec
+
     !> A named number that others in the scene file refer to.
     type :: variable_spec
         character(len=name_len) :: name = ""
@@ -227,11 +226,26 @@ module linkdyn_scene
         type(actuator_spec), allocatable :: actuator(:)
         type(load_spec), allocatable :: load(:)
         type(spring_spec), allocatable :: spring(:)
+        type(hold_spec), allocatable :: hold(:)   !! how idle spins are settled; absent: nobody has looked, no file says it
         type(time_spec) :: time
         type(sweep_spec) :: sweep
     end type scene_type
 
 contains
+
+    !> Links whose idle spins are settled, with blanks between them; those that spin as one are joined by "+".
+    pure function idle_spins(scene) result(text)
+        type(scene_type), intent(in) :: scene
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ""
+        if (.not. allocated(scene%hold)) return
+        do i = 1, size(scene%hold)
+            if (i > 1) text = text//" "
+            text = text//scene%hold(i)%links
+        end do
+    end function idle_spins
 
     !> The file in front of a message, unless it begins with one of the scene's already.
     pure subroutine put_file_first(file, scene, message)

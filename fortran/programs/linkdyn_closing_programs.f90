@@ -8,7 +8,9 @@ module linkdyn_closing_programs
     use linkdyn_group_motion, only: group_closer
     use linkdyn_group_rates, only: group_constraints
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_branch, in_place
+    use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
+    use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_model, only: model_type, group_type, step_group, n_probe
     use linkdyn_newton_step, only: newton_step, trace_newton_step
     use linkdyn_placing, only: place_group
@@ -72,6 +74,8 @@ contains
         programs%is_tried = .true.
         programs%samples_at_once = block_lanes()
         if (size(q, 2) == 0) return
+        ! on which turn of a thread a nut is predicted, only the lanes look at
+        if (any(is_threaded(model%joint%kind))) return
         own = turning_each(model)
         sample%n = size(q, 2)
         sample%of(in_q)%x = q
@@ -298,10 +302,10 @@ contains
         type(closing_programs), intent(in) :: self
         type(closing_space), pointer, intent(out) :: space
 
-        !$omp critical (linkdyn_closing_space)
+        call hold_lock()
         space => self%pool%first
         if (associated(space)) self%pool%first => space%next
-        !$omp end critical (linkdyn_closing_space)
+        call release_lock()
         if (associated(space)) return
         allocate (space)
         allocate (space%slots(size(self%of)))
@@ -311,10 +315,10 @@ contains
         type(closing_programs), intent(in) :: self
         type(closing_space), pointer, intent(inout) :: space
 
-        !$omp critical (linkdyn_closing_space)
+        call hold_lock()
         space%next => self%pool%first
         self%pool%first => space
-        !$omp end critical (linkdyn_closing_space)
+        call release_lock()
     end subroutine return_space
 
     !> Give everything back. No thread may be using it.

@@ -11,6 +11,7 @@ module linkdyn_recorded_forces
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_finite, only: all_are_finite
     use linkdyn_kinds, only: wp
+    use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_model, only: model_type
     use linkdyn_planner, only: plan_steps
     use linkdyn_samples, only: sample_arrays, result_list, most_results
@@ -305,10 +306,10 @@ contains
         integer, intent(in) :: lanes
         type(idle_space), pointer, intent(out) :: space
 
-        !$omp critical (linkdyn_record_space)
+        call hold_lock()
         space => pool%first
         if (associated(space)) pool%first => space%next
-        !$omp end critical (linkdyn_record_space)
+        call release_lock()
         if (associated(space)) return
         allocate (space)
         allocate (space%alarm(1, lanes), space%reach(1, lanes), space%is_left(lanes))
@@ -318,10 +319,10 @@ contains
         type(space_pool), pointer, intent(in) :: pool
         type(idle_space), pointer, intent(inout) :: space
 
-        !$omp critical (linkdyn_record_space)
+        call hold_lock()
         space%next => pool%first
         pool%first => space
-        !$omp end critical (linkdyn_record_space)
+        call release_lock()
     end subroutine return_space
 
     !> Give everything back. No batch may be running.

@@ -1,6 +1,7 @@
 !> The results that there are, and how each is computed from a traced scene.
 module linkdyn_catalogue
     use linkdyn_force_system, only: reaction_of
+    use linkdyn_joint_variables, only: one_variable, variable_rate
     use linkdyn_margins, only: assembly_margins
     use linkdyn_motion_quantities, only: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, &
         potential_energy, largest_gap, scene_position, scene_rotation, scene_velocity, scene_angular_velocity
@@ -19,7 +20,7 @@ module linkdyn_catalogue
     public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_position, result_rotation, result_margin, result_margin_rate
-    public :: result_velocity, result_angular_velocity
+    public :: result_velocity, result_angular_velocity, result_driving_position
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -58,6 +59,7 @@ module linkdyn_catalogue
     integer, parameter :: result_margin_rate = 34
     integer, parameter :: result_velocity = 35              ! of links' origins
     integer, parameter :: result_angular_velocity = 36
+    integer, parameter :: result_driving_position = 37      ! driven joint variables; coordinates count turns
 
 contains
 
@@ -92,6 +94,14 @@ contains
                     else
                         v = [v, r]
                     end if
+                end do
+            case (result_driving_position)
+                do i = 1, model%n_actuator
+                    v = [v, one_variable(mechanism, model%scene%actuator(i)%joint, model%scene%actuator(i)%variable)]
+                end do
+            case (result_driving_speed)
+                do i = 1, model%n_actuator
+                    v = [v, variable_rate(mechanism, model%scene%actuator(i)%joint, model%scene%actuator(i)%variable)]
                 end do
             case (result_joint_variable)
                 v = all_joint_variables(mechanism)

@@ -101,7 +101,7 @@ contains
 
         gap = zero()
         do j = 1, mechanism%model%n_joint
-            c = mechanism%kind(mechanism%model%joint(j)%kind)%is%constraints(pair_of(mechanism, j))
+            c = mechanism%kind(j)%is%constraints(pair_of(mechanism, j))
             do k = 1, size(c)
                 gap = max(abs(c(k)), gap)
             end do

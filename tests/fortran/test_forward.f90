@@ -2,7 +2,7 @@
 module test_forward
     use linkdyn_builder, only: build_model
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, run_forward, run_ensemble, &
-        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_name
+        method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, method_name
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
@@ -82,10 +82,10 @@ contains
 
     subroutine test_adaptive(error)
         type(test_error), intent(inout) :: error
-        integer, parameter :: method(4) = [method_rkf45, method_rk8pd, method_gbs, method_msbdf]
+        integer, parameter :: method(5) = [method_rkf45, method_rk8pd, method_gbs, method_seulex, method_msbdf]
         ! Errors of single steps add up over the run and grow with the motion itself, by a factor of some tens here; the
         ! multistep method controls its error less tightly.
-        real(wp), parameter :: allowance(4) = [1.0e2_wp, 1.0e2_wp, 1.0e2_wp, 1.0e4_wp]
+        real(wp), parameter :: allowance(5) = [1.0e2_wp, 1.0e2_wp, 1.0e2_wp, 1.0e2_wp, 1.0e4_wp]
         real(wp), parameter :: tolerance = 1.0e-9_wp
         type(model_type) :: model
         real(wp) :: gap
@@ -95,7 +95,7 @@ contains
         call make_model(model, error)
         if (allocated(error%message)) return
         do i = 1, size(method)
-            if (method(i) /= method_gbs .and. .not. has_gsl) cycle
+            if (.not. (has_gsl .or. any(method(i) == [method_gbs, method_seulex]))) cycle
             call measure_error(model, integrator_options(method=method(i), rtol=tolerance, atol=tolerance), gap, error)
             write (text, "(2a, es10.2)") trim(method_name(method(i))), ": error ", gap
             call check(error, gap <= allowance(i)*tolerance, trim(text))

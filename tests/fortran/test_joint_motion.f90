@@ -1,7 +1,9 @@
 !> linkdyn_joint_motion: frames by definition, rates by differences, and the way back to the variables.
 module test_joint_motion
-    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, variables_of_relative, relative_axis, is_slide, &
-        turn_frame, turn_frame_back, kind_revolute, kind_prismatic, kind_cylindrical, kind_universal, kind_spherical
+    use linkdyn_joint_motion, only: relative_motion, relative_by_variables, variables_of_relative, relative_axis, turn_frame, &
+        turn_frame_back
+    use linkdyn_joint_table, only: is_slide, joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, &
+        joint_spherical, joint_fixed, joint_planar, joint_screw, n_joint_kind
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_pose, only: rpy_rotation, rotate_rpy
@@ -12,6 +14,8 @@ module test_joint_motion
     implicit none (type, external)
     private
     public :: collect_joint_motion
+
+    real(wp), parameter :: pitch = -0.3_wp     !! of a screw [m/rad]
 
 contains
 
@@ -69,24 +73,28 @@ contains
         call start(stream, first, seed)
         call wave(seed, 0.0_wp, q, qd, qdd)
         call rotate_rpy(q(:, 1), q(:, 2), q(:, 3), turn)
-        do kind = 1, 5
-            call relative_by_variables(kind, first, q, qd, qdd, motion)
+        do kind = 1, n_joint_kind
+            call relative_by_variables(kind, first, q, qd, qdd, motion, pitch)
             do l = 1, lanes
                 f = mat3_lane(first, l)
                 select case (kind)
-                case (kind_revolute, kind_cylindrical)
+                case (joint_revolute, joint_cylindrical, joint_screw)
                     want = matmul(f, about_z(q(l, 1)))
-                case (kind_prismatic)
+                case (joint_planar)
+                    want = matmul(f, about_z(q(l, 3)))
+                case (joint_prismatic, joint_fixed)
                     want = f
-                case (kind_universal)
+                case (joint_universal)
                     want = matmul(f, matmul(about_z(q(l, 1)), matmul(minus_quarter, about_z(q(l, 2)))))
                 case default
                     want = matmul(f, mat3_lane(turn%r, l))
                 end select
                 call check_close(error, mat3_lane(motion%frame, l), want, 30*eps, joint_kind_name(kind)//": frame")
                 want(:, 1) = 0
-                if (kind == kind_prismatic) want(:, 1) = q(l, 1)*f(:, 3)
-                if (kind == kind_cylindrical) want(:, 1) = q(l, 2)*f(:, 3)
+                if (kind == joint_prismatic) want(:, 1) = q(l, 1)*f(:, 3)
+                if (kind == joint_cylindrical) want(:, 1) = q(l, 2)*f(:, 3)
+                if (kind == joint_screw) want(:, 1) = pitch*q(l, 1)*f(:, 3)
+                if (kind == joint_planar) want(:, 1) = q(l, 1)*f(:, 1) + q(l, 2)*f(:, 2)
                 call check_close(error, lane_of(motion%slide, l), want(:, 1), 4*eps, joint_kind_name(kind)//": slide")
             end do
         end do
@@ -103,10 +111,11 @@ contains
 
         call start(stream, first, seed)
         call wave(seed, 0.0_wp, q, qd, qdd)
-        do kind = 1, 5
+        do kind = 1, n_joint_kind
             n = joint_n_variable(kind)
-            call relative_by_variables(kind, first, q, qd, qdd, motion)
-            call variables_of_relative(kind, first, motion%frame, motion%slide, motion%slide_rate, motion%omega, q_back, qd_back)
+            call relative_by_variables(kind, first, q, qd, qdd, motion, pitch)
+            call variables_of_relative(kind, first, motion%frame, motion%slide, motion%slide_rate, motion%omega, q_back, qd_back, &
+                                       pitch)
             ! The pitch stays below 1.4 rad: its cosine divides the rates of a spherical joint.
             call check_close(error, q_back(:, :n), q(:, :n), 100*eps, joint_kind_name(kind)//": variables")
             call check_close(error, qd_back(:, :n), qd(:, :n), 200*eps, joint_kind_name(kind)//": rates")
@@ -125,12 +134,12 @@ contains
         integer :: kind, k, l
 
         call start(stream, first, seed)
-        do kind = 1, 5
+        do kind = 1, n_joint_kind
             frame_rate = 0
             vector_rate = 0
             do k = -2, 2
                 call wave(seed, k*difference_step(), q, qd, qdd)
-                call relative_by_variables(kind, first, q, qd, qdd, motion)
+                call relative_by_variables(kind, first, q, qd, qdd, motion, pitch)
                 part = stencil(k)/difference_step()
                 do l = 1, lanes
                     frame_rate(:, :, l) = frame_rate(:, :, l) + part*mat3_lane(motion%frame, l)
@@ -140,7 +149,7 @@ contains
                 end do
             end do
             call wave(seed, 0.0_wp, q, qd, qdd)
-            call relative_by_variables(kind, first, q, qd, qdd, motion)
+            call relative_by_variables(kind, first, q, qd, qdd, motion, pitch)
             do l = 1, lanes
                 call check_close(error, lane_of(motion%omega, l), skew_part(mat3_lane(motion%frame, l), frame_rate(:, :, l)), &
                                  100*difference_error(), joint_kind_name(kind)//": omega")
@@ -166,14 +175,14 @@ contains
         integer :: kind, k, l
 
         call start(stream, first, seed)
-        do kind = 1, 5
+        do kind = 1, n_joint_kind
             do k = 1, joint_n_variable(kind)
                 call wave(seed, 0.0_wp, q, qd, qdd)
                 qd = 0
                 qd(:, k) = 1
-                call relative_by_variables(kind, first, q, qd, qdd, motion)
+                call relative_by_variables(kind, first, q, qd, qdd, motion, pitch)
                 axis = motion%axis(k)
-                if (kind /= kind_spherical) axis = relative_axis(kind, k, first, motion%frame)
+                if (kind /= joint_spherical) axis = relative_axis(kind, k, first, motion%frame)
                 do l = 1, lanes
                     want = lane_of(axis, l)
                     call check_close(error, lane_of(motion%axis(k), l), want, 0.0_wp, joint_kind_name(kind)//": one axis")
@@ -181,6 +190,8 @@ contains
                         call check_close(error, lane_of(motion%slide_rate, l), want, 4*eps, joint_kind_name(kind)//": slide axis")
                         want = 0
                     end if
+                    if (kind == joint_screw) &
+                        call check_close(error, lane_of(motion%slide_rate, l), pitch*want, 4*eps, "screw: slide")
                     call check_close(error, lane_of(motion%omega, l), want, 20*eps, joint_kind_name(kind)//": turning axis")
                 end do
             end do

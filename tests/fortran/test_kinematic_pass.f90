@@ -287,7 +287,7 @@ contains
                     do side = 1, 2
                         r = rotation_of(joint%link(side))
                         point(:, side) = lane_of(state%position(joint%link(side)), l) + matmul(r, joint%point(:, side))
-                        if (side == 1) point(:, 1) = point(:, 1) + state%slide(l, j)*matmul(r, joint%frame(:, 3, 1))
+                        if (side == 1) point(:, 1) = point(:, 1) + state%slide(l, 1, j)*matmul(r, joint%frame(:, 3, 1))
                     end do
                     call check_close(error, point(:, 2), point(:, 1), 100*eps, trim(joint%name)//" closed")
                 end do

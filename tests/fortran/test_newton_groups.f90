@@ -166,7 +166,7 @@ contains
             end do
         end do
         do i = 1, direct%n_joint
-            call same("slide "//trim(direct%joint(i)%name), known%slide(:, i), found%slide(:, i))
+            call same("slide "//trim(direct%joint(i)%name), known%slide(:, 1, i), found%slide(:, 1, i))
         end do
 
     contains

@@ -1,0 +1,96 @@
+!> The kinds of joints in one table: what each is called, leaves free and transmits. Whoever wants to know it asks here.
+!>
+!> A joint holds two markers together, each with a frame whose z lies along its axis. What the table cannot say, how the
+!> markers stand at given joint variables and the reverse, is said once for each engine: `linkdyn_joint_motion` and the files
+!> of `joints/`.
+module linkdyn_joint_table
+    implicit none (type, external)
+    private
+    public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_fixed, &
+        joint_planar, joint_screw
+    public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
+    public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions, is_threaded
+    public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps
+
+    integer, parameter :: joint_revolute = 1     !! angle about the axis
+    integer, parameter :: joint_prismatic = 2    !! slide along the axis
+    integer, parameter :: joint_cylindrical = 3  !! angle about, slide along the axis
+    integer, parameter :: joint_universal = 4    !! angle about the first link's axis, then the second's
+    integer, parameter :: joint_spherical = 5    !! three angles
+    integer, parameter :: joint_fixed = 6        !! nothing
+    integer, parameter :: joint_planar = 7       !! slides along x and y of the first marker, angle about the common z
+    integer, parameter :: joint_screw = 8        !! angle about the axis, the slide along it in proportion
+    integer, parameter :: n_joint_kind = 8
+
+    ! ---- directions of the forces or moments that a joint transmits
+    integer, parameter :: along_nothing = 0    !! none
+    integer, parameter :: along_normal = 1     !! one, square to both markers' axes
+    integer, parameter :: along_x_and_y = 2    !! two, square to the markers' common axis
+    integer, parameter :: along_axes = 3       !! all three, in whatever axes suit
+    integer, parameter :: along_z = 4          !! one, the markers' common axis
+    integer, parameter :: n_along(0:4) = [0, 1, 2, 3, 1]   !! how many these are
+
+    integer, parameter :: variable_len = 7
+    character(len=11), parameter :: joint_kind_name(n_joint_kind) = [character(len=11) :: &
+        "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw"]
+    integer, parameter :: joint_n_variable(n_joint_kind) = [1, 1, 2, 2, 3, 0, 3, 1]
+    character(len=variable_len), parameter :: variable_name(3, n_joint_kind) = reshape([character(len=variable_len) :: &
+        "angle", "", "", &
+        "slide", "", "", &
+        "angle", "slide", "", &
+        "angle1", "angle2", "", &
+        "roll", "pitch", "yaw", &
+        "", "", "", &
+        "x", "y", "angle", &
+        "angle", "", ""], [3, n_joint_kind])
+    logical, parameter :: variable_is_slide(3, n_joint_kind) = &                             !! else an angle
+        variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y"
+    !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second.
+    integer, parameter :: variable_axis(3, n_joint_kind) = &
+        merge(1, merge(2, 3, variable_name == "y"), variable_name == "x")
+    integer, parameter :: most_slides = 2
+    !> Along which axes of the first marker the second moves away from it; 0: no more.
+    integer, parameter :: slide_axis(most_slides, n_joint_kind) = &
+        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0], [most_slides, n_joint_kind])
+    integer, parameter :: force_directions(n_joint_kind) = &
+        [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y]
+    integer, parameter :: moment_directions(n_joint_kind) = &
+        [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y]
+    !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
+    logical, parameter :: is_threaded(n_joint_kind) = joint_kind_name == "screw"
+    !> Exists in planar scenes.
+    logical, parameter :: joint_in_plane(n_joint_kind) = [.true., .true., .false., .false., .false., .true., .false., .false.]
+
+contains
+
+    !> Is the joint variable a slide, not an angle?
+    elemental logical function is_slide(kind, variable)
+        integer, intent(in) :: kind, variable
+
+        is_slide = variable_is_slide(variable, kind)
+    end function is_slide
+
+    !> Is the joint variable an angle that looks the same after a whole turn? Not that of a screw, which has gone on by its lead.
+    elemental logical function wraps(kind, variable)
+        integer, intent(in) :: kind, variable
+
+        wraps = .not. (variable_is_slide(variable, kind) .or. is_threaded(kind))
+    end function wraps
+
+    !> In how many directions the second marker moves away from the first.
+    elemental integer function n_slide(kind)
+        integer, intent(in) :: kind
+
+        n_slide = count(slide_axis(:, kind) > 0)
+    end function n_slide
+
+    !> How many forces and how many moments a kind transmits: as many as it takes freedoms away.
+    pure function n_transmitted(kind, is_planar) result(n)
+        integer, intent(in) :: kind
+        logical, intent(in) :: is_planar           !! those that act in a plane
+        integer :: n(2)
+
+        n = [n_along(force_directions(kind)) + merge(1, 0, is_threaded(kind)), n_along(moment_directions(kind))]
+        if (is_planar) n = n - [1, 2]
+    end function n_transmitted
+end module linkdyn_joint_table

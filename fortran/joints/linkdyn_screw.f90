@@ -1,0 +1,65 @@
+!> The screw: the second marker turns about z of the first and shifts along it in proportion.
+module linkdyn_screw
+    use linkdyn_attitude, only: rotation_about_z
+    use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
+    use linkdyn_value, only: value, sin, cos, reciprocal, operator(-), operator(*)
+    use linkdyn_vector, only: unit_vector, operator(*), operator(-), operator(.dot.)
+    implicit none (type, external)
+    private
+    public :: screw
+
+    type, extends(joint_kind) :: screw
+    contains
+        procedure :: constraints
+        procedure :: shift
+        procedure :: variables
+        procedure :: variable_constraint
+    end type screw
+
+contains
+
+    !> The second point lies on the axis, the axes are parallel, and the second x stands where the slide turns the first one to.
+    !> The last as a length, the way that the thread is off.
+    function constraints(self, pair) result(c)
+        class(screw), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        type(value), allocatable :: c(:)
+        type(value) :: turned
+
+        turned = (pair%gap .dot.pair%first%z)*reciprocal(self%pitch)
+        associate (a => pair%first, b => pair%second)
+            c = [pair%gap .dot.a%x, pair%gap .dot.a%y, b%z .dot.a%x, b%z .dot.a%y, &
+                 self%pitch*(b%x .dot.(sin(turned)*a%x - cos(turned)*a%y))]
+        end associate
+    end function constraints
+
+    function shift(self, q) result(s)
+        class(screw), intent(in) :: self
+        type(value), intent(in) :: q(:)
+        type(joint_shift) :: s
+
+        s%turn = rotation_about_z(q(1))
+        s%axis(1) = unit_vector(3)
+        s%slide = (self%pitch*q(1))*s%axis(1)
+    end function shift
+
+    !> The slide tells the angle, and its turns.
+    function variables(self, pair) result(q)
+        class(screw), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        type(value), allocatable :: q(:)
+
+        q = [(pair%gap .dot.pair%first%z)*reciprocal(self%pitch)]
+    end function variables
+
+    !> As a length.
+    function variable_constraint(self, pair, k, q) result(c)
+        class(screw), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        integer, intent(in) :: k
+        type(value), intent(in) :: q
+        type(value) :: c
+
+        c = (pair%gap .dot.pair%first%z) - self%pitch*q
+    end function variable_constraint
+end module linkdyn_screw

@@ -1,0 +1,407 @@
+!> Idle spins: links that may turn about the line through their joints while nothing else of the mechanism moves.
+!>
+!> A rod between two ball joints, both halves of a leg between balls, a piston rod in a cylindrical joint whose ball lies on its
+!> axis. If the links that spin together are bodies of revolution about that line, and nothing acts on them off it, no moment is
+!> ever about it: what does not spin at the start never does, and neither forces nor the motion of anything else depend on it.
+!>
+!> *How it is settled.* One ball of each spin also keeps a direction across the line, in the spinning link, square to a
+!> direction of the link beyond: it closes as a universal joint does. The spin that follows from this is not that of a free rod,
+!> but it has no inertia, since what a link has of it about the line is left out: a rod that does not spin has no angular momentum
+!> along itself, and a thin rod none at all. So the moment that holds the spin is zero by itself, and all forces are those of
+!> a rod that is free. The direction beyond must not come to lie along the line; it is chosen where the mechanism starts
+!> (`linkdyn_spin_axes`).
+module linkdyn_idle_spin
+    use linkdyn_cross, only: cross
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, side_of
+    use linkdyn_scene, only: hold_spec, coordinate_joint, coordinate_pose, joint_revolute, joint_prismatic, joint_cylindrical, &
+        joint_universal, joint_spherical, law_spec, law_none, law_constant, axes_link, frame_link
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_text, only: to_text, quoted
+    implicit none (type, external)
+    private
+    public :: idle_spin, find_idle_spins, refuse_eccentric, hold_spins, square_to
+
+    !> Links that spin as one.
+    type :: idle_spin
+        integer, allocatable :: link(:)
+        integer, allocatable :: ball(:)        !! joints at which the spin can be held
+    end type idle_spin
+
+    !> A straight line of a link.
+    type :: line_type
+        logical :: is_there = .false.
+        real(wp) :: point(3) = 0               !! link axes [m]
+        real(wp) :: axis(3) = 0                !! unit vector, link axes
+    end type line_type
+
+    !> How far from exact what is written in a scene may be, as a part of the link's size, of its largest moment of inertia: coordinates
+    !> of points worked out from angles have a dozen digits or so.
+    real(wp), parameter :: exact = 1.0e-9_wp
+
+contains
+
+    !> All idle spins of a mechanism in space, and the lines of their links.
+    subroutine find_idle_spins(model, spin)
+        type(model_type), intent(inout) :: model           !! its links learn of their spin
+        type(idle_spin), allocatable, intent(out) :: spin(:)
+        type(line_type) :: line(model%n_link)
+        type(idle_spin) :: found(model%n_link)
+        logical :: is_seen(model%n_link)
+        integer :: l, n
+
+        n = 0
+        line = [(line_of(model, l), l=1, model%n_link)]
+        is_seen = .false.
+        do l = 1, model%n_link
+            if (model%is_planar .or. is_seen(l) .or. .not. line(l)%is_there) cycle
+            call collect_links(model, l, found(n + 1)%link)
+            is_seen(pack(found(n + 1)%link, found(n + 1)%link /= frame_link)) = .true.
+            found(n + 1)%ball = balls_of(model, found(n + 1)%link)
+            if (.not. is_idle(model, found(n + 1), line)) cycle
+            n = n + 1
+            model%link(found(n)%link)%spin = n
+        end do
+        spin = found(:n)
+        do l = 1, model%n_link
+            if (model%link(l)%spin == 0) cycle
+            model%link(l)%spin_point = line(l)%point
+            model%link(l)%spin_axis = line(l)%axis
+        end do
+    end subroutine find_idle_spins
+
+    !> The line on which all joints of a link lie: balls with their centres, others with their axes.
+    pure function line_of(model, link) result(line)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        type(line_type) :: line
+        real(wp) :: size_of_link, span(3)
+        integer :: i, n, side, ball
+
+        n = model%first_at(link + 1) - model%first_at(link)
+        if (n < 2) return
+        ball = 0
+        size_of_link = 0
+        do i = model%first_at(link), model%first_at(link + 1) - 1
+            associate (joint => model%joint(model%joint_at(i)))
+                side = side_of(joint, link)
+                size_of_link = max(size_of_link, maxval(abs(joint%point(:, side))))
+                if (joint%kind == joint_spherical) then
+                    if (ball == 0) then
+                        line%point = joint%point(:, side)
+                    else
+                        span = joint%point(:, side) - line%point
+                        if (norm2(span) > exact*size_of_link) line%axis = span/norm2(span)
+                    end if
+                    ball = ball + 1
+                else if (any(joint%kind == [joint_revolute, joint_prismatic, joint_cylindrical])) then
+                    line%axis = joint%frame(:, 3, side)
+                else
+                    return
+                end if
+            end associate
+        end do
+        if (ball == 0 .or. all(line%axis == 0)) return
+        do i = model%first_at(link), model%first_at(link + 1) - 1
+            associate (joint => model%joint(model%joint_at(i)))
+                side = side_of(joint, link)
+                if (distance_from(line, joint%point(:, side)) > exact*size_of_link) return
+                if (joint%kind == joint_spherical) cycle
+                if (norm2(cross(line%axis, joint%frame(:, 3, side))) > exact) return
+            end associate
+        end do
+        line%is_there = .true.
+    end function line_of
+
+    pure real(wp) function distance_from(line, point)
+        type(line_type), intent(in) :: line
+        real(wp), intent(in) :: point(3)               !! link axes [m]
+
+        distance_from = norm2(cross(line%axis, point - line%point))
+    end function distance_from
+
+    !> A link and all that slides hold to it: a slide hands a spin on.
+    pure subroutine collect_links(model, first, link)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: first
+        integer, allocatable, intent(out) :: link(:)       !! the frame may be among them
+        integer :: i, k, other
+
+        link = [first]
+        i = 0
+        do while (i < size(link))
+            i = i + 1
+            if (link(i) == frame_link) cycle
+            do k = model%first_at(link(i)), model%first_at(link(i) + 1) - 1
+                associate (joint => model%joint(model%joint_at(k)))
+                    other = joint%link(3 - side_of(joint, link(i)))
+                    if (joint%kind == joint_prismatic .and. all(link /= other)) link = [link, other]
+                end associate
+            end do
+        end do
+    end subroutine collect_links
+
+    !> The ball joints of some links.
+    pure function balls_of(model, link) result(ball)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link(:)
+        integer, allocatable :: ball(:)
+        integer :: j
+
+        ball = pack([(j, j=1, model%n_joint)], [(model%joint(j)%kind == joint_spherical &
+                                                 .and. any([link == model%joint(j)%link(1), link == model%joint(j)%link(2)]), &
+                                                 j=1, model%n_joint)])
+    end function balls_of
+
+    !> May the links spin, all of them about their lines, without anything that would lead or feel it?
+    pure logical function is_idle(model, spin, line)
+        type(model_type), intent(in) :: model
+        type(idle_spin), intent(in) :: spin
+        type(line_type), intent(in) :: line(:)
+        integer :: i, j
+
+        is_idle = all(spin%link /= frame_link) .and. size(spin%ball) > 0
+        if (is_idle) is_idle = all(line(spin%link)%is_there)
+        if (.not. is_idle) return
+        do i = 1, size(model%scene%coordinate)
+            associate (c => model%scene%coordinate(i))
+                if (c%kind == coordinate_pose) is_idle = is_idle .and. all(spin%link /= c%link)
+                if (c%kind == coordinate_joint) is_idle = is_idle .and. .not. leads(c%joint, c%variable)
+            end associate
+        end do
+        do i = 1, size(model%scene%actuator)
+            is_idle = is_idle .and. .not. leads(model%scene%actuator(i)%joint, model%scene%actuator(i)%variable)
+        end do
+        do i = 1, size(model%scene%spring)
+            j = model%scene%spring(i)%joint
+            if (j > 0) is_idle = is_idle .and. .not. leads(j, model%scene%spring(i)%variable)
+        end do
+
+    contains
+
+        !> Is a joint variable an angle of one of the links?
+        pure logical function leads(joint, variable)
+            integer, intent(in) :: joint, variable
+
+            associate (link => model%joint(joint)%link, kind => model%joint(joint)%kind)
+                leads = any(spin%link == link(1)) .neqv. any(spin%link == link(2))
+                if (kind == joint_cylindrical .and. variable == 2) leads = .false.
+            end associate
+        end function leads
+    end function is_idle
+
+    ! ---------------------------------------------------------------- what must be so
+
+    !> A spin that is idle by its joints alone, but not by its masses and forces.
+    subroutine refuse_eccentric(model, spin, status)
+        type(model_type), intent(in) :: model
+        type(idle_spin), intent(in) :: spin(:)
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: why
+        integer :: i
+
+        do i = 1, size(spin)
+            if (.not. status%is_ok()) return
+            why = why_spin_matters(model, spin(i))
+            if (why == "") cycle
+            call fail(status, status_bad_input, spin_in_words(model, spin(i))//", and forces depend on how it does: "//why &
+                      //" (expected a body of revolution about that line, with loads and springs on it, or a universal joint in " &
+                      //"place of a spherical one)")
+        end do
+    end subroutine refuse_eccentric
+
+    !> What feels the spin of some links; empty: nothing.
+    function why_spin_matters(model, spin) result(why)
+        type(model_type), intent(in) :: model
+        type(idle_spin), intent(in) :: spin
+        character(len=:), allocatable :: why
+        integer :: i, l, side
+
+        why = ""
+        do i = 1, size(spin%link)
+            l = spin%link(i)
+            associate (link => model%link(l))
+                if (distance_of(l, link%cog) > exact*size_of(l) .and. link%mass > 0) then
+                    why = "the centre of mass of "//quoted(link%name)//" is "//to_text(distance_of(l, link%cog))//" m off it"
+                    return
+                end if
+                if (.not. is_round(link%inertia, link%spin_axis)) then
+                    why = "the moments of inertia of "//quoted(link%name)//" across it are not the same in all directions"
+                    return
+                end if
+            end associate
+        end do
+        do i = 1, size(model%scene%load)
+            associate (load => model%scene%load(i))
+                if (all(spin%link /= load%link)) cycle
+                if (any([(is_there(load%moment(l)), l=1, 3)])) then
+                    why = "a load on "//quoted(load%name)//" has a moment"
+                else if (load%axes == axes_link .and. .not. is_along(load%force, model%link(load%link)%spin_axis)) then
+                    why = "a load on "//quoted(load%name)//" has a force across it that turns with the link"
+                else if (distance_of(load%link, model%scene%link(load%link)%marker(load%marker)%at) &
+                         > exact*size_of(load%link)) then
+                    why = "a load on "//quoted(load%name)//" acts off it"
+                else
+                    cycle
+                end if
+                return
+            end associate
+        end do
+        do i = 1, size(model%scene%spring)
+            associate (spring => model%scene%spring(i))
+                if (spring%joint > 0) cycle
+                do side = 1, 2
+                    l = spring%link(side)
+                    if (all(spin%link /= l)) cycle
+                    if (distance_of(l, model%scene%link(l)%marker(spring%marker(side))%at) <= exact*size_of(l)) cycle
+                    why = "spring "//quoted(spring%name)//" pulls on "//quoted(model%link(l)%name)//" off it"
+                    return
+                end do
+            end associate
+        end do
+
+    contains
+
+        pure real(wp) function distance_of(l, point)
+            integer, intent(in) :: l
+            real(wp), intent(in) :: point(3)
+
+            distance_of = distance_from(line_type(.true., model%link(l)%spin_point, model%link(l)%spin_axis), point)
+        end function distance_of
+
+        !> The largest coordinate of a link's joints, centre of mass or extension [m].
+        pure real(wp) function size_of(l)
+            integer, intent(in) :: l
+            integer :: k
+
+            size_of = maxval(abs(model%link(l)%cog))
+            do k = model%first_at(l), model%first_at(l + 1) - 1
+                associate (joint => model%joint(model%joint_at(k)))
+                    size_of = max(size_of, maxval(abs(joint%point(:, side_of(joint, l)))))
+                end associate
+            end do
+        end function size_of
+    end function why_spin_matters
+
+    !> May a law be other than zero?
+    pure logical function is_there(law)
+        type(law_spec), intent(in) :: law
+
+        is_there = law%kind /= law_none .and. .not. (law%kind == law_constant .and. .not. abs(law%value(1)) > 0)
+    end function is_there
+
+    !> Has a force in link axes components along an axis of the link only, and this is the axis?
+    pure logical function is_along(force, axis)
+        type(law_spec), intent(in) :: force(3)
+        real(wp), intent(in) :: axis(3)
+        integer :: k
+
+        is_along = .true.
+        do k = 1, 3
+            if (is_there(force(k))) is_along = is_along .and. 1 - abs(axis(k)) <= exact
+        end do
+    end function is_along
+
+    !> Is an inertia that of a body of revolution about an axis?
+    pure logical function is_round(inertia, axis)
+        real(wp), intent(in) :: inertia(3, 3), axis(3)
+
+        is_round = maxval(abs(inertia - round_inertia(inertia, axis) - along(inertia, axis)*dyad(axis))) &
+                   <= exact*maxval(abs(inertia))
+    end function is_round
+
+    !> What it has across the axis.
+    pure function round_inertia(inertia, axis) result(across)
+        real(wp), intent(in) :: inertia(3, 3), axis(3)
+        real(wp) :: across(3, 3)
+        integer :: i
+
+        across = -dyad(axis)
+        do i = 1, 3
+            across(i, i) = across(i, i) + 1
+        end do
+        across = (inertia(1, 1) + inertia(2, 2) + inertia(3, 3) - along(inertia, axis))/2*across
+    end function round_inertia
+
+    pure real(wp) function along(inertia, axis)
+        real(wp), intent(in) :: inertia(3, 3), axis(3)
+
+        along = dot_product(axis, matmul(inertia, axis))
+    end function along
+
+    pure function dyad(axis)
+        real(wp), intent(in) :: axis(3)
+        real(wp) :: dyad(3, 3)
+
+        dyad = spread(axis, 2, 3)*spread(axis, 1, 3)
+    end function dyad
+
+    ! ---------------------------------------------------------------- how it is settled
+
+    !> Let balls hold the spins of their links.
+    subroutine hold_spins(model, hold)
+        type(model_type), intent(inout) :: model
+        type(hold_spec), intent(in) :: hold(:)
+        integer :: i, l, side
+
+        do i = 1, size(hold)
+            associate (joint => model%joint(hold(i)%joint))
+                joint%kind = joint_universal
+                do side = 1, 2
+                    joint%frame(:, 3, side) = hold(i)%axis(:, side)
+                    joint%frame(:, 1, side) = square_to(hold(i)%axis(:, side))
+                    joint%frame(:, 2, side) = cross(joint%frame(:, 3, side), joint%frame(:, 1, side))
+                end do
+            end associate
+        end do
+        do l = 1, model%n_link
+            associate (link => model%link(l))
+                if (link%spin == 0) cycle
+                link%inertia = round_inertia(link%inertia, link%spin_axis)
+                link%is_diagonal = .not. any(abs([link%inertia(1, 2), link%inertia(2, 3), link%inertia(3, 1)]) > 0)
+            end associate
+        end do
+    end subroutine hold_spins
+
+    !> A unit vector square to another: y, z or x of the axes made so, the first that is far enough from it.
+    pure function square_to(axis) result(v)
+        real(wp), intent(in) :: axis(3)                !! unit vector
+        real(wp) :: v(3)
+        integer, parameter :: order(3) = [2, 3, 1]
+        integer :: k
+
+        ! one of three directions is at least arccos(1/sqrt(3)) away
+        do k = 1, 3
+            if (abs(axis(order(k))) < 0.6_wp) exit
+        end do
+        v = 0
+        v(order(k)) = 1
+        v = v - axis(order(k))*axis
+        v = v/norm2(v)
+    end function square_to
+
+    ! ---------------------------------------------------------------- words
+
+    !> "link 'rod' may spin about the line of its joints 'A' and 'B'"
+    function spin_in_words(model, spin) result(text)
+        type(model_type), intent(in) :: model
+        type(idle_spin), intent(in) :: spin
+        character(len=:), allocatable :: text, joints
+        integer :: i
+
+        text = "link "//quoted(model%link(spin%link(1))%name)
+        if (size(spin%link) > 1) text = "links "//quoted(model%link(spin%link(1))%name)
+        do i = 2, size(spin%link)
+            text = text//", "//quoted(model%link(spin%link(i))%name)
+        end do
+        joints = ""
+        do i = 1, model%n_joint
+            associate (link => model%joint(i)%link)
+                if (any(spin%link == link(1)) .eqv. any(spin%link == link(2))) cycle
+                if (joints /= "") joints = joints//" and "
+                joints = joints//quoted(model%joint(i)%name)
+            end associate
+        end do
+        text = text//" may spin about the line of "//trim(merge("their", "its  ", size(spin%link) > 1))//" joints "//joints
+    end function spin_in_words
+end module linkdyn_idle_spin
