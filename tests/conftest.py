@@ -17,7 +17,7 @@ import xarray as xr
 from linkdyn.cli import executable
 
 ROOT = Path(__file__).resolve().parents[1]
-METHODS = ("rk4", "rkf45", "rk8pd", "msbdf", "gbs")
+METHODS = ("rk4", "rkf45", "rk8pd", "msbdf", "gbs", "seulex")
 """Integrators of forward runs."""
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, SceneError, UnavailableError
 
 if TYPE_CHECKING:
-    from . import lecture, plot, widget
+    from . import cycle, lecture, plot, widget
     from ._bind import code_in_use, use_code
     from ._code import GeneratedCode
     from ._new import new
@@ -35,6 +35,7 @@ __all__ = [
     "SceneError",
     "UnavailableError",
     "code_in_use",
+    "cycle",
     "lecture",
     "load",
     "new",
@@ -46,7 +47,7 @@ __all__ = [
     "widget",
 ]
 
-_MODULES = ("lecture", "plot", "widget")
+_MODULES = ("cycle", "lecture", "plot", "widget")
 _HOMES = {
     "GeneratedCode": "_code",
     "Poses": "scene",

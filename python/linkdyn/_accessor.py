@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sized
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,12 +17,17 @@ from .errors import FileError, InputError, UnavailableError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from numpy.typing import ArrayLike
+
     from ._view import View
+    from .scene import Scene
 
 __all__ = ["RunAccessor"]
 
 GROUPS = {"force": "F", "moment": "M"}
 """Parts of a wrench, by the first letter of their components."""
+OFFERS = ("view", "animate", "sheet", "worst", "joint", "to_frame", "to_csv", "to_parquet")
+"""What there is to call, for those who ask by printing."""
 
 
 @xr.register_dataset_accessor("linkdyn")  # type: ignore[no-untyped-call]
@@ -52,10 +57,72 @@ class RunAccessor:
         return animate(self._run, file, **options)
 
     def sheet(self, file: str | os.PathLike[str], **options: Any) -> Path:
-        """The sizing sheet of a sweep: `linkdyn.sheet`."""
+        """The sheet of a run or a sweep, ``.html`` or ``.pdf``: `linkdyn.sheet`."""
         from ._sheet import sheet
 
         return sheet(self._run, file, **options)
+
+    def marker(self, name: str, *, scene: Scene | None = None) -> xr.Dataset:
+        """Position, velocity and acceleration of a marker, "coupler.P": `linkdyn.cycle.marker`."""
+        from . import cycle
+
+        return cycle.marker(self._run, name, self._scene("marker", scene))
+
+    def relative_pose(self, link: str, seen_from: str, *, scene: Scene | None = None) -> xr.Dataset:
+        """Where a link is, seen from another: `linkdyn.cycle.relative_pose`."""
+        from . import cycle
+
+        return cycle.relative_pose(self._run, link, seen_from, self._scene("relative_pose", scene))
+
+    def shaking(self, about: ArrayLike | None = None, *, scene: Scene | None = None) -> xr.Dataset:
+        """Force and moment on the frame, about a point: `linkdyn.cycle.shaking`."""
+        from . import cycle
+
+        return cycle.shaking(self._run, self._scene("shaking", scene), about)
+
+    def contributions(self, *, scene: Scene | None = None) -> xr.Dataset:
+        """Driving forces and reactions by cause, inertia, weight, each load and spring: `linkdyn.cycle.contributions`."""
+        from . import cycle
+
+        return cycle.contributions(self._run, self._scene("contributions", scene))
+
+    def energy(self) -> xr.Dataset:
+        """Power and energy of the drives, their fluctuation: `linkdyn.cycle.energy`."""
+        from . import cycle
+
+        return cycle.energy(self._run)
+
+    def flywheel(self, fluctuation: float, actuator: str | None = None) -> xr.Dataset:
+        """Inertia of the flywheel that keeps the speed within the fluctuation: `linkdyn.cycle.flywheel`."""
+        from . import cycle
+
+        return cycle.flywheel(self._run, fluctuation, actuator)
+
+    def bearing_life(self, joint: str, *, scene: Scene | None = None, **options: Any) -> xr.Dataset:
+        """Life of a joint's rolling bearing by ISO 281: `linkdyn.cycle.bearing_life`."""
+        from . import cycle
+
+        return cycle.bearing_life(self._run, joint, self._scene("bearing_life", scene), **options)
+
+    def plain_bearing(self, joint: str, *, scene: Scene | None = None, **options: Any) -> xr.Dataset:
+        """Pressure and pressure times speed of a joint's plain bearing: `linkdyn.cycle.plain_bearing`."""
+        from . import cycle
+
+        return cycle.plain_bearing(self._run, joint, self._scene("plain_bearing", scene), **options)
+
+    def rms(self, quantity: str = "driving_force") -> xr.DataArray:
+        """Rms values over the run's time, as the summary tells them; samples that failed do not count.
+
+        Raises
+        ------
+        InputError
+            The run has no such result.
+        """
+        from ._averages import rms, shares
+        from .results import need_result
+
+        values = need_result(self._run, quantity, "rms")
+        return values.isel(sample=0, drop=True).drop_vars("time", errors="ignore").copy(data=rms(values.values, shares(self._run)))
 
     def worst(self, quantity: str = "reaction") -> pd.DataFrame:
         """The largest magnitudes, and when they occur.
@@ -172,6 +239,9 @@ class RunAccessor:
             raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error
         return path
 
+    def __repr__(self) -> str:
+        return f"<run.linkdyn: {count(range(self._run.sizes.get('sample', 0)), 'sample')}; {', '.join(OFFERS)}>"
+
     def _repr_html_(self) -> str:
         run = self._run
         rows = {
@@ -188,6 +258,12 @@ class RunAccessor:
         return table(rows)
 
     # ---------------------------------------------------------------- parts
+
+    def _scene(self, caller: str, given: Scene | None) -> Scene:
+        """The scene given, or the one that the run keeps."""
+        from ._postures import scene_of
+
+        return given if given is not None else scene_of(self._run, caller)
 
     @property
     def _clock(self) -> str:
@@ -228,6 +304,11 @@ class RunAccessor:
 
         n = int(np.prod(values.shape[1:]))
         return units_of(values) * (n // len(units_of(values)))
+
+
+def count(things: Sized, name: str) -> str:
+    """How many there are, in words: "1 link", "2 links"."""
+    return f"{len(things)} {name}{'' if len(things) == 1 else 's'}"
 
 
 def table(rows: dict[str, Any]) -> str:

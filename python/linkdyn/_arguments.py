@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import InputError
 
 __all__ = [
-    "as_count", "as_flag", "as_floats", "as_mapping", "as_name", "as_names", "as_number", "as_path", "as_real", "dimensions", "quoted",
+    "as_count", "as_flag", "as_floats", "as_known", "as_mapping", "as_name", "as_names", "as_number", "as_path", "as_positive", "as_real",
+    "dimensions", "quoted",
 ]  # fmt: skip
 
 LONGEST = 60
@@ -148,3 +150,22 @@ def as_path(name: str, value: Any) -> str:
     if not isinstance(path, str) or "\0" in path:
         raise InputError(f"{name}: expected a path, got {quoted(value)}")
     return path
+
+
+def as_known(name: str, value: Any, known: Iterable[str], what: str) -> str:
+    """One of the names of what there is; the message tells them, and the one that looks like what was given."""
+    names = list(dict.fromkeys(known))
+    if isinstance(value, str) and value in names:
+        return value
+    listed = ", ".join(names) or "none"
+    near = difflib.get_close_matches(value, names, n=1) if isinstance(value, str) else []
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise InputError(f"{name}: {quoted(value)}: unknown {what} (expected one of {listed}){hint}")
+
+
+def as_positive(name: str, value: Any) -> float:
+    """One finite number above zero."""
+    number = as_number(name, value)
+    if number <= 0:
+        raise InputError(f"{name}: expected a number above zero, got {number:g}")
+    return number

@@ -206,6 +206,12 @@ def explain(handle: int, with_matrix: bool) -> str:
     return _read_text(_api.api_explain, handle, int(with_matrix))
 
 
+def assemblies(handle: int) -> dict[str, Any]:
+    """All assemblies at the start: see ``assemblies_of``."""
+    found: dict[str, Any] = json.loads(_read_text(_api.api_assemblies, handle))
+    return found
+
+
 def generate(handle: int, kernel: str, want: str, name: str) -> tuple[str, str]:
     """Header and source of a kernel in C; ``want`` "" is what the kernel is usually for."""
     header, source = _read_text(_api.api_generate, handle, kernel, want, _to_codes(name)).split("\0")

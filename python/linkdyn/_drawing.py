@@ -12,6 +12,7 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike, NDArray
 
 from ._drawing_arguments import checked
+from ._lines import scale_axis
 from ._planar_shapes import draw_planar
 from ._postures import ELEVATION, Postures, best_azimuth, find_postures
 from ._spatial_shapes import draw_spatial
@@ -25,6 +26,8 @@ Points = NDArray[np.float64]
 LARGEST = (7.5, 7.0)
 """Of a picture [inch]."""
 LOWEST = 2.4
+LARGE = 2.0
+"""From so many metres on a drawing is numbered in metres, else in millimetres."""
 
 
 @checked
@@ -69,7 +72,8 @@ def draw(ax: Axes, postures: Postures, sample: int, names: bool) -> None:
     """The mechanism at one sample, in axes whose limits are set."""
     posture = postures.at(sample)
     if not postures.scene.planar:
-        draw_spatial(ax, posture, names)
+        fields = {joint["name"]: postures.field(joint) for joint in _joints(postures.scene) if joint["type"] == "planar"}
+        draw_spatial(ax, posture, fields, names)
         return
     slides = {joint["name"]: postures.travel(joint) for joint in _joints(postures.scene) if joint["type"] == "prismatic"}
     draw_planar(ax, posture, slides, names)
@@ -107,6 +111,11 @@ def set_limits(ax: Any, postures: Postures) -> None:
         getattr(ax, f"set_{name}label")(f"{name} [m]")
     if postures.scene.planar:
         ax.set_aspect("equal")
+        size = float((highest - lowest)[:2].max())
+        for name in ("x", "y"):
+            scale_axis(ax, name, name, "m" if size < LARGE else "", size)
+            if size >= LARGE:
+                getattr(ax, f"set_{name}label")(f"{name} [m]")
     else:
         ax.set_box_aspect(highest - lowest, zoom=0.95)
         ax.view_init(elev=ELEVATION, azim=best_azimuth(postures.points[0]))

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import xarray as xr
 
-from ._arguments import as_count, as_flag, as_floats, as_mapping, as_number, as_path
+from ._arguments import as_count, as_flag, as_floats, as_mapping, as_number, as_path, as_positive
 from .errors import InputError
 from .scene import Scene
 
@@ -106,13 +106,6 @@ def _as_axes(name: str, value: Any) -> Any:
     return value
 
 
-def _as_positive(name: str, value: Any) -> float:
-    number = as_number(name, value)
-    if number <= 0:
-        raise InputError(f"{name}: expected a number above zero, got {number:g}")
-    return number
-
-
 _KINDS: dict[str, Callable[[str, Any], Any]] = {
     "run": _as_run,
     "result": _as_run,
@@ -124,6 +117,7 @@ _KINDS: dict[str, Callable[[str, Any], Any]] = {
     "quantity": _as_name,
     "components": _as_name,
     "coordinate": _as_name,
+    "over": _as_name,
     "kind": _as_name,
     "cost": _as_name,
     "gain": _as_name,
@@ -134,11 +128,11 @@ _KINDS: dict[str, Callable[[str, Any], Any]] = {
     "plots": _as_list,
     "traces": _as_list,
     "meshes": _as_files,
-    "mesh_unit": _as_positive,
+    "mesh_unit": as_positive,
     "where": _as_places,
     "design": _as_index,
     "frames": as_count,
-    "fps": _as_positive,
+    "fps": as_positive,
     "names": as_flag,
     "motor": _as_curve,
     "limit": _as_curve,

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
-import difflib
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ._commands import Parser, refuse
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -18,26 +16,18 @@ if TYPE_CHECKING:
 __all__ = ["kinds", "new", "new_command", "parser", "text_of"]
 
 SCENES = Path(__file__).parent / "_scenes"
-BAD_INPUT = 2
 DESCRIPTION = """\
 Write a scene of a kind to start from: it runs, and its comments say what stands where. Without a KIND: list them."""
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> None:  # type: ignore[override]
-        sys.exit(_refuse(f"new: {message} (linkdyn new --help lists the options)"))
-
-
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """What the command takes."""
-    command = _Parser(prog="linkdyn new", description=DESCRIPTION, add_help=False, allow_abbrev=False,
-                      usage="linkdyn new [KIND] [options]", formatter_class=argparse.RawDescriptionHelpFormatter)
+    command = Parser("new", "[KIND]", DESCRIPTION)
     add = command.add_argument
     add("kind", metavar="KIND", nargs="?", help="; ".join(kinds()))
     add("-o", "--output", metavar="FILE", help="the scene; default: KIND.toml in this folder; - writes it to the terminal")
     add("--force", action="store_true", help="replace FILE if it is there")
-    add("-q", "--quiet", action="store_true", help="do not say what was written")
-    add("-h", "--help", action="help", help="this text")
+    command.add_last()
     return command
 
 
@@ -55,11 +45,9 @@ def text_of(kind: str) -> str:
     InputError
         There is no such kind.
     """
-    known = list(kinds())
-    if kind not in known:
-        near = difflib.get_close_matches(kind, known, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise InputError(f"new: {kind!r}: unknown kind (expected one of {', '.join(known)}){hint}")
+    from ._arguments import as_known
+
+    kind = as_known("new", kind, kinds(), "kind")
     return (SCENES / f"{kind}.toml").read_text(encoding="utf-8")
 
 
@@ -93,14 +81,14 @@ def new_command(arguments: Sequence[str]) -> int:
     options = parser().parse_args(arguments)
     if options.kind is None:
         if options.output is not None or options.force:
-            return _refuse("new: no KIND given (linkdyn new lists them)")
+            return refuse("new: no KIND given (linkdyn new lists them)")
         for kind, summary in kinds().items():
             print(f"  {kind:14}{summary}")
         return 0
     try:
         text = text_of(options.kind)
     except InputError as error:
-        return _refuse(str(error))
+        return refuse(str(error))
     target = options.output if options.output is not None else f"{options.kind}.toml"
     if target == "-":
         print(text, end="")
@@ -108,9 +96,9 @@ def new_command(arguments: Sequence[str]) -> int:
     try:
         _write(Path(target), text, replaces=options.force)
     except FileExistsError:
-        return _refuse(f"new: {target!r} is there already (expected another file, --output FILE, or --force)")
+        return refuse(f"new: {target!r} is there already (expected another file, --output FILE, or --force)")
     except (OSError, ValueError) as error:
-        return _refuse(f"new: {target!r}: {getattr(error, 'strerror', None) or error}")
+        return refuse(f"new: {target!r}: {getattr(error, 'strerror', None) or error}")
     if not options.quiet:
         print(f"  scene            {target}\n  next             linkdyn inverse {target}")
     return 0
@@ -127,8 +115,3 @@ def _write(target: Path, text: str, replaces: bool) -> None:
             os.link(part, target)
     finally:
         part.unlink(missing_ok=True)
-
-
-def _refuse(message: str) -> int:
-    print(f"linkdyn: {' '.join(message.split())}", file=sys.stderr)
-    return BAD_INPUT

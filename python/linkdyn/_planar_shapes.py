@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,8 @@ Points = NDArray[np.float64]
 BAR, EDGE = 5.0, 1.3
 """Width of a bar and of its dark edge [points]."""
 FONT = 8.0
+STRAIGHT = 1e-6
+"""How far a slide may be from the line through both hinges, as a part of their distance, to be a cylinder."""
 SOLID = "solid"
 """Mark of the patches on which no name may stand."""
 
@@ -42,19 +45,84 @@ def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float
     """
     unit = unit_of(ax)
     joints = posture.scene.description["joints"]
+    cylinders = _cylinders(posture, slides)
     for joint in joints:
         if 0 in joint["links"]:
             _draw_ground(ax, posture, joint, slides, unit)
+    hidden = {link for cylinder in cylinders for link in cylinder.joint["links"]}
     for k, markers in enumerate(posture.markers[1:], start=1):
-        _draw_link(ax, markers, jointed(posture, k), link_colour(k))
+        if k not in hidden:
+            _draw_link(ax, markers, jointed(posture, k), link_colour(k))
+    for cylinder in cylinders:
+        _draw_cylinder(ax, cylinder, unit)
+    told = [cylinder.joint["name"] for cylinder in cylinders]
     for joint in joints:
-        if joint["type"] == "prismatic":
+        if joint["type"] == "prismatic" and joint["name"] not in told:
             _draw_slider(ax, posture, joint, unit)
     pins = [_ends(posture, joint)[1] for joint in joints if joint["type"] == "revolute"]
     if pins:
         ax.plot(*np.array(pins).T, "o", markersize=6.5, markerfacecolor="white", markeredgecolor="0.1", zorder=6)
+    welds = [_ends(posture, joint)[1] for joint in joints if joint["type"] == "fixed"]
+    if welds:
+        ax.plot(*np.array(welds).T, "s", markersize=6.0, markerfacecolor="0.1", markeredgecolor="0.1", zorder=6)
     if names:
-        _write_names(ax, posture, unit)
+        _write_names(ax, posture, unit, cylinders)
+
+
+@dataclass(frozen=True)
+class _Cylinder:
+    """A slide between two links that hold one hinge more each, and nothing else."""
+
+    joint: dict[str, Any]
+    foot: Points
+    """The barrel's hinge."""
+    head: Points
+    """The rod's hinge."""
+    barrel: float
+    """Part of the way from foot to head."""
+
+    @property
+    def name(self) -> str:
+        """Of its slide; of a chain's that of the chain."""
+        owner, _, last = self.joint["name"].rpartition(".")
+        return owner or str(last)
+
+
+def _cylinders(posture: Posture, slides: dict[str, tuple[float, float]]) -> list[_Cylinder]:
+    description = posture.scene.description
+    found = []
+    for joint in description["joints"]:
+        others = [[other for other in description["joints"] if link in other["links"] and other is not joint] for link in joint["links"]]
+        if joint["type"] != "prismatic" or 0 in joint["links"] or any(len(held) != 1 or held[0]["type"] != "revolute" for held in others):
+            continue
+        hinges = [_marker_on(posture, held[0], link) for link, held in zip(joint["links"], others)]
+        along = hinges[1] - hinges[0]
+        length = float(np.linalg.norm(along))
+        axis = posture.axes[joint["links"][0]][joint["markers"][0]][:2]
+        if length == 0.0 or abs(along[0] * axis[1] - along[1] * axis[0]) > STRAIGHT * length or len(posture.markers[joint["links"][0]]) > 3:
+            continue
+        first, second = _ends(posture, joint)
+        shortest = length - (float((second - first) @ axis) - slides[joint["name"]][0]) * np.sign(along @ axis)
+        found.append(_Cylinder(joint, hinges[0], hinges[1], min(0.62, 0.9 * shortest / length)))
+    return found
+
+
+def _marker_on(posture: Posture, joint: dict[str, Any], link: int) -> Points:
+    point: Points = _ends(posture, joint)[joint["links"].index(link)]
+    return point
+
+
+def _draw_cylinder(ax: Axes, cylinder: _Cylinder, unit: float) -> None:
+    """A barrel with a rod in it."""
+    along = cylinder.head - cylinder.foot
+    end = cylinder.foot + cylinder.barrel * along
+    across = unit * 0.62 * np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    first, second = (link_colour(link) for link in cylinder.joint["links"])
+    ax.plot(*np.array([end, cylinder.head]).T, color="0.1", linewidth=3.6, solid_capstyle="butt", zorder=3.6)
+    ax.plot(*np.array([end, cylinder.head]).T, color=lighter(second, 0.6), linewidth=2.0, solid_capstyle="butt", zorder=3.7)
+    corners = [cylinder.foot + across, end + across, end - across, cylinder.foot - across]
+    ax.add_patch(Polygon(corners, facecolor=lighter(first, 0.6), edgecolor="0.1", linewidth=1.0, joinstyle="round", zorder=3.8, gid=SOLID))
+    ax.plot(*np.array([cylinder.foot, end]).T, color=lighter(first, 0.35), linewidth=0.8, zorder=3.9)
 
 
 def unit_of(ax: Axes) -> float:
@@ -146,7 +214,7 @@ def _draw_link(ax: Axes, markers: dict[str, Points], held: set[str], colour: str
     corners = distinct(np.array([markers[name][:2] for name in held or markers]))
     if len(everything) > max(2, len(corners)):
         hull = everything[around(everything)]
-        ax.add_patch(Polygon(hull, facecolor=lighter(colour, 0.12), edgecolor=lighter(colour, 0.4), linewidth=0.8, zorder=2.5))
+        ax.add_patch(Polygon(hull, facecolor=lighter(colour, 0.22), edgecolor=lighter(colour, 0.7), linewidth=1.2, zorder=2.5))
     elif len(everything) > len(corners):
         ax.plot(*everything.T, color=lighter(colour, 0.6), linewidth=1.5, zorder=2.5)
     if len(corners) > 2:
@@ -177,9 +245,11 @@ def _draw_slider(ax: Axes, posture: Posture, joint: dict[str, Any], unit: float)
     ax.add_patch(Polygon(corners, facecolor=lighter(link_colour(body), 0.55), **style))
 
 
-def _write_names(ax: Axes, posture: Posture, unit: float) -> None:
-    """Each name where it is farthest from lines, joints and names already written."""
-    joints = posture.scene.description["joints"]
+def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylinder]) -> None:
+    """Each name where it is farthest from lines, joints and names already written; a cylinder has one name."""
+    told = {cylinder.name: 0.5 * (cylinder.foot + cylinder.head) for cylinder in cylinders}
+    hidden = {link for cylinder in cylinders for link in cylinder.joint["links"]}
+    joints = [joint for joint in posture.scene.description["joints"] if joint["name"].rpartition(".")[0] not in told and joint["name"] not in told]
     gathered: dict[tuple[float, ...], list[str]] = {}
     for joint in joints:
         point = _ends(posture, joint)[1]
@@ -187,7 +257,10 @@ def _write_names(ax: Axes, posture: Posture, unit: float) -> None:
     anchors: list[tuple[str, Points, str, bool]] = []
     for place, names in gathered.items():
         anchors.append((_list_of(names), 0.2 * unit * np.array(place), "0.1", False))
+    anchors += [(name, place, "0.1", True) for name, place in told.items()]
     for k, markers in enumerate(posture.markers[1:], start=1):
+        if k in hidden or not markers:
+            continue
         corners = distinct(np.array([markers[name][:2] for name in jointed(posture, k) or markers]))
         anchors.append((posture.scene.description["links"][k]["name"], corners.mean(axis=0), link_colour(k), True))
     taken = np.concatenate([_sampled(np.asarray(line.get_xydata()), 0.3 * unit) for line in ax.lines])

@@ -29,12 +29,14 @@ class Postures:
     """Of the frame and of every link: marker to (N, 3) [m]."""
     axes: list[dict[str, Points]]
     """Likewise: the markers' axes."""
+    x_axes: list[dict[str, Points]]
+    """And their x."""
 
     def at(self, sample: int) -> Posture:
         return Posture(
             self.scene,
             [{name: points[sample] for name, points in link.items()} for link in self.markers],
-            [{name: axis[sample] for name, axis in link.items()} for link in self.axes],
+            *([{name: axis[sample] for name, axis in link.items()} for link in axes] for axes in (self.axes, self.x_axes)),
         )
 
     @property
@@ -42,11 +44,24 @@ class Postures:
         """(N, markers, 3)."""
         return np.stack([points for link in self.markers for points in link.values()], axis=1)
 
-    def travel(self, joint: dict[str, Any]) -> tuple[float, float]:
-        """Lowest and highest slide of a joint whose markers lie on a line."""
-        (first, second), (a, b) = joint["links"], joint["markers"]
-        slide = np.einsum("nk,nk->n", self.markers[second][b] - self.markers[first][a], self.axes[first][a])
+    def travel(self, joint: dict[str, Any], held: NDArray[np.intp] | slice = slice(None)) -> tuple[float, float]:
+        """Lowest and highest slide of a joint whose markers lie on a line, at some samples."""
+        slide = self._offsets(joint, self.axes)[held]
         return float(slide.min()), float(slide.max())
+
+    def field(self, joint: dict[str, Any], held: NDArray[np.intp] | slice = slice(None)) -> list[list[float]]:
+        """The same of a planar joint: along x and along y of its first marker."""
+        (link, _), (name, _) = joint["links"], joint["markers"]
+        y_axes: list[dict[str, Points]] = [{} for _ in self.axes]
+        y_axes[link] = {name: np.cross(self.axes[link][name], self.x_axes[link][name])}
+        ways = [self._offsets(joint, axes)[held] for axes in (self.x_axes, y_axes)]
+        return [[float(way.min()), float(way.max())] for way in ways]
+
+    def _offsets(self, joint: dict[str, Any], axes: list[dict[str, Points]]) -> Points:
+        """(N,) from a joint's first marker to its second, along an axis of the first."""
+        (first, second), (a, b) = joint["links"], joint["markers"]
+        offsets: Points = np.einsum("nk,nk->n", self.markers[second][b] - self.markers[first][a], axes[first][a])
+        return offsets
 
 
 @dataclass(frozen=True)
@@ -56,15 +71,17 @@ class Posture:
     scene: Scene
     markers: list[dict[str, Points]]
     axes: list[dict[str, Points]]
+    x_axes: list[dict[str, Points]]
 
 
 def poses_of(scene: Scene, run: xr.Dataset) -> Poses:
-    """Poses along a run: where other joint variables stood in for its coordinates, these do not tell the assembly."""
+    """Poses along a run: where other joint variables stood in for its coordinates, these do not tell the assembly.
+    Samples of a batch are each on their own, as where they were computed."""
     if "stand_in" in run and np.any(run.stand_in != 0):
         if "joint_variable" not in run:
             raise InputError("the run passed dead points of its coordinates (expected joint variables among the results)")
         return scene.poses(joint_variable=run.joint_variable.values)
-    return scene.poses(np.nan_to_num(run.q.values), in_order=True)
+    return scene.poses(np.nan_to_num(run.q.values), in_order="time" in run.coords)
 
 
 def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool_]]:
@@ -72,12 +89,14 @@ def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool
     n = len(poses.status)
     markers: list[dict[str, Points]] = []
     axes: list[dict[str, Points]] = []
+    x_axes: list[dict[str, Points]] = []
     for k, link in enumerate(scene.description["links"]):
         origin = np.zeros((n, 3)) if k == 0 else poses.position[:, k - 1]
         turn = np.broadcast_to(np.eye(3), (n, 3, 3)) if k == 0 else poses.rotation[:, k - 1]
         markers.append({marker["name"]: origin + turn @ np.array(marker["at"]) for marker in link["markers"]})
         axes.append({marker["name"]: turn @ np.array(marker["axis"]) for marker in link["markers"]})
-    return Postures(scene, markers, axes), poses.status == 0
+        x_axes.append({marker["name"]: turn @ np.array(marker["x"]) for marker in link["markers"]})
+    return Postures(scene, markers, axes, x_axes), poses.status == 0
 
 
 def scene_of(run: xr.Dataset, caller: str) -> Scene:

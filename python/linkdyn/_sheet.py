@@ -1,6 +1,6 @@
-"""The sizing sheet of a sweep: what a machine asks of its actuators and joints, on one page to hand on.
+"""The sheet of a sweep: what a machine asks of its actuators and joints, on one page to hand on.
 
-Here stands what is on the sheet; `_sheet_html` and `_sheet_pdf` draw it.
+Here stands what is on the sheet; `_sheet_html` and `_sheet_pdf` draw it. That of a run is in `_run_sheet`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ._sweep_data import axis_names, describe_place, entries_of, mapped_axes, ne
 from .errors import FileError, InputError
 from .scene import Scene
 
-__all__ = ["Cell", "Page", "Picture", "Table", "sheet", "sheet_page"]
+__all__ = ["NONE", "Cell", "Page", "Picture", "Table", "cell_of", "count_words", "limits_table", "machine_picture", "provenance", "sheet", "sheet_page", "sheet_path"]
 
 NONE = "–"
 MOST_DESIGNS = 80
@@ -71,6 +71,8 @@ class Picture:
     figure: Any
     raster: bool = False
     """Better as pixels: spatial drawings."""
+    wide: bool = False
+    """Over the whole page: many panels."""
 
 
 @dataclass
@@ -84,15 +86,16 @@ class Page:
 
 @checked
 def sheet(run: xr.Dataset, file: str | os.PathLike[str], *, design: int | None = None, scene: Scene | None = None) -> Path:
-    """Write the sizing sheet of a sweep.
+    """Write the sheet of a run or of a sweep: what a machine asks of its drives and joints, with pictures inside the file.
 
-    Per actuator: push, pull and where, rms, stroke, speed, power; joint loads and swing; limits with margins; why poses are
-    not feasible; worst load directions; pictures inside the file.
+    Of a run: drives and bearings with their peaks, where they are, rms values and power; transmission angles, shaking force; limits that the scene's ``[sweep]``
+    states and where they are exceeded; samples that failed. Of a sweep, per actuator: push, pull and where, rms, stroke, speed, power; joint loads and swing; limits with
+    margins; why poses are not feasible; worst load directions.
 
     Parameters
     ----------
     run
-        Results of `Scene.sweep` or of ``linkdyn sweep``.
+        Results of `Scene.inverse`, `Scene.forward` or `Scene.sweep`, or of the executable.
     file
         Ends in .html (self-contained) or .pdf.
     design
@@ -108,16 +111,14 @@ def sheet(run: xr.Dataset, file: str | os.PathLike[str], *, design: int | None =
     Raises
     ------
     InputError
-        No results of a sweep, no such design, another ending.
+        No results of a run or a sweep, no such design, another ending; a run without driving forces and reactions.
     FileError
         The file cannot be written.
     """
     from matplotlib import pyplot
 
-    path = Path(file)
+    path = sheet_path(file, "sheet")
     renderers = {".html": _html, ".pdf": _pdf}
-    if path.suffix.lower() not in renderers:
-        raise InputError(f"sheet: {str(path)!r} (expected a name that ends in .html or .pdf)")
     page = sheet_page(run, design=design, scene=scene)
     try:
         data = renderers[path.suffix.lower()](page)
@@ -131,6 +132,14 @@ def sheet(run: xr.Dataset, file: str | os.PathLike[str], *, design: int | None =
     except OSError as error:
         part.unlink(missing_ok=True)
         raise FileError(f"{path}: cannot be written ({error.strerror})") from error
+    return path
+
+
+def sheet_path(file: str | os.PathLike[str], caller: str) -> Path:
+    """The file, if a sheet may be called so."""
+    path = Path(file)
+    if path.suffix.lower() not in (".html", ".pdf"):
+        raise InputError(f"{caller}: {str(path)!r} (expected a file that ends in .html or .pdf)")
     return path
 
 
@@ -148,7 +157,13 @@ def _pdf(page: Page) -> bytes:
 
 @checked
 def sheet_page(run: xr.Dataset, *, design: int | None = None, scene: Scene | None = None) -> Page:
-    """What stands on the sheet; parameters as for `sheet`."""
+    """What stands on the sheet; arguments as for `sheet`."""
+    if "status" in run:
+        if design is not None:
+            raise InputError("sheet: design: these are results of a run, which has one design")
+        from ._run_sheet import run_page
+
+        return run_page(run, scene)
     need_sweep(run, "sheet")
     if "design" in run.dims and design is None and run.sizes["design"] > 1:
         return _comparison(run)
@@ -159,7 +174,7 @@ def sheet_page(run: xr.Dataset, *, design: int | None = None, scene: Scene | Non
         *_actuators(data),
         *_places(data),
         _joints(data),
-        _limits(data),
+        limits_table(data),
         _outcomes(data),
         _amplification(data),
         _quality(data),
@@ -175,27 +190,31 @@ def sheet_page(run: xr.Dataset, *, design: int | None = None, scene: Scene | Non
 
 def _facts(run: xr.Dataset, data: xr.Dataset, design: int | None) -> list[str]:
     n, feasible = int(data.samples), int(data.outcome_count.values[0])
-    first = f"{_count(n)} samples, {_count(feasible)} feasible ({_percent(feasible, n)})"
+    first = f"{count_words(n)} samples, {count_words(feasible)} feasible ({_percent(feasible, n)})"
     if "feasible_volume" in data:
         unit = str(data.feasible_volume.attrs["units"]).replace("m2", "m²").replace("m3", "m³")
         first += f", {float(data.feasible_volume):.4g} of {float(data.swept_volume):.4g} {unit}"
     lines = [first]
     if "design" in run.dims:
         values = run.design_value.values[design or 0]
-        words = [f"{name} = {_number(value, unit)}" for name, value, unit in zip(run.parameter.values, values, run.parameter_unit.values)]
+        words = [f"{name} = {number_words(value, unit)}" for name, value, unit in zip(run.parameter.values, values, run.parameter_unit.values)]
         lines.append(f"design {design or 0}: " + ", ".join(words))
+    return [*lines, provenance(run)]
+
+
+def provenance(run: xr.Dataset) -> str:
+    """How and when the results were computed."""
     gravity = ", ".join(f"{value:g}" for value in np.atleast_1d(run.attrs.get("gravity", [])))
-    lines.append(
+    return (
         f"gravity ({gravity}) m/s², solver {run.attrs.get('solver', '?')}, linkdyn {run.attrs.get('linkdyn_version', '?')}, "
         f"{str(run.attrs.get('history', ''))[:10]}"
     )
-    return lines
 
 
 def _notes(run: xr.Dataset, data: xr.Dataset) -> list[str]:
     notes = [
         "Push (positive) drives the joint variable up, pull (negative) holds it back. Extremes, means and rms values are over the "
-        f"{_count(int(data.samples_reduced))} samples within all constraints; rms values are those of a duty cycle only if the "
+        f"{count_words(int(data.samples_reduced))} samples within all constraints; rms values are those of a duty cycle only if the "
         "samples are one.",
     ]
     if "reaction_force_max" in data:
@@ -229,7 +248,7 @@ def _actuator_table(data: xr.Dataset, chosen: list[int], unit: str) -> Table:
             return
         values = [value for _, value in parts]
         factor, word = readable(_units(data, quantity, data.sizes["actuator"])[chosen[0]], float(np.nanmax(np.abs(values), initial=0.0)))
-        columns.extend((f"{head}\n[{word}]", [_cell(value, factor) for value in value_of]) for head, value_of in parts)
+        columns.extend((f"{head}\n[{word}]", [cell_of(value, factor) for value in value_of]) for head, value_of in parts)
 
     def of(name: str) -> NDArray[np.float64]:
         return data[name].values[chosen] if name in data else np.full(len(chosen), np.nan)
@@ -244,7 +263,7 @@ def _actuator_table(data: xr.Dataset, chosen: list[int], unit: str) -> Table:
     back, there = of("driving_power_min"), of("driving_power_max")
     add("driving_power", [("power in", np.where(there > 0, there, np.nan)), ("power back", np.where(back < 0, back, np.nan))])
     if "regenerative_share" in data:
-        columns.append(("regenerative\nshare [%]", [_cell(value, 100.0, digits=3) for value in of("regenerative_share")]))
+        columns.append(("regenerative\nshare [%]", [cell_of(value, 100.0, digits=3) for value in of("regenerative_share")]))
     rows = [[Cell(name), *(cells[k] for _, cells in columns)] for k, name in enumerate(names)]
     return Table("Actuators", ["actuator", *(head for head, _ in columns)], rows)
 
@@ -279,17 +298,17 @@ def _joints(data: xr.Dataset) -> Table | None:
         peaks = data[f"{quantity}_max"].values
         factor, unit = readable("N" if quantity == "reaction_force" else "N m", float(np.nanmax(peaks, initial=0.0)))
         worst = [max(members, key=lambda k: np.nan_to_num(peaks[k], nan=-1.0)) for members in groups.values()]
-        columns.append((f"{word}\n[{unit}]", [_cell(peaks[k], factor) for k in worst]))
+        columns.append((f"{word}\n[{unit}]", [cell_of(peaks[k], factor) for k in worst]))
         columns.append(("in", [Cell(str(data.joint.values[k]) if peaks[k] > 0 else NONE) for k in worst]))
     if "reaction_max" in data:
         for i, component in enumerate(map(str, data.component.values)):
             peaks = np.fmax(np.abs(data.reaction_min.values[:, i]), np.abs(data.reaction_max.values[:, i]))
             factor, unit = readable("N" if component.startswith("F") else "N m", float(np.nanmax(peaks, initial=0.0)))
-            columns.append((f"|{component}|\n[{unit}]", [_cell(np.nanmax(peaks[members], initial=0.0), factor) for members in groups.values()]))
+            columns.append((f"|{component}|\n[{unit}]", [cell_of(np.nanmax(peaks[members], initial=0.0), factor) for members in groups.values()]))
     if "swing_max" in data:
         swing = dict(zip(map(str, data.swing_joint.values), data.swing_max.values))
         joints = [[swing.get(str(data.joint.values[k]), np.nan) for k in members] for members in groups.values()]
-        columns.append(("swing\n[deg]", [_cell(max((v for v in values if v == v), default=np.nan), 180 / np.pi) for values in joints]))
+        columns.append(("swing\n[deg]", [cell_of(max((v for v in values if v == v), default=np.nan), 180 / np.pi) for values in joints]))
     if not columns:
         return None
     rows = [[Cell(name), *(cells[k] for _, cells in columns)] for k, name in enumerate(groups)]
@@ -299,7 +318,7 @@ def _joints(data: xr.Dataset) -> Table | None:
 
 # ---------------------------------------------------------------- limits
 
-def _limits(data: xr.Dataset) -> Table | None:
+def limits_table(data: xr.Dataset) -> Table | None:
     if "bound" not in data.dims:
         return None
     rows = []
@@ -315,11 +334,11 @@ def _limits(data: xr.Dataset) -> Table | None:
         rows.append([
             Cell(name),
             Cell("limit" if data.bound_is_limit.values[k] else "constraint"),
-            _cell(low, factor), _cell(high, factor), Cell(word),
-            _cell(lowest, factor, alarm=lowest < low), _cell(highest, factor, alarm=highest > high),
+            cell_of(low, factor), cell_of(high, factor), Cell(word),
+            cell_of(lowest, factor, alarm=lowest < low), cell_of(highest, factor, alarm=highest > high),
             Cell(where),
             Cell(_tenths(100 * margin), margin, beyond) if np.isfinite(margin) else Cell(NONE),
-            Cell(_count(int(codes[k])), float(codes[k])),
+            Cell(count_words(int(codes[k])), float(codes[k])),
             Cell(_percent(int(codes[k]), n)),
         ])
     head = ["", "kind", "allowed\nfrom", "to", "unit", "found\nfrom", "to", "nearest in", "margin\n[%]", "samples\nbeyond", "share"]
@@ -361,7 +380,7 @@ def _outcomes(data: xr.Dataset) -> Table:
     n = int(data.samples)
     counts = data.outcome_count.values
     rows = [
-        [Cell(str(name).replace("_", " ")), Cell(_count(int(count)), float(count)), Cell(_percent(int(count), n))]
+        [Cell(str(name).replace("_", " ")), Cell(count_words(int(count)), float(count)), Cell(_percent(int(count), n))]
         for name, count in zip(data.outcome.values, counts)
         if count > 0
     ]
@@ -382,7 +401,7 @@ def _amplification(data: xr.Dataset) -> Table | None:
         load = "N" if kind == "force" else "N·m"
         same = all(unit == units[0] for unit in units)
         head += [f"per unit {kind}\n[{_ratio(units[0], load) if same else 'SI'}]", "worst direction (x, y, z)"]
-        columns.append([_cell(value) for value in data[f"{name}_max"].values])
+        columns.append([cell_of(value) for value in data[f"{name}_max"].values])
         directions = data[f"{name}_direction"].values
         columns.append([Cell(NONE if np.isnan(row).any() else f"({', '.join(_component(v) for v in row)})") for row in directions])
         wide.append(2 * (kinds.index(kind) + 1))
@@ -413,11 +432,11 @@ def _quality(data: xr.Dataset) -> Table | None:
             continue
         value = float(data[f"{quantity}_{side}"])
         factor, unit = readable(str(data[f"{quantity}_{side}"].attrs["units"]), abs(value))
-        cell = _cell(value, factor)
+        cell = cell_of(value, factor)
         rows.append([Cell(words), Cell(f"{cell.text} {unit}".strip(), cell.value), Cell(describe_place(data, data[f"{quantity}_{side}_at"].values))])
     if "sign_changes" in data:
         n = int(data.sign_changes)
-        rows.append([Cell("singularities crossed between neighbours"), Cell(_count(n), float(n), n > 0), Cell(NONE)])
+        rows.append([Cell("singularities crossed between neighbours"), Cell(count_words(n), float(n), n > 0), Cell(NONE)])
     if not rows:
         return None
     note = ""
@@ -436,13 +455,13 @@ def _axes(run: xr.Dataset) -> Table:
     alone = [group[0] for group in members if len(group) == 1]
     rows = []
     if alone:
-        words = "; ".join(f"{names[k]} {_range(run, k)} ({_count(int(sizes[k]))}{_sampling(run, k)})" for k in alone)
+        words = "; ".join(f"{names[k]} {_range(run, k)} ({count_words(int(sizes[k]))}{_sampling(run, k)})" for k in alone)
         rows.append((f"all of {words}", int(np.prod(sizes[alone]))))
     for group in members:
         if len(group) > 1:
             words = "; ".join(f"{names[k]} {_range(run, k)}{_sampling(run, k)}" for k in group)
             rows.append((f"together {words}", int(sizes[group[0]])))
-    return Table("Swept", ["axes", "values"], [[Cell(words), Cell(_count(n), float(n))] for words, n in rows])
+    return Table("Swept", ["axes", "values"], [[Cell(words), Cell(count_words(n), float(n))] for words, n in rows])
 
 
 def _sampling(run: xr.Dataset, k: int) -> str:
@@ -468,7 +487,7 @@ def _comparison(run: xr.Dataset) -> Page:
     n = run.sizes["design"]
     page = Page(str(run.attrs.get("title") or "Sweep"))
     total, feasible = int(run.samples.sum()), int(run.outcome_count.values[:, 0].sum())
-    page.lines = [f"{n} designs, {_count(total)} samples, {_count(feasible)} feasible ({_percent(feasible, total)})"]
+    page.lines = [f"{n} designs, {count_words(total)} samples, {count_words(feasible)} feasible ({_percent(feasible, total)})"]
     columns = _design_columns(run)
     gain = "feasible_volume" if "feasible_volume" in run else "feasible_fraction"
     front: list[int] = []
@@ -494,11 +513,11 @@ def _design_columns(run: xr.Dataset) -> list[tuple[str, list[Cell]]]:
     for k, name in enumerate(map(str, run.parameter.values)):
         values, unit = run.design_value.values[:, k], str(run.parameter_unit.values[k])
         factor, word = readable(unit, float(np.abs(values).max())) if unit != "SI" else (1.0, "")
-        columns.append((f"{name}\n[{word}]" if word else name, [_cell(value, factor) for value in values]))
+        columns.append((f"{name}\n[{word}]" if word else name, [cell_of(value, factor) for value in values]))
 
     def add(head: str, quantity: str, values: NDArray[np.float64], unit: str) -> None:
         factor, word = readable(unit, float(np.nanmax(np.abs(values), initial=0.0)))
-        columns.append((f"{head}\n[{word}]" if word else head, [_cell(value, factor) for value in values]))
+        columns.append((f"{head}\n[{word}]" if word else head, [cell_of(value, factor) for value in values]))
 
     for quantity, sides in (
         ("driving_force", (("max", "peak push"), ("min", "peak pull"))),
@@ -514,10 +533,10 @@ def _design_columns(run: xr.Dataset) -> list[tuple[str, list[Cell]]]:
                 values = np.fmax(np.abs(values), np.abs(run[f"{quantity}_min"].values.reshape(n, -1)))
             worst = np.array([np.nan if np.isnan(row).all() else np.nanmin(row) if side == "min" else np.nanmax(row) for row in values])
             add(head, quantity, worst, _units(run, quantity, values.shape[1])[0])
-    columns.append(("feasible\n[%]", [_cell(value, 100.0) for value in run.feasible_fraction.values]))
+    columns.append(("feasible\n[%]", [cell_of(value, 100.0) for value in run.feasible_fraction.values]))
     if "feasible_volume" in run:
         unit = str(run.feasible_volume.attrs["units"]).replace("m2", "m²").replace("m3", "m³")
-        columns.append((f"feasible\n[{unit}]", [_cell(value) for value in run.feasible_volume.values]))
+        columns.append((f"feasible\n[{unit}]", [cell_of(value) for value in run.feasible_volume.values]))
     return columns
 
 
@@ -527,7 +546,7 @@ def _pictures(run: xr.Dataset, data: xr.Dataset, design: int | None, scene: Scen
     from . import _sweep_plots
 
     pictures = []
-    drawing = _machine(run, scene)
+    drawing = machine_picture(run, scene)
     if drawing is not None:
         pictures.append(drawing)
     if "driving_force_max" in data:
@@ -543,7 +562,7 @@ def _pictures(run: xr.Dataset, data: xr.Dataset, design: int | None, scene: Scen
     return pictures
 
 
-def _machine(run: xr.Dataset, scene: Scene | None) -> Picture | None:
+def machine_picture(run: xr.Dataset, scene: Scene | None) -> Picture | None:
     """The scene as it starts, if it can be read and assembled."""
     from ._drawing import mechanism
     from .errors import LinkdynError
@@ -596,7 +615,7 @@ def _units(data: xr.Dataset, quantity: str, n: int) -> list[str]:
     return [str(data[f"{quantity}_max"].attrs["units"])] * n
 
 
-def _cell(value: float, factor: float = 1.0, digits: int = 4, alarm: bool = False) -> Cell:
+def cell_of(value: float, factor: float = 1.0, digits: int = 4, alarm: bool = False) -> Cell:
     """A number with some digits; a dash if there is none."""
     number = float(value)
     if not np.isfinite(number):
@@ -614,12 +633,12 @@ def significant(value: float, digits: int = 4) -> str:
     return f"{round(value, places):.{places}f}".replace("-", "−")
 
 
-def _number(value: float, unit: str) -> str:
+def number_words(value: float, unit: str) -> str:
     factor, word = readable(unit, abs(value)) if unit != "SI" else (1.0, "")
     return f"{significant(value * factor)} {word}".strip()
 
 
-def _count(n: int) -> str:
+def count_words(n: int) -> str:
     """ "11 114 334": groups of three, with narrow blanks."""
     return f"{n:,}".replace(",", "\u202f")
 

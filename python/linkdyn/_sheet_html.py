@@ -35,10 +35,12 @@ div.pictures { display: grid; grid-template-columns: 1fr 1fr; gap: .8em; margin-
 figure { margin: 0; break-inside: avoid; }
 figure.wide { grid-column: 1 / 3; }
 figure img { width: 100%; max-height: 430px; object-fit: contain; }
+figure.whole img { max-height: none; }
 figcaption { color: #444; text-align: center; }
 @media print { body { margin: 0; padding: 0; max-width: none; font-size: 7.4px; line-height: 1.22; } p.note { font-size: 6.4px; }
   h1 { font-size: 15px; } h2 { font-size: 9px; margin: 0; } section { margin-top: .55em; } td { padding: .05em .4em; }
   div.pictures { grid-template-columns: 1fr 1fr 1fr; gap: .3em; margin-top: .4em; } figure.wide { grid-column: auto; }
+  figure.whole { grid-column: 1 / 4; } figure.whole img { max-height: none; }
   figure img { max-height: 175px; } }
 """
 
@@ -105,7 +107,7 @@ def _data(cell: Cell, is_word: bool) -> str:
 
 def _figure(picture: Picture) -> str:
     width, height = picture.figure.get_size_inches()
-    kind = ' class="wide"' if width > 1.45 * height and width > 8 else ""
+    kind = ' class="wide whole"' if picture.wide else ' class="wide"' if width > 1.45 * height and width > 8 else ""
     form, mime = ("png", "image/png") if picture.raster else ("svg", "image/svg+xml")
     stream = io.BytesIO()
     with rc_context({"svg.hashsalt": "linkdyn"}):

@@ -36,6 +36,8 @@ IN_A_ROW = 3
 """Pictures."""
 LOWEST = 1.15
 """A picture less tall than this [inch] cannot be read."""
+TALLEST, BESIDE = 2.6, 0.12
+"""A picture among others, and what is between two of them [inch]."""
 BELOW = 0.4
 """Kept for the notes [inch]."""
 
@@ -184,16 +186,20 @@ def _table(writer: _Writer, table: Table, left: float, right: float) -> None:
 
 
 def _pictures(writer: _Writer, pictures: list[Picture]) -> None:
-    """In rows, as pixels, as tall as the rest of the page allows; on a page of their own if that is little."""
-    gap = 0.12
-    rows = [pictures[first : first + IN_A_ROW] for first in range(0, len(pictures), IN_A_ROW)]
+    """In rows, as pixels, as tall as the rest of the page allows; on a page of their own if that is little. What is wide has a row of its own."""
+    rows = _rows(pictures)
     for k, row in enumerate(rows):
         images = [_pixels(picture) for picture in row]
         ratios = [image.shape[1] / image.shape[0] for image in images]
-        height = min((WIDTH - 2 * MARGIN - gap * (len(row) - 1)) / sum(ratios), 2.6)
-        left = (HEIGHT - MARGIN - BELOW - writer.at.y) / (len(rows) - k) - 0.1
-        if left > LOWEST:
-            height = min(height, left)
+        height = (WIDTH - 2 * MARGIN - BESIDE * (len(row) - 1)) / sum(ratios)
+        left = HEIGHT - MARGIN - BELOW - writer.at.y
+        if row[0].wide:
+            height = min(height, HEIGHT - 2 * MARGIN - BELOW)
+        else:
+            height = min(height, TALLEST)
+            share = left / (len(rows) - k) - 0.1
+            if share > LOWEST:
+                height = min(height, share)
         writer.room(height + 0.1)
         x = MARGIN
         for image, ratio in zip(images, ratios):
@@ -201,8 +207,17 @@ def _pictures(writer: _Writer, pictures: list[Picture]) -> None:
             axis = writer.at.figure.add_axes(frame)
             axis.imshow(image, interpolation="antialiased")
             axis.axis("off")
-            x += ratio * height + gap
+            x += ratio * height + BESIDE
         writer.at.y += height + 0.1
+
+
+def _rows(pictures: list[Picture]) -> list[list[Picture]]:
+    rows: list[list[Picture]] = []
+    for picture in pictures:
+        if picture.wide or not rows or rows[-1][0].wide or len(rows[-1]) == IN_A_ROW:
+            rows.append([])
+        rows[-1].append(picture)
+    return rows
 
 
 def _pixels(picture: Picture) -> np.ndarray:

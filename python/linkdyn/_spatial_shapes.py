@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from mpl_toolkits.mplot3d import Axes3D
+from mpl_toolkits.mplot3d import Axes3D, proj3d
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
@@ -18,14 +18,31 @@ __all__ = ["draw_spatial"]
 
 Points = NDArray[np.float64]
 
-SYMBOLS = {"revolute": "o", "prismatic": "s", "cylindrical": "D", "universal": "P", "spherical": "."}
+SYMBOLS = {"revolute": "o", "prismatic": "s", "cylindrical": "D", "universal": "P", "spherical": ".", "fixed": "X", "planar": "p", "screw": "H"}
 SYMBOL_SIZES = {".": 12.0}
-SLIDING = ("prismatic", "cylindrical")
+FONT = 8.0
+PLACES = (("left", "center"), ("right", "center"), ("center", "bottom"), ("center", "top"), ("left", "bottom"), ("right", "top"),
+          ("left", "top"), ("right", "bottom"))
+"""Where a name may stand from its point, as matplotlib aligns it."""
+ALIGNED = {"left": 0.0, "bottom": 0.0, "center": 0.5, "right": 1.0, "top": 1.0}
+SLIDING = ("prismatic", "cylindrical", "screw")
 """Joints whose two markers lie apart: what lies between them is drawn as rod and sleeve."""
 
 
-def draw_spatial(ax: Axes3D, posture: Posture, names: bool) -> None:
-    """Draw a spatial mechanism in three-dimensional axes whose limits are set."""
+def draw_spatial(ax: Axes3D, posture: Posture, fields: dict[str, list[list[float]]], names: bool) -> None:
+    """Draw a spatial mechanism in three-dimensional axes whose limits are set.
+
+    Parameters
+    ----------
+    ax
+        Such axes.
+    posture
+        Where its markers are.
+    fields
+        Travel of each planar joint along x and y of its first marker [m]: so large are the tables.
+    names
+        Write names of links and joints, and a legend.
+    """
     joints = posture.scene.description["joints"]
     for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
         axis.set_pane_color((0.97, 0.97, 0.97, 1.0))
@@ -34,10 +51,11 @@ def draw_spatial(ax: Axes3D, posture: Posture, names: bool) -> None:
         _draw_link(ax, markers, jointed(posture, k), link_colour(k))
     listed: set[str] = set()
     for joint in joints:
+        if joint["name"] in fields:
+            _draw_table(ax, posture, joint, fields[joint["name"]])
         _draw_joint(ax, joint, _ends(posture, joint), listed)
     if names:
-        for text, point in _labels(posture).items():
-            ax.text(*point, f"  {text}", fontsize=8, color="0.1", zorder=20)
+        _write_names(ax, posture)
         ax.legend(loc="upper left", frameon=False, fontsize="small", title="joints", title_fontsize="small")
 
 
@@ -83,6 +101,35 @@ def _draw_joint(ax: Axes3D, joint: dict[str, Any], ends: Points, listed: set[str
         zorder=15,
     )
     listed.add(joint["type"])
+
+
+def _draw_table(ax: Axes3D, posture: Posture, joint: dict[str, Any], field: list[list[float]]) -> None:
+    """The plane that a planar joint slides on, as large as its travel and a little more."""
+    link, name = joint["links"][0], joint["markers"][0]
+    point, x = posture.markers[link][name], posture.x_axes[link][name]
+    y = np.cross(posture.axes[link][name], x)
+    room = 0.12 * max(np.ptp(limits) for limits in (ax.get_xlim(), ax.get_ylim(), ax.get_zlim()))
+    (left, right), (near, far) = ((low - room, high + room) for low, high in field)
+    corners = [point + a * x + b * y for a, b in ((left, near), (right, near), (right, far), (left, far))]
+    colour = link_colour(link)
+    ax.add_collection3d(Poly3DCollection([corners], facecolor=(*lighter(colour, 0.3), 0.35), edgecolor=colour, linewidth=0.8))
+
+
+def _write_names(ax: Axes3D, posture: Posture) -> None:
+    """Names of links first, then of joints; those for which there is no room are left out."""
+    labels = _labels(posture)
+    links = {link["name"] for link in posture.scene.description["links"]}
+    letter = np.array([0.62, 1.25]) * FONT * ax.get_figure(root=True).dpi / 72
+    taken: list[tuple[Points, Points]] = []
+    for text in sorted(labels, key=lambda name: name not in links):
+        x, y, _ = proj3d.proj_transform(*labels[text], ax.get_proj())
+        size = letter * [len(text) + 2, 1]
+        for ha, va in PLACES:
+            low = ax.transData.transform((x, y)) - size * [ALIGNED[ha], ALIGNED[va]]
+            if all((low + size <= start).any() or (low >= stop).any() for start, stop in taken):
+                taken.append((low, low + size))
+                ax.text(*labels[text], f"  {text}  ", fontsize=FONT, color="0.1", zorder=20, ha=ha, va=va)
+                break
 
 
 def _labels(posture: Posture) -> dict[str, Points]:

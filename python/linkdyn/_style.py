@@ -24,7 +24,7 @@ def plain_units(unit: str) -> str:
 
 
 def readable(unit: str, largest: float) -> tuple[float, str]:
-    """Factor and unit in which people read numbers up to ``largest``: mm, deg, kN from 10 kN on."""
+    """Factor and unit in which people read numbers up to ``largest``: mm, deg, kN from 10 kN, MN from 10 MN on."""
     if unit == "1":
         return 1.0, ""
     if unit == "rad":
@@ -33,6 +33,8 @@ def readable(unit: str, largest: float) -> tuple[float, str]:
         return 1e3, "mm"
     if unit == "m/s" and largest < 0.1:
         return 1e3, "mm/s"
-    if unit in ("N", "N m", "W") and largest >= 1e4:
+    if unit in ("N", "N m", "W", "J") and largest >= 1e7:
+        return 1e-6, f"M{plain_units(unit)}"
+    if unit in ("N", "N m", "W", "J") and largest >= 1e4:
         return 1e-3, f"k{plain_units(unit)}"
     return 1.0, plain_units(unit)

@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from ._averages import rms, shares
 from ._drawing_arguments import checked
 from ._style import BAD, COLOURS, DIVERGING, SEQUENTIAL, readable
 from ._sweep_data import (
@@ -436,9 +437,9 @@ def sizing(
                 axis.plot(*_four_ways(curve, by_speed, by_force), **style)
         used = _use(cloud, curves[0])
         _draw_cloud(axis, cloud, used, by_speed, by_force, room)
-        rms = _rms(data, k, cloud)
-        axis.plot(rms[0] * by_speed, rms[1] * by_force, "X", color="black", markeredgecolor="white", markersize=8)
-        title = f"{name}   rms {rms[1] * by_force:.4g} {force_unit}"
+        mean_speed, mean_force = _rms(data, k, cloud)
+        axis.plot(mean_speed * by_speed, mean_force * by_force, "X", color="black", markeredgecolor="white", markersize=8)
+        title = f"{name}   rms {mean_force * by_force:.4g} {force_unit}"
         if used is not None:
             title += f"\nuse of the limit {np.nanmax(used, initial=0.0):.2f}"
             beyond = int((used > 1.0).sum())
@@ -558,11 +559,12 @@ def _draw_cloud(axis: Axes, cloud: Any, used: Any, by_speed: float, by_force: fl
 
 
 def _rms(data: xr.Dataset, k: int, cloud: NDArray[np.float64]) -> tuple[float, float]:
-    """Of speed and force over the samples, each of which counts alike: as a sweep and the printed summary have it."""
+    """Of speed and force over the samples, as a sweep and the printed summary have it."""
     if "driving_force_rms" in data and "driving_speed_rms" in data:
         return float(data.driving_speed_rms.values[k]), float(data.driving_force_rms.values[k])
-    values = cloud[np.isfinite(cloud).all(axis=1)] ** 2
-    speed, force = np.sqrt(values.mean(axis=0)) if len(values) else np.full(2, np.nan)
+    is_there = np.isfinite(cloud).all(axis=1)
+    weights = shares(data) if "status" in data else is_there.astype(float)
+    speed, force = rms(cloud, np.where(is_there, weights, 0.0))
     return float(speed), float(force)
 
 

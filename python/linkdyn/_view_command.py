@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from ._commands import SOME_FAILED, Parser, refuse
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -15,22 +16,14 @@ if TYPE_CHECKING:
 
 __all__ = ["parser", "view_command"]
 
-BAD_INPUT, SOME_FAILED = 2, 3
 DESCRIPTION = """\
 An interactive picture of a run as one file of HTML, for any browser, without a network: play it, look from anywhere,
 forces as arrows, ways of points, results over time. A SCENE is computed first: by its motion, or by its drives if it has none."""
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> None:  # type: ignore[override]
-        print(f"linkdyn: view: {message} (linkdyn view --help lists the options)", file=sys.stderr)
-        sys.exit(BAD_INPUT)
-
-
-def parser() -> argparse.ArgumentParser:
+def parser() -> Parser:
     """What the command takes."""
-    view = _Parser(prog="linkdyn view", description=DESCRIPTION, add_help=False, allow_abbrev=False,
-                     usage="linkdyn view SCENE|RUN.nc [options]", formatter_class=argparse.RawDescriptionHelpFormatter)
+    view = Parser("view", "SCENE|RUN.nc", DESCRIPTION)
     add = view.add_argument
     add("source", metavar="SCENE|RUN.nc", help="a scene file, or results of inverse or forward")
     add("-o", "--output", metavar="FILE", help="the page; default: the name of SCENE or RUN with .html in this folder")
@@ -39,8 +32,7 @@ def parser() -> argparse.ArgumentParser:
     add("--plots", metavar="LIST", help="results plotted at first, such as driving_force,reaction")
     add("--traces", metavar="LIST", help="markers whose ways are drawn, such as platform.tool")
     add("--scene", metavar="FILE", help="the scene of RUN.nc, if it reads tables")
-    add("-q", "--quiet", action="store_true", help="do not say what was written")
-    add("-h", "--help", action="help", help="this text")
+    view.add_last()
     return view
 
 
@@ -56,14 +48,9 @@ def view_command(arguments: Sequence[str]) -> int:
         bundle()  # before a long run
         return _write(options, source, page)
     except LinkdynError as error:
-        return _refuse(str(error))
+        return refuse(str(error))
     except OSError as error:
-        return _refuse(f"{error.filename}: {error.strerror}")
-
-
-def _refuse(message: str) -> int:
-    print(f"linkdyn: {' '.join(message.split())}", file=sys.stderr)
-    return BAD_INPUT
+        return refuse(f"{error.filename}: {error.strerror}")
 
 
 def _write(options: argparse.Namespace, source: Path, page: Path) -> int:

@@ -25,7 +25,7 @@ TURN = 32767
 """A component of a direction is sent as an integer of 16 bit: 3e-5 rad, less than a pixel."""
 ROOM = 0.1
 """Round a planar mechanism, for arrows; of its extent."""
-SLIDING = ("prismatic", "cylindrical")
+SLIDING = ("prismatic", "cylindrical", "screw")
 FEW = 12
 """Joints whose names do not hide the picture."""
 CLEAR = 8
@@ -162,12 +162,9 @@ def _level(up: Values) -> Values:
 
 
 def _joint(joint: dict[str, Any], postures: Postures, held: NDArray[np.intp]) -> dict[str, Any]:
-    if joint["type"] not in SLIDING:
-        return joint
-    (first, second), (a, b) = joint["links"], joint["markers"]
-    offset = postures.markers[second][b][held] - postures.markers[first][a][held]
-    slide = np.einsum("nk,nk->n", offset, postures.axes[first][a][held])
-    return joint | {"travel": [float(slide.min()), float(slide.max())]}
+    if joint["type"] == "planar":
+        return joint | {"field": postures.field(joint, held)}
+    return joint | {"travel": list(postures.travel(joint, held))} if joint["type"] in SLIDING else joint
 
 
 def _marker(scene: Scene, link: int, marker: str) -> list[float]:

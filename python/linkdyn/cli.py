@@ -1,4 +1,4 @@
-"""The command ``linkdyn``: hands over to the executable inside the package, draws the sheet of a sweep after it, views runs and writes new scenes."""
+"""The command ``linkdyn``: hands over to the executable inside the package, draws sheets after it; views, draws and balances scenes, writes new ones."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from pathlib import Path
 __all__ = ["executable", "main", "quadruple_twin"]
 
 PROGRAMS = Path(__file__).parent / "_bin"
-BAD_INPUT = 2
+WITH_SHEET = ("inverse", "forward", "sweep")
+"""Commands whose results a sheet can be drawn of."""
 RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
 """Where launchers of MPI leave the number of the process."""
 
@@ -42,12 +43,20 @@ def quadruple_twin() -> Path | None:
 
 
 def main() -> None:
-    """Become the executable, with the same arguments; stay for a sizing sheet."""
+    """Become the executable, with the same arguments; stay for what the package does itself."""
     arguments = sys.argv[1:]
     if arguments[:1] == ["new"]:
         from ._new import new_command
 
         sys.exit(new_command(arguments[1:]))
+    if arguments[:1] == ["draw"]:
+        from ._draw_command import draw_command
+
+        sys.exit(draw_command(arguments[1:]))
+    if arguments[:1] == ["balance"]:
+        from ._balance_command import balance_command
+
+        sys.exit(balance_command(arguments[1:]))
     try:
         path = executable()
     except FileNotFoundError as error:
@@ -58,24 +67,33 @@ def main() -> None:
         from ._view_command import view_command
 
         sys.exit(view_command(arguments[1:]))
+    if arguments[:1] == ["assemblies"]:
+        from ._assemblies_command import assemblies_command
+
+        sys.exit(assemblies_command(arguments[1:]))
     if _asks_for_sheet(arguments):
-        sys.exit(_sweep_with_sheet(path, arguments))
+        sys.exit(_run_with_sheet(path, arguments))
     os.execv(path, ["linkdyn", *arguments])
 
 
 def _asks_for_sheet(arguments: Sequence[str]) -> bool:
     is_help = any(word in ("-h", "--help") for word in arguments)
-    return arguments[:1] == ["sweep"] and not is_help and any(word.split("=")[0] == "--sheet" for word in arguments)
+    return arguments[:1] != [] and arguments[0] in WITH_SHEET and not is_help and any(word.split("=")[0] == "--sheet" for word in arguments)
 
 
-def _sweep_with_sheet(path: Path, arguments: list[str]) -> int:
-    """Run the sweep, then draw its sheet; the exit status."""
+def _run_with_sheet(path: Path, arguments: list[str]) -> int:
+    """Run the command, then draw the sheet of its results; the exit status."""
+    from ._commands import SOME_FAILED, refuse
+
     target, rest = _take_option(arguments, ("--sheet",))
     if not target or Path(target).suffix.lower() not in (".html", ".pdf"):
-        return _refuse(f"--sheet: {target or ''!r} (expected a file that ends in .html or .pdf)")
+        return refuse(f"--sheet: {target or ''!r} (expected a file that ends in .html or .pdf)")
     sheet_file = Path(target)
     if not sheet_file.absolute().parent.is_dir():
-        return _refuse(f"--sheet: {target!r}: the folder is not there")
+        return refuse(f"--sheet: {target!r}: the folder is not there")
+    for word in ("--no-output", "--csv"):
+        if word in rest:
+            return refuse(f"--sheet: it is drawn from results in a file, as netCDF (expected none of {word})")
     results, _ = _take_option(rest, ("-o", "--output"))
     if results is None:
         results = str(sheet_file.with_suffix(".nc"))
@@ -86,28 +104,27 @@ def _sweep_with_sheet(path: Path, arguments: list[str]) -> int:
         code = subprocess.run([path, *rest], check=False).returncode
     except KeyboardInterrupt:
         return 130
-    if code != 0:
+    if code not in (0, SOME_FAILED):
         return code if code > 0 else 128 - code
     if any(os.environ.get(name, "0") != "0" for name in RANKS):     # one process of several draws
-        return 0
-    return _draw(results, sheet_file, rest)
+        return code
+    return _draw(results, sheet_file, rest) or code
 
 
 def _draw(results: str, sheet_file: Path, arguments: list[str]) -> int:
     import matplotlib
 
     matplotlib.use("Agg")   # no window: pictures go into the file
-    import xarray as xr
-
+    from ._commands import refuse
     from ._sheet import sheet
     from .errors import LinkdynError
+    from .results import read
     from .scene import Scene
 
     try:
-        with xr.open_dataset(results) as run:
-            sheet(run.load(), sheet_file, scene=Scene(Path(_scene_file(arguments))))
+        sheet(read(results), sheet_file, scene=Scene(Path(_scene_file(arguments))))
     except LinkdynError as error:
-        return _refuse(str(error))
+        return refuse(str(error))
     if not {"-q", "--quiet"} & set(arguments):
         print(f"  sheet            {sheet_file}")
     return 0
@@ -127,16 +144,11 @@ def _take_option(arguments: Sequence[str], names: tuple[str, ...]) -> tuple[str 
 
 def _scene_file(arguments: Sequence[str]) -> str:
     """The one word that is neither an option nor the value of one; the executable has accepted them all."""
-    bare = ("--resume", "--yes", "-q", "--quiet")
+    bare = ("--resume", "--yes", "-q", "--quiet", "--compress", "--error", "--no-switch")
     words = iter(arguments[1:])
     for word in words:
         if not word.startswith("-"):
             return word
         if "=" not in word and word not in bare:
             next(words, None)
-    raise AssertionError("a sweep without a scene succeeded")
-
-
-def _refuse(message: str) -> int:
-    print(f"linkdyn: {message}", file=sys.stderr)
-    return BAD_INPUT
+    raise AssertionError("a run without a scene succeeded")

@@ -13,14 +13,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ._animation import animate
+from ._assemblies import draw_assemblies
 from ._drawing import mechanism
 from ._drawing_arguments import checked
-from ._style import COLOURS, LINES, plain_units
+from ._lines import abscissa, colour, draw_lines, line, scale_axis
+from ._style import BAD
 from ._sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
 from .errors import InputError
+from .scene import Scene
 
 __all__ = [
     "animate",
+    "assemblies",
     "designs",
     "driving_forces",
     "energies",
@@ -42,14 +46,34 @@ __all__ = [
 scene3d = mechanism
 
 
+def assemblies(scene: Scene) -> tuple[Figure, np.ndarray]:
+    """A sheet with every assembly in which a scene closes at its start, each small and with its number; the scene's own is 1.
+
+    Parameters
+    ----------
+    scene
+        The mechanism.
+
+    Returns
+    -------
+    figure, axes
+    """
+    figure = draw_assemblies(scene)
+    return figure, np.array(figure.axes)
+
+
 @checked
-def driving_forces(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
-    """Driving forces and torques over time, one panel per group of like actuators, peaks marked.
+def driving_forces(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndarray]:
+    """Driving forces and torques over time, one panel per group of like actuators, peaks marked and named beside the lines.
+
+    Of more than eight lines the range is drawn, and the one with the largest peak.
 
     Parameters
     ----------
     run
         Results with ``driving_force``.
+    over
+        Angle to draw over, a coordinate; default: the time.
 
     Returns
     -------
@@ -58,72 +82,89 @@ def driving_forces(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     """
     _need(run, "driving_force")
     units = dict(zip(run.actuator.values, run.actuator_unit.values))
-    groups = _groups(run.actuator.values, units)
-    figure, axes = pyplot.subplots(
-        len(groups), squeeze=False, sharex=True, figsize=(9.0, 1.2 + 3.0 * len(groups)), layout="constrained"
-    )
-    x, x_label = _abscissa(run)
-    for axis, ((_, unit), names) in zip(axes[:, 0], groups.items()):
-        for k, name in enumerate(names):
-            force = run.driving_force.sel(actuator=name).values
-            label = str(name)
-            if np.isfinite(force).any():
-                peak = int(np.nanargmax(np.abs(force)))
-                label += f"  (peak {force[peak]:.4g} {plain_units(unit)} at {x[peak]:.4g})"
-                axis.plot(x[peak], force[peak], "o", color=_colour(k), markersize=5)
-            axis.plot(x, force, label=label, **_line(k))
+    panels = [
+        (f"driving {'torque' if unit == 'N m' else 'force'}", unit,
+         {name: run.driving_force.sel(actuator=name).values for name in names})
+        for (_, unit), names in _groups(run.actuator.values, units).items()
+    ]
+    figure, axes = _panels(run, [[panel] for panel in panels], over)
+    for axis in axes[:, 0]:
         axis.axhline(0.0, color="0.6", linewidth=0.6, zorder=0)
-        axis.set_ylabel(f"driving {'torque' if unit == 'N m' else 'force'} [{plain_units(unit)}]")
-        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
-    axes[-1, 0].set_xlabel(x_label)
-    _finish(figure, axes, run)
     return figure, axes[:, 0]
 
 
 @checked
-def reactions(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
-    """Magnitudes of the joint reactions: a row per group of like joints; left force, right moment.
+def reactions(run: xr.Dataset, over: str | None = None) -> tuple[Figure, np.ndarray]:
+    """Magnitudes of the joint reactions: a row per group of like joints; left force, right moment where there is one.
+
+    Of more than eight lines the range is drawn, and the one with the largest peak.
 
     Parameters
     ----------
     run
         Results with ``reaction``.
+    over
+        Angle to draw over, a coordinate; default: the time.
 
     Returns
     -------
     figure, axes
-        ``axes`` of shape (number of groups, 2).
+        ``axes`` of shape (number of groups, 2), (number of groups, 1) if no joint bears a moment. What would be empty is not visible.
     """
     _need(run, "reaction")
-    groups = _groups(run.joint.values, {})
-    figure, axes = pyplot.subplots(
-        len(groups), 2, squeeze=False, sharex=True, figsize=(10.0, 1.2 + 2.2 * len(groups)), layout="constrained"
-    )
-    x, x_label = _abscissa(run)
-    for row, names in zip(axes, groups.values()):
-        for axis, letter, quantity in ((row[0], "F", "force"), (row[1], "M", "moment")):
-            components = [name for name in run.component.values if str(name).startswith(letter)]
-            magnitude = np.sqrt((run.reaction.sel(component=components) ** 2).sum("component", skipna=False))
-            unit = str(run.component_unit.sel(component=components[0]).values)
-            for k, name in enumerate(names):
-                axis.plot(x, magnitude.sel(joint=name), label=str(name), **_line(k))
-            axis.set_ylabel(f"{quantity} [{plain_units(unit)}]")
-            axis.set_ylim(bottom=0.0)
-            if not magnitude.sel(joint=names).any():
-                axis.text(0.5, 0.5, "none", transform=axis.transAxes, ha="center", va="center", color="0.4")
-                axis.set_yticks([0.0])
-        row[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
-    for axis in axes[-1]:
-        axis.set_xlabel(x_label)
-    _finish(figure, axes, run)
+    sizes = {letter: _magnitude(run, letter) for letter in "FM"}
+    bears = {letter: {name for name, acts in zip(map(str, run.joint.values), (np.nan_to_num(sizes[letter].values) > 0).any(axis=0)) if acts}
+             for letter in "FM"}
+    rows = []
+    for names in _groups(run.joint.values, {}).values():
+        row: list[Panel | None] = []
+        for letter, quantity in (("F", "force"), ("M", "moment")):
+            acting = [name for name in names if name in bears[letter]] or (names if letter == "F" else [])
+            lines = {name: sizes[letter].sel(joint=name).values for name in acting}
+            row.append((quantity, "N" if letter == "F" else "N m", lines) if lines else None)
+        rows.append(row if bears["M"] else row[:1])
+    return _panels(run, rows, over, from_zero=True)
+
+
+Panel = tuple[str, str, dict[str, np.ndarray]]
+"""What it shows, its SI unit, lines by name."""
+
+
+def _panels(run: xr.Dataset, rows: list[list[Panel | None]], over: str | None = None, from_zero: bool = False) -> tuple[Figure, np.ndarray]:
+    """Panels over one abscissa."""
+    columns = max(len(row) for row in rows)
+    size = (9.0 if columns == 1 else 13.0, 1.0 + 2.3 * len(rows) + (0.5 if len(rows) == 1 else 0.0))
+    figure, axes = pyplot.subplots(len(rows), columns, squeeze=False, sharex=True, figsize=size, layout="constrained")
+    x, x_name, x_unit = abscissa(run, over)
+    for drawn, row in zip(axes, rows):
+        for axis, panel in zip(drawn, row):
+            if panel is None:
+                axis.set_visible(False)
+                continue
+            quantity, unit, values = panel
+            largest = max(float(np.nanmax(np.abs(y), initial=0.0)) for y in values.values())
+            draw_lines(axis, x, values, *scale_axis(axis, "y", quantity, unit, largest, ticks=5), from_zero=from_zero)
+    for column in axes.T:
+        lowest = [axis for axis in column if axis.get_visible()][-1]
+        scale_axis(lowest, "x", x_name, x_unit, float(np.nanmax(np.abs(x), initial=0.0)), ticks=8)
+        lowest.tick_params(labelbottom=True)
+    if run.attrs.get("title"):
+        figure.suptitle(run.attrs["title"])
     return figure, axes
+
+
+def _magnitude(run: xr.Dataset, letter: str) -> xr.DataArray:
+    """Of the reactions' forces ("F") or moments ("M")."""
+    components = [name for name in run.component.values if str(name).startswith(letter)]
+    size: xr.DataArray = np.sqrt((run.reaction.sel(component=components) ** 2).sum("component", skipna=False))
+    return size
 
 
 @checked
 def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: str = "xy") -> tuple[Figure, np.ndarray]:
     """Hodographs of the joint forces: the curve that the tip of each joint's force runs through, one panel a joint.
 
-    Dots divide the run into twelve parts; the hollow one is its beginning.
+    Dots divide the run into twelve parts; the hollow one is its beginning, the red one the largest force, which stands above.
 
     Parameters
     ----------
@@ -159,13 +200,19 @@ def hodograph(run: xr.Dataset, joints: Iterable[str] | None = None, components: 
         force = run.reaction.sel(joint=name, component=wanted).values
         axis.axhline(0.0, color="0.75", linewidth=0.8, zorder=0)
         axis.axvline(0.0, color="0.75", linewidth=0.8, zorder=0)
-        axis.plot(*force.T, color=_colour(k), linewidth=1.4)
+        axis.plot(*force.T, color=colour(k), linewidth=1.4)
         marks = np.round(np.arange(12) / 12 * (len(force) - 1)).astype(int)
-        axis.plot(*force[marks].T, "o", color=_colour(k), markersize=3.5)
-        axis.plot(*force[0], "o", markerfacecolor="white", markeredgecolor=_colour(k), markersize=6.0)
-        axis.set_title(name, fontsize="medium")
-        axis.set_xlabel(f"{wanted[0]} [N]")
-        axis.set_ylabel(f"{wanted[1]} [N]")
+        axis.plot(*force[marks].T, "o", color=colour(k), markersize=3.5)
+        axis.plot(*force[0], "o", markerfacecolor="white", markeredgecolor=colour(k), markersize=6.0)
+        sizes = np.linalg.norm(force, axis=1)
+        largest = float(np.nanmax(sizes, initial=0.0))
+        factor, unit = scale_axis(axis, "x", wanted[0], "N", largest, ticks=4)
+        scale_axis(axis, "y", wanted[1], "N", largest, ticks=5)
+        if largest > 0:
+            top = force[int(np.nanargmax(sizes))]
+            axis.plot(*top, "D", color=BAD, markersize=5.0, zorder=5)
+            axis.annotate("", top, (0.0, 0.0), arrowprops={"arrowstyle": "-", "color": BAD, "linewidth": 0.7, "linestyle": ":"})
+        axis.set_title(f"{name}: {largest * factor:.4g} {unit}{'' if len(known) == 2 else f' in {components}'}", fontsize="medium")
         axis.set_aspect("equal", adjustable="datalim")
     for axis in axes.flat[len(names) :]:
         axis.set_visible(False)
@@ -204,15 +251,16 @@ def polar(run: xr.Dataset, joints: Iterable[str] | None = None, coordinate: str 
         raise InputError(f"polar: coordinate {crank!r} is no angle of the run (expected one of {', '.join(angles) or 'none'})")
     names = _chosen_joints(run, joints, "polar")
     figure, axis = pyplot.subplots(figsize=(6.6, 5.4), layout="constrained", subplot_kw={"projection": "polar"})
-    forces = [name for name in run.component.values if str(name).startswith("F")]
-    magnitude = np.sqrt((run.reaction.sel(component=forces) ** 2).sum("component", skipna=False))
+    magnitude = _magnitude(run, "F")
     for k, name in enumerate(names):
-        axis.plot(run.q.sel(coordinate=crank), magnitude.sel(joint=name), label=name, **_line(k))
+        axis.plot(run.q.sel(coordinate=crank), magnitude.sel(joint=name), label=name, **line(k))
     axis.set_ylim(bottom=0.0)
+    _, unit = scale_axis(axis, "y", "", "N", float(np.nanmax(magnitude.sel(joint=names), initial=0.0)), ticks=4)
+    axis.set_ylabel("")
     axis.set_rlabel_position(22.5)  # type: ignore[attr-defined]  # of polar axes
     axis.tick_params(axis="y", labelsize="small")
     axis.grid(True, color="0.88", linewidth=0.6)
-    axis.legend(loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize="small", title="joint force [N]")
+    axis.legend(loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize="small", title=f"joint force [{unit}]")
     if run.attrs.get("title"):
         figure.suptitle(f"{run.attrs['title']}: forces over the angle of {crank}", fontsize="medium")
     return figure, axis
@@ -252,20 +300,12 @@ def motion(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     units: dict[str, list[str]] = {}
     for name, unit in zip(map(str, run.coordinate.values), map(str, run.coordinate_unit.values)):
         units.setdefault(unit, []).append(name)
-    figure, axes = pyplot.subplots(
-        len(units), 2, squeeze=False, sharex=True, figsize=(10.0, 1.2 + 2.6 * len(units)), layout="constrained"
-    )
-    x, x_label = _abscissa(run)
-    for row, (unit, names) in zip(axes, units.items()):
-        for axis, values, what in ((row[0], run.q, unit), (row[1], run.qd, f"{unit}/s")):
-            for k, name in enumerate(names):
-                axis.plot(x, values.sel(coordinate=name), label=name, **_line(k))
-            axis.set_ylabel(f"{'position' if axis is row[0] else 'rate'} [{what}]")
-        row[1].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
-    for axis in axes[-1]:
-        axis.set_xlabel(x_label)
-    _finish(figure, axes, run)
-    return figure, axes
+    rows: list[list[Panel | None]] = [
+        [(what, unit + per, {name: values.sel(coordinate=name).values for name in names})
+         for what, per, values in (("position", "", run.q), ("rate", "/s", run.qd))]
+        for unit, names in units.items()
+    ]
+    return _panels(run, rows)
 
 
 @checked
@@ -287,11 +327,11 @@ def energies(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     for name in ("kinetic_energy", "potential_energy", "work"):
         _need(run, name)
     figure, axes = pyplot.subplots(2, sharex=True, figsize=(9.0, 5.5), layout="constrained", height_ratios=(2, 1))
-    x, x_label = _abscissa(run)
+    x, x_label = _clock(run)
     for k, (name, label) in enumerate((("kinetic_energy", "kinetic"), ("potential_energy", "potential"), ("work", "work of the drives"))):
-        axes[0].plot(x, run[name], label=label, **_line(k))
+        axes[0].plot(x, run[name], label=label, **line(k))
     balance = run.kinetic_energy + run.potential_energy - run.work
-    axes[1].plot(x, balance - balance[0], **_line(3))
+    axes[1].plot(x, balance - balance[0], **line(3))
     axes[0].set_ylabel("energy [J]")
     axes[1].set_ylabel("kinetic + potential\n- work, change [J]")
     axes[0].legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
@@ -316,9 +356,9 @@ def steps(run: xr.Dataset) -> tuple[Figure, np.ndarray]:
     """
     _need(run, "step")
     figure, axes = pyplot.subplots(1, squeeze=False, figsize=(9.0, 3.2), layout="constrained")
-    x, x_label = _abscissa(run)
+    x, x_label = _clock(run)
     step = run.step.values[1:]
-    axes[0, 0].semilogy(x[1:], step, drawstyle="steps-pre", **_line(0))
+    axes[0, 0].semilogy(x[1:], step, drawstyle="steps-pre", **line(0))
     known = step[np.isfinite(step) & (step > 0)]
     if known.size:  # whole decades: equal steps, which differ by rounding, are one line
         low, high = np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))
@@ -351,7 +391,7 @@ def study(result: xr.Dataset) -> tuple[Figure, np.ndarray]:
         for k, method in enumerate(dict.fromkeys(rows.method.values)):
             chosen = rows.isel(row=np.flatnonzero(rows.method == method))
             floor = np.finfo(float).eps / 4    # so that an error of zero has a place
-            axis.plot(scale * chosen.seconds, np.maximum(chosen.error, floor), "o-", label=str(method), color=_colour(k),
+            axis.plot(scale * chosen.seconds, np.maximum(chosen.error, floor), "o-", label=str(method), color=colour(k),
                       markersize=5, linewidth=1.3)
         axis.set(xscale="log", yscale="log", xlabel=f"time [{unit}]", ylabel="relative error", title=f"{kind} dynamics")
         axis.grid(True, which="major", color="0.9", linewidth=0.6)
@@ -366,26 +406,19 @@ def _need(run: Any, name: str) -> None:
 
 
 def _groups(names: Any, units: dict[str, str]) -> dict[tuple[str, str], list[str]]:
-    """Names that differ by numbers only, and have one unit, belong together: leg1.P, leg2.P, ..."""
+    """Names that differ by numbers only, and have one unit, belong together: leg1.P, leg2.P, ...; those that are alone share a panel."""
     groups: dict[tuple[str, str], list[str]] = {}
     for name in map(str, names):
         groups.setdefault((re.sub(r"\d+", "", name), units.get(name, "")), []).append(name)
-    return groups
+    joined: dict[tuple[str, str], list[str]] = {}
+    for (kind, unit), members in groups.items():
+        joined.setdefault((kind if len(members) > 1 else "", unit), []).extend(members)
+    return joined
 
 
-def _abscissa(run: xr.Dataset) -> tuple[np.ndarray, str]:
-    if "time" in run.coords:
-        return run.time.values, "time [s]"
-    return np.arange(run.sizes["sample"]), "sample"
-
-
-def _colour(k: int) -> str:
-    return COLOURS[k % len(COLOURS)]
-
-
-def _line(k: int) -> dict[str, Any]:
-    """Colour and dashes of the k-th line: with more lines than colours the dashes tell them apart."""
-    return {"color": _colour(k), "linestyle": LINES[(k // len(COLOURS)) % len(LINES)], "linewidth": 1.3}
+def _clock(run: xr.Dataset) -> tuple[np.ndarray, str]:
+    x, name, unit = abscissa(run)
+    return x, f"{name} [{unit}]" if unit else name
 
 
 def _finish(figure: Figure, axes: np.ndarray, run: xr.Dataset) -> None:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from . import _accessor, _bind  # noqa: F401  (run.linkdyn)
 from ._arguments import as_path
-from .errors import FileError
+from .errors import FileError, InputError
 
-__all__ = ["RunTemplate", "ensemble_dataset", "read", "result_shapes", "run_attributes"]
+__all__ = ["RunTemplate", "ensemble_dataset", "need_result", "read", "result_shapes", "run_attributes"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
@@ -28,6 +28,8 @@ CHANGE_POINT, ANEW = 1, 2
 """What "assembly" says of a sample where it does not follow from the sample before by continuity alone."""
 ROADS = ("samples_closed_form", "samples_iterated", "samples_dense")
 """Attributes: how many samples took which road."""
+WISHES = {"driving_speed": "power", "driving_power": "power", "joint_rate": "joint_variable"}
+"""What to want for a result that comes with others."""
 COMPONENTS = {
     2: {"Fx": "N", "Fy": "N", "Mz": "N m"},
     3: {"Fx": "N", "Fy": "N", "Fz": "N", "Mx": "N m", "My": "N m", "Mz": "N m"},
@@ -59,6 +61,21 @@ def read(file: str | os.PathLike[str]) -> xr.Dataset:
             return _by_time(stored.load())
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"{path}: no results can be read from it ({getattr(error, 'strerror', None) or error})") from error
+
+
+def need_result(run: xr.Dataset, name: str, caller: str) -> xr.DataArray:
+    """A result with values at every sample.
+
+    Raises
+    ------
+    InputError
+        The run lacks it; the message says how to get it.
+    """
+    if name in run and run[name].dims[:1] == ("sample",):
+        return run[name]
+    known = ", ".join(str(other) for other, values in run.data_vars.items() if values.dims[:1] == ("sample",) and values.dtype.kind == "f")
+    wish = WISHES.get(name, name)
+    raise InputError(f"{caller}: the run has no {name} (expected one that was asked for it, want={wish!r}; there are {known or 'none'})")
 
 
 def _by_time(run: xr.Dataset) -> xr.Dataset:
@@ -243,6 +260,7 @@ def run_attributes(scene: dict[str, Any], scene_text: str, solver: str) -> dict[
         "space": "planar" if scene["planar"] else "spatial",
         "solver": solver,
         "gravity": np.array(scene["gravity"][: 2 if scene["planar"] else 3]),
+        **({"idle_spins": scene["idle_spins"]} if scene["idle_spins"] else {}),
         "scene": scene_text,
         "history": f"{datetime.now().astimezone().isoformat(timespec='seconds')} {Path(sys.argv[0] or 'python').name}",
     }

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import tomli_w
@@ -20,8 +20,9 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from . import _bind
-from ._accessor import table
+from ._accessor import count, table
 from ._arguments import as_count, as_flag, as_floats, as_mapping, as_name, as_names, as_number, as_path, as_real, dimensions, quoted
+from ._assemblies import Assemblies, assemblies_of
 from ._changes import changed
 from ._code import GeneratedCode
 from ._keys import told_by_keys
@@ -30,6 +31,9 @@ from .errors import FileError, InputError, Interrupted, SceneError
 from .results import RunTemplate, ensemble_dataset, result_shapes
 from .study import run_study
 from .sweep import run_sweep
+
+if TYPE_CHECKING:
+    from ._balance import Balance
 
 __all__ = ["Scene", "Poses", "load"]
 
@@ -148,8 +152,8 @@ class Scene:
 
     def __repr__(self) -> str:
         return (
-            f"<linkdyn.Scene {self.title!r}: {len(self.links)} links, {len(self.joints)} joints, "
-            f"{len(self.coordinates)} coordinates, {len(self.actuators)} actuators>"
+            f"<linkdyn.Scene {self.title!r}: {count(self.links, 'link')}, {count(self.joints, 'joint')}, "
+            f"{count(self.coordinates, 'coordinate')}, {count(self.actuators, 'actuator')}>"
         )
 
     def _repr_html_(self) -> str:
@@ -209,6 +213,25 @@ class Scene:
             Write the equations [A]{F} = b at the scene's first instant out as well, in symbols and in numbers.
         """
         return _bind.explain(self._handle, as_flag("matrix", matrix))
+
+    def assemblies(self) -> Assemblies:
+        """All assemblies in which the mechanism closes at its start.
+
+        Loops of dyads close by branches, all of which are found. Larger groups are closed from 64 places, as when the scene is opened, and of them
+        those are known that these lead to.
+
+        Returns
+        -------
+        Assemblies
+            A list of `Assembly`, the scene's own first. Each has the words that choose it, its joint variables [m, rad] and the places of its links;
+            ``is_complete`` of the list is false if there are more than 256.
+
+        Examples
+        --------
+        >>> for assembly in linkdyn.new("five-bar").assemblies():
+        ...     print(assembly.number, assembly.words)
+        """
+        return assemblies_of(_bind.assemblies(self._handle))
 
     def generate(self, kernel: str = "inverse", want: str | Iterable[str] | None = None, name: str | None = None) -> GeneratedCode:
         """C code of a kernel of the scene, for controllers: one file of C99 and its header, as ``linkdyn generate`` writes them.
@@ -411,8 +434,8 @@ class Scene:
         t
             (N,) increasing instants of output [s] instead; the run starts at the first.
         method
-            "rk8pd" or "rkf45" (adaptive), "gbs" (adaptive, high order: many digits), "msbdf" (adaptive, for
-            stiff scenes), "rk4" (fixed step). Default: "rk8pd"; "gbs" in a build without GSL.
+            "rk8pd" or "rkf45" (adaptive), "gbs" (adaptive, high order: many digits), "seulex" or "msbdf" (adaptive,
+            for stiff scenes), "rk4" (fixed step). Default: "rk8pd"; "gbs" in a build without GSL.
         step
             The fixed step, or the first one tried [s].
         rtol, atol
@@ -558,6 +581,39 @@ class Scene:
         return ensemble_dataset(
             schema, self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts))
         )
+
+    def balance(
+        self, links: Iterable[str] | None = None, minimise: str = "rms", harmonics: Iterable[int] = (1,)
+    ) -> Balance:
+        """Counterweights on links hinged to the frame that shake it least along the scene's motion.
+
+        Parameters
+        ----------
+        links
+            That may carry one; default: all that turn about a hinge of the frame.
+        minimise
+            "rms", "peak" or "harmonics" of the force of inertia on the frame.
+        harmonics
+            Which, for "harmonics": 1 is one wave a cycle.
+
+        Returns
+        -------
+        Balance
+            ``counterweights`` (mass times distance and angle), ``figures`` before and after, ``plot()``, ``with_counterweights(radius)``.
+
+        Raises
+        ------
+        InputError
+            A link that is not hinged to the frame, an unknown goal, samples that failed.
+
+        Examples
+        --------
+        >>> found = linkdyn.load("examples/slider_crank/scene.toml").balance(["crank"], "harmonics")
+        >>> found.with_counterweights({"crank": 0.06}).inverse()         # doctest: +SKIP
+        """
+        from ._balance import balance
+
+        return balance(self, links, minimise, harmonics)
 
     def study(self, t_end: float | None = None) -> xr.Dataset:
         """Time against error of every solver and integrator on this scene.

@@ -154,6 +154,8 @@ def test_version_and_help():
         (["inverse", "SCENE", "-o", "a.nc", "--output=b.nc"], ["--output", "given twice"]),
         (["inverse", "SCENE", "-o", "--csv"], ["-o", "value missing"]),
         (["inverse", "SCENE", "--csv", "--compress"], ["--compress", "--csv"]),
+        (["inverse", "SCENE", "-o", "run.csv", "--compress"], ["--compress", "--csv"]),
+        (["inverse", "SCENE", "--csv", "-o", "run.nc"], ["--csv", "'run.nc'", "expected .csv"]),
         (["forward", "SCENE", "--method", "rk4", "--rtol", "1e-6"], ["--rtol", "rk4"]),
         (["forward", "SCENE", "--until", "1+2"], ["--until", "'1+2'"]),
         (["forward", "SCENE", "--until", "1e999"], ["--until", "'1e999'"]),
@@ -310,6 +312,8 @@ def test_blocks_join_without_a_seam(tsai, tmp_path):
 
 def test_csv_reads_back_to_the_same_numbers(tsai_file, tmp_path):
     assert run("inverse", tsai_file, "--csv", cwd=tmp_path).returncode == DONE
+    assert run("inverse", tsai_file, "-o", "by_name.csv", cwd=tmp_path).returncode == DONE
+    assert (tmp_path / "by_name.csv").read_bytes() == (tmp_path / "stewart_tsai.csv").read_bytes()
     with open(tmp_path / "stewart_tsai.csv", newline="") as file:
         header, *rows = csv.reader(file)
     assert header[0] == "time [s]" and header.count("reaction leg1.S Fx [N]") == 1

@@ -25,7 +25,7 @@ from linkdyn.cli import executable
 from mutate import ODD, WORDS, mutate_array, mutate_scene, mutate_table, mutate_text, shown
 
 SOLVERS = ("elimination", "lapack", "gauss-jordan", "reduced", "gauss-jordan-plain")
-METHODS = ("rk8pd", "rkf45", "gbs", "msbdf", "rk4")
+METHODS = ("rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4")
 WANTS = ("driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "singularity_distance", "all")
 LONG = 20_000
 """Samples of a motion that are too many for one case."""

@@ -15,6 +15,7 @@ METHODS = {
     "rk8pd": {"rtol": 1e-11, "atol": 1e-11},
     "rkf45": {"rtol": 1e-11, "atol": 1e-11},
     "gbs": {"rtol": 1e-11, "atol": 1e-11},
+    "seulex": {"rtol": 1e-11, "atol": 1e-11},
     "rk4": {"step": 5e-4},
 }
 

@@ -135,11 +135,12 @@ def assert_alike(run: xr.Dataset, other: xr.Dataset, part: float) -> None:
 
 
 METHODS = {
-    # Tolerances, of gbs far enough apart for its orders not to count, or steps, and by what the error must fall at least:
-    # a little less than in proportion, and than with order 4; errors of gbs scatter by four at either end.
+    # Tolerances, of gbs and seulex far enough apart for its orders not to count, or steps, and by what the error must fall at least:
+    # a little less than in proportion, and than with order 4; errors of these scatter by four at either end.
     "rk8pd": ({"rtol": 1e-9, "atol": 1e-9}, {"rtol": 1e-11, "atol": 1e-11}, 30.0),
     "rkf45": ({"rtol": 1e-8, "atol": 1e-8}, {"rtol": 1e-10, "atol": 1e-10}, 30.0),
     "gbs": ({"rtol": 1e-8, "atol": 1e-8}, {"rtol": 1e-11, "atol": 1e-11}, 60.0),
+    "seulex": ({"rtol": 1e-8, "atol": 1e-8}, {"rtol": 1e-11, "atol": 1e-11}, 60.0),
     "msbdf": ({"rtol": 1e-6, "atol": 1e-6}, {"rtol": 1e-8, "atol": 1e-8}, 10.0),
     "rk4": ({"step": 4e-4}, {"step": 1e-4}, 4.0**3.8),
 }

@@ -134,6 +134,15 @@ def test_notebooks_show_it_in_short(scene, run):
     assert "&lt;b&gt;" in scene.with_({"title": "<b>"})._repr_html_()
 
 
+def test_the_prompt_shows_it_in_one_line(scene, run):
+    fourbar = linkdyn.load(EXAMPLES / "fourbar" / "scene.toml")
+    assert repr(fourbar).endswith("3 links, 4 joints, 1 coordinate, 1 actuator>")
+    words = repr(run.linkdyn)
+    assert "241 samples" in words and "\n" not in words
+    for name in words.rpartition("; ")[2].rstrip(">").split(", "):
+        assert callable(getattr(run.linkdyn, name))
+
+
 def test_what_users_see():
     assert {"load", "Scene", "view", "plot", "sheet", "read", "lecture", "widget"} <= set(dir(linkdyn))
     assert not [name for name in dir(linkdyn) if name.startswith("_") and name != "__version__"]

@@ -32,7 +32,7 @@ REFERENCES = json.loads((ROOT / "tests" / "reference" / "forward.json").read_tex
 TWIN = quadruple_twin()
 SETTINGS = [
     *((method, {"rtol": tolerance, "atol": tolerance})
-      for method in ("rkf45", "rk8pd", "msbdf", "gbs") for tolerance in (1e-4, 1e-7, 1e-10)),
+      for method in ("rkf45", "rk8pd", "msbdf", "gbs", "seulex") for tolerance in (1e-4, 1e-7, 1e-10)),
     *((method, {"rtol": 1e-13, "atol": 1e-13}) for method in ("rk8pd", "gbs")),
     ("rk4", {"step": 1 / 128}), ("rk4", {"step": 1 / 1024}),
 ]  # fmt: skip

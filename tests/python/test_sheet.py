@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import re
-import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +12,7 @@ from matplotlib import pyplot
 
 import linkdyn
 from linkdyn._sheet import sheet_page, significant
+from sheet_file import column, number, read
 
 pytestmark = pytest.mark.usefixtures("closed_figures")
 
@@ -49,29 +49,6 @@ def run(scene):
 @pytest.fixture(scope="module")
 def written(run, tmp_path_factory) -> Path:
     return linkdyn.sheet(run, tmp_path_factory.mktemp("sheet") / "out.html")
-
-
-def read(file: Path) -> tuple[ET.Element, dict[str, list[list[ET.Element]]]]:
-    """The document, which is XML, too, and its tables: cells by title and row."""
-    text = file.read_text(encoding="utf-8")
-    assert text.startswith("<!DOCTYPE html>")
-    root = ET.fromstring(text)
-    tables = {
-        section.find("h2").text: [list(row) for row in section.find("table/tbody")]
-        for section in root.iter("section")
-        if section.find("table") is not None
-    }
-    return root, tables
-
-
-def number(cell: ET.Element) -> float:
-    """As read by a person, where the minus sign is a long one."""
-    return float(re.sub(r"[\u202f]", "", cell.text).replace("−", "-"))
-
-
-def column(rows: list[list[ET.Element]], k: int) -> np.ndarray:
-    """The numbers behind the cells, in SI units; NaN where there is none."""
-    return np.array([float(row[k].get("data-si", "nan")) for row in rows])
 
 
 def test_actuators(run, written):
@@ -240,7 +217,7 @@ def test_refused(run, scene, tmp_path):
     with pytest.raises(linkdyn.InputError, match=".html or .pdf"):
         linkdyn.sheet(run, tmp_path / "out.doc")
     with pytest.raises(linkdyn.InputError, match="no results of a sweep"):
-        linkdyn.sheet(scene.inverse(), tmp_path / "out.html")
+        linkdyn.sheet(run.drop_vars("outcome_count"), tmp_path / "out.html")
     with pytest.raises(linkdyn.InputError, match="one design only"):
         linkdyn.sheet(run, tmp_path / "out.html", design=2)
     with pytest.raises(linkdyn.FileError, match="cannot be written"):

@@ -147,14 +147,6 @@ def add_turned_leg(scene: dict[str, Any], chain: dict[str, Any], i: int, foot: s
     scene["actuator"] = scene.get("actuator", []) + [{"joint": f"leg{i}.P"}]
 
 
-def test_spin_is_named() -> None:
-    """A rod between two spherical joints can spin: the scene is refused, and the message says what to do."""
-    scene = copy.deepcopy(SLIDER_CRANK)
-    scene["joint"][2]["type"] = "spherical"
-    with pytest.raises(linkdyn.SceneError, match=r"link 'rod' can spin between its spherical joints 'B', 'C'"):
-        linkdyn.Scene(scene)
-
-
 def test_start_of_no_assembly() -> None:
     """Links that cannot reach each other: named, with what was expected."""
     scene = copy.deepcopy(SLIDER_CRANK)

@@ -13,7 +13,7 @@ from linkdyn import cli
 SCENES = Path(__file__).with_name("scenes")
 
 
-@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs"])
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
 @pytest.mark.parametrize("tolerance", [1e-6, 1e-9, 1e-12])
 def test_narrow_peak_is_no_noise(method: str, tolerance: float) -> None:
     """A parallelogram whose follower is longer by a millionth passes change points in milliseconds, with a peak of
@@ -27,7 +27,7 @@ def test_narrow_peak_is_no_noise(method: str, tolerance: float) -> None:
         assert abs(run.q.values[-1, 0] - 6.4781251687566455) < max(1e3 * tolerance, 3e-8)
 
 
-@pytest.mark.parametrize("method", ["rk8pd", "gbs"])
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
 def test_too_stiff_to_come_to_the_end(method: str) -> None:
     """A spring of 1e31 N/m moves its link in femtoseconds: the run ends and says so."""
     command = [cli.executable(), "forward", SCENES / "stiff_spring.toml", "--until", "0.05", "--method", method, "--no-output"]

@@ -68,6 +68,23 @@ def test_planar_picture(browser, fourbar, fourbar_page):
     assert not page.complaints
 
 
+def test_another_size_leaves_no_empty_picture(browser, fourbar_page):
+    """What a browser paints is what is there when those who watch sizes have done their work."""
+    page = browser.open(fourbar_page)
+    colours = page.value("""new Promise(done => {
+        const picture = root.querySelector('.picture'), canvas = root.querySelector('canvas');
+        const shrink = () => Object.assign(picture.style, {flex: 'none', height: '260px'});
+        new ResizeObserver(() => {
+            if (picture.style.height !== '260px') { setTimeout(shrink); return; }
+            const pixels = new Uint8Array(4 * canvas.width * canvas.height), gl = canvas.getContext('webgl2');
+            gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+            done([canvas.height, new Set(new Uint32Array(pixels.buffer)).size]);
+        }).observe(picture);
+    })""")
+    assert colours[0] == 260 and colours[1] > 10
+    assert not page.complaints
+
+
 def test_arrows_are_to_the_scale_of_the_legend(browser, fourbar, tmp_path):
     run = fourbar.inverse()
     run.reaction.loc[{"joint": ["J2", "J3", "J4"]}] = 0.0  # one arrow left

@@ -3,7 +3,7 @@
 
 import { distinct, vector } from "./shapes.js";
 
-const SLIDING = ["prismatic", "cylindrical"];
+const SLIDING = ["prismatic", "cylindrical", "screw"];
 const OFF_AXIS = 0.06; // of a telescope's least length: farther away, a point is not on its axis
 
 export class Mechanism {
@@ -11,7 +11,7 @@ export class Mechanism {
     this.extent = extent;
     this.links = links.map((link) => ({
       ...link,
-      markers: link.markers.map(({ name, at, axis }) => ({ name, at: vector(at), axis: vector(axis) })),
+      markers: link.markers.map(({ name, at, axis, x }) => ({ name, at: vector(at), axis: vector(axis), x: vector(x) })),
     }));
     this.joints = joints.map((joint) => ({
       ...joint,

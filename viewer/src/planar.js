@@ -62,12 +62,20 @@ function drawLink(group, mechanism, k, palette, unit, layer) {
   }
   for (const rail of mechanism.rails) drawSlide(group, mechanism, rail, k, colours, palette, unit, layer);
   for (const joint of mechanism.joints) {
-    if (joint.type === "revolute" && joint.links[1] === k) drawPivot(group, joint.ends[1].at, palette, unit, front + 3 * layer);
+    if (joint.links[1] !== k) continue;
+    if (joint.type === "revolute") drawPivot(group, joint.ends[1].at, palette, unit, front + 3 * layer);
+    if (joint.type === "fixed") drawWeld(group, joint.ends[1].at, palette, unit, front + 3 * layer);
   }
 }
 
 function drawPivot(group, at, palette, unit, z) {
   edged(group, (width) => roundHull([at], width), 0.7 * unit, 0.13 * unit, palette.pivot, palette.edge, z, 0.1 * unit);
+}
+
+/** A dark square: what it holds does not turn. */
+function drawWeld(group, at, palette, unit, z) {
+  const side = vector([0.8 * unit, 0, 0]);
+  group.add(flat(bar(at.clone().sub(side), at.clone().add(side), 0.8 * unit), palette.edge, z));
 }
 
 /** The rail on the first link of a slide, the block on its second; a block on the frame slides along a rod instead. */
@@ -115,7 +123,7 @@ function drawGround(group, mechanism, palette, unit, layer) {
     .flatMap((joint) => joint.ends.map((end, side) => ({ joint, side, ...end })))
     .filter((end) => end.link === 0);
   const pivots = distinct(
-    frame.filter(({ joint }) => joint.type === "revolute").map((end) => end.at),
+    frame.filter(({ joint }) => joint.type !== "prismatic").map((end) => end.at),
     1e-6 * mechanism.extent,
   );
   const feet = pivots.map((at) => ({ at, normal: new THREE.Vector2(0, -1), half: 2.6 * unit, from: 2.3 * unit }));

@@ -18,6 +18,7 @@ export function drawSpatial(mechanism, palette, { up, ground }) {
   });
   for (const telescope of mechanism.telescopes) drawTelescope(groups, telescope, palette, unit);
   for (const rail of mechanism.rails) drawRail(groups, rail, palette, unit);
+  for (const joint of mechanism.joints) if (joint.type === "planar") drawTable(groups, joint, palette, unit);
   for (const joint of mechanism.joints) drawJoint(groups, joint, palette, unit);
   for (const group of groups) {
     group.traverse((mesh) => {
@@ -125,6 +126,7 @@ function drawTelescope(groups, { joint, from, barrelTo, rodFrom, to }, palette, 
   const collar = barrelTo.clone().lerp(from, (2.2 * unit) / Math.max(from.distanceTo(barrelTo), 1e-9));
   groups[first].add(rod(from, barrelTo, 1.9 * unit, palette.barrel), rod(collar, barrelTo, 2.2 * unit, palette.barrel));
   groups[second].add(rod(rodFrom, to, 0.95 * unit, palette.rod));
+  if (joint.type === "screw") drawThread(groups[second], rodFrom, to, unit, palette.rod);
 }
 
 /** The rail on the first link as long as the travel, the sleeve on the second. */
@@ -132,12 +134,14 @@ function drawRail(groups, joint, palette, unit) {
   const [first, second] = joint.ends;
   const end = (slide) => first.at.clone().addScaledVector(first.axis, slide);
   const [lowest, highest] = joint.travel;
-  const isRound = joint.type === "cylindrical";
+  const sides = { cylindrical: 28, screw: 6 }[joint.type]; // a bush, a nut
   const material = first.link === 0 ? palette.frame : palette.rod;
-  groups[first.link].add(rod(end(Math.min(0, lowest) - 3 * unit), end(Math.max(0, highest) + 3 * unit), 0.8 * unit, material));
+  const [from, to] = [end(Math.min(0, lowest) - 3 * unit), end(Math.max(0, highest) + 3 * unit)];
+  groups[first.link].add(rod(from, to, 0.8 * unit, material));
+  if (joint.type === "screw") drawThread(groups[first.link], from, to, unit, material);
   const body = second.link === 0 ? palette.barrel : palette.link(second.link).solid;
-  const shape = isRound
-    ? new THREE.CylinderGeometry(1.9 * unit, 1.9 * unit, 5.5 * unit, 28)
+  const shape = sides
+    ? new THREE.CylinderGeometry(1.9 * unit, 1.9 * unit, 5.5 * unit, sides)
     : new THREE.BoxGeometry(3.4 * unit, 5.5 * unit, 3.4 * unit);
   const sleeve = new THREE.Mesh(shape, body);
   sleeve.position.copy(second.at);
@@ -145,11 +149,48 @@ function drawRail(groups, joint, palette, unit) {
   groups[second.link].add(sleeve);
 }
 
+/** Rings on a rod: enough to be seen as a thread, never so many that they take time. */
+function drawThread(group, from, to, unit, material) {
+  const n = Math.min(80, Math.ceil(from.distanceTo(to) / (1.1 * unit)));
+  for (let k = 1; k < n; k++) {
+    const ring = new THREE.Mesh(new THREE.TorusGeometry(0.85 * unit, 0.28 * unit, 8, 20), material);
+    ring.position.copy(from).lerp(to, k / n);
+    ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), to.clone().sub(from).normalize());
+    group.add(ring);
+  }
+}
+
+/** Two plates bolted together, square to the marker's axis. */
+function flange({ at, axis }, unit, palette) {
+  const plates = new THREE.Mesh(new THREE.BoxGeometry(4.2 * unit, 1.4 * unit, 4.2 * unit), palette.joint);
+  plates.position.copy(at);
+  plates.quaternion.copy(turnTo(axis));
+  return plates;
+}
+
+/** The plate that a planar joint slides on, as large as its travel, and a puck on it. */
+function drawTable(groups, { ends: [first, second], field }, palette, unit) {
+  const [[left, right], [near, far]] = field;
+  const y = new THREE.Vector3().crossVectors(first.axis, first.x);
+  const shape = new THREE.BoxGeometry(right - left + 8 * unit, far - near + 8 * unit, unit);
+  const table = new THREE.Mesh(shape, first.link === 0 ? palette.frame : palette.link(first.link).solid);
+  const centre = first.at
+    .clone()
+    .addScaledVector(first.x, (left + right) / 2)
+    .addScaledVector(y, (near + far) / 2)
+    .addScaledVector(first.axis, -0.5 * unit);
+  table.applyMatrix4(new THREE.Matrix4().makeBasis(first.x, y, first.axis).setPosition(centre));
+  groups[first.link].add(table);
+  const top = second.at.clone().addScaledVector(second.axis, 1.2 * unit);
+  groups[second.link].add(rod(second.at, top, 2.6 * unit, palette.joint));
+}
+
 function drawJoint(groups, { type, ends }, palette, unit) {
   const [first, second] = ends;
   const pin = ({ link, at, axis }, half, radius) =>
     groups[link].add(rod(at.clone().addScaledVector(axis, -half), at.clone().addScaledVector(axis, half), radius, palette.joint));
   if (type === "revolute") pin(second, 2.4 * unit, 1.5 * unit);
+  if (type === "fixed") groups[second.link].add(flange(second, unit, palette));
   if (type === "spherical") groups[second.link].add(ball(second.at, 1.9 * unit, palette.joint));
   if (type === "universal") {
     pin(first, 2.4 * unit, 0.8 * unit);

@@ -34,7 +34,10 @@ export class Stage {
     this.controls.addEventListener("change", () => this.request());
     this.drawn = []; // called after each picture
     this.cell = niceBelow(run.extent / 4);
-    new ResizeObserver(() => this.resize()).observe(container);
+    new ResizeObserver(() => {
+      this.resize();
+      this.draw(); // before the browser paints: another size empties the picture
+    }).observe(container);
     this.resize();
     this.fit();
   }
@@ -172,11 +175,14 @@ export class Stage {
   }
 
   request() {
-    this.pending ??= requestAnimationFrame(() => {
-      this.pending = undefined;
-      this.renderer.render(this.scene, this.camera);
-      for (const call of this.drawn) call();
-    });
+    this.pending ??= requestAnimationFrame(() => this.draw());
+  }
+
+  draw() {
+    cancelAnimationFrame(this.pending);
+    this.pending = undefined;
+    this.renderer.render(this.scene, this.camera);
+    for (const call of this.drawn) call();
   }
 }
 

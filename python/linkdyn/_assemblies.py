@@ -1,0 +1,154 @@
+"""All assemblies of a mechanism at its start: a table, the words that choose each, and a picture sheet."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from .scene import Scene
+
+__all__ = ["Assemblies", "Assembly", "assemblies_of", "draw_assemblies"]
+
+PANEL = 3.2
+"""Width and height of one picture [inch]."""
+MOST_COLUMNS = 4
+LENGTHS = ("slide", "x", "y")
+"""Joint variables that are no angles."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """One way in which a mechanism closes at its start."""
+
+    number: int
+    """From 1 on; 1 is that of the scene."""
+    branch: dict[str, int]
+    """Joint to 1 or -1, for loops that close by a branch."""
+    start: dict[str, float]
+    """Joint variable ("D.angle") to where it is [m, rad], for loops closed by iteration."""
+    place: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+    """Link to position [m] and angles [rad], for loops closed by iteration that have neither hinges nor slides."""
+    joint_variable: dict[str, float]
+    """All joint variables [m, rad]."""
+    position: NDArray[np.float64]
+    """(n_link, 3) origins [m], in the order of ``scene.links``."""
+    rotation: NDArray[np.float64]
+    """(n_link, 3, 3) from link to world axes."""
+
+    @property
+    def words(self) -> str:
+        """What chooses it in a scene: ``branch`` or ``start`` of joints, ``start`` of links. Empty: there is no choice."""
+        texts = [f"{joint}: branch = {sign}" for joint, sign in self.branch.items()]
+        by_joint: dict[str, list[str]] = {}
+        for label, value in self.start.items():
+            joint, _, variable = label.rpartition(".")
+            by_joint.setdefault(joint, []).append(f"{variable} = {_quantity(value, variable)}")
+        texts += [f"{joint}: start = {{ {', '.join(parts)} }}" for joint, parts in by_joint.items()]
+        for link, (position, angles) in self.place.items():
+            at, turn = ([_quantity(value, kind) for value in values] for values, kind in ((position, "slide"), (angles, "angle")))
+            texts.append(f"{link}: start = {{ position = [{', '.join(at)}], angles = [{', '.join(turn)}] }}")
+        return "; ".join(texts)
+
+    def apply(self, scene: dict[str, Any]) -> dict[str, Any]:
+        """A scene as a mapping, its joints told to take this assembly.
+
+        Parameters
+        ----------
+        scene
+            The content of the scene file. Joints of chains are not in it: those are left as they are.
+
+        Returns
+        -------
+        dict
+            A copy with these starts and branches.
+        """
+        links = [dict(link) for link in scene["link"]]
+        for link in links:
+            if link["name"] in self.place:
+                position, angles = self.place[link["name"]]
+                link["start"] = {"position": position.tolist(), "angles": angles.tolist()}
+        joints = [dict(joint) for joint in scene.get("joint", [])]
+        for joint in joints:
+            if joint["name"] in self.branch:
+                joint.pop("start", None)
+                joint["branch"] = self.branch[joint["name"]]
+            found = {label.rpartition(".")[2]: value for label, value in self.start.items() if label.rpartition(".")[0] == joint["name"]}
+            if found:
+                joint["start"] = found
+        return scene | {"link": links, "joint": joints}
+
+
+class Assemblies(list[Assembly]):
+    """All that were found, that of the scene first."""
+
+    is_complete: bool = True
+    """There are no more than are listed; if false, only the first are."""
+
+
+def assemblies_of(found: dict[str, Any]) -> Assemblies:
+    """What the engine found, with the places of the links.
+
+    Parameters
+    ----------
+    found
+        From the engine: ``branch_joint``, ``start_variable`` (numbers of joint variables), ``placed_link`` (numbers of links), ``variable``
+        and ``link`` (labels), ``assemblies``.
+    """
+    result = Assemblies()
+    result.is_complete = found["is_complete"]
+    labels = found["variable"]
+    for number, one in enumerate(found["assemblies"], start=1):
+        value = dict(zip(labels, one["variable"]))
+        position, rotation = np.reshape(one["position"], (-1, 3)), np.reshape(one["rotation"], (-1, 3, 3))
+        result.append(Assembly(
+            number, dict(zip(found["branch_joint"], one["branch"])), {labels[k]: one["variable"][k] for k in found["start_variable"]},
+            {found["link"][k]: (position[k], _angles(rotation[k])) for k in found["placed_link"]}, value, position, rotation,
+        ))
+    return result
+
+
+def draw_assemblies(scene: Scene) -> Figure:
+    """Every assembly small, with its number; the scene's own in bold."""
+    from matplotlib import pyplot
+
+    from ._drawing import draw, set_limits
+    from ._postures import find_postures
+    from .scene import Poses
+
+    found = scene.assemblies()
+    poses = Poses(np.stack([one.position for one in found]), np.stack([one.rotation for one in found]), np.zeros(len(found), dtype=np.intc))
+    postures, _ = find_postures(scene, poses)
+    columns = min(MOST_COLUMNS, len(found))
+    rows = math.ceil(len(found) / columns)
+    figure = pyplot.figure(figsize=(PANEL * columns, PANEL * rows + 0.4), layout="constrained")
+    for k, one in enumerate(found):
+        ax = figure.add_subplot(rows, columns, k + 1, projection=None if scene.planar else "3d")
+        set_limits(ax, postures)
+        draw(ax, postures, k, names=False)
+        if legend := ax.get_legend():
+            legend.remove()
+        ax.tick_params(labelbottom=False, labelleft=False)
+        for axis in "xyz"[:2 if scene.planar else 3]:
+            getattr(ax, f"set_{axis}label")("")
+            getattr(ax, f"set_{axis}ticklabels")([])
+        ax.set_title(f"{one.number}", fontsize="medium", fontweight="bold" if one.number == 1 else "normal")
+    figure.suptitle(f"{scene.title}: assemblies at the start" if scene.title else "Assemblies at the start", fontsize="medium")
+    return figure
+
+
+def _angles(r: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Roll, pitch and yaw of a rotation Rx Ry Rz."""
+    return np.array([math.atan2(-r[1, 2], r[2, 2]), math.asin(max(-1.0, min(1.0, r[0, 2]))), math.atan2(-r[0, 1], r[0, 0])])
+
+
+def _quantity(value: float, variable: str) -> str:
+    if variable in LENGTHS:
+        return f'"{value * 1e3:.6g} mm"'
+    return f'"{math.degrees(value):.6g} deg"'

@@ -1,0 +1,125 @@
+"""How much of every driving force and reaction is due to weight, to inertia, to each load and to each spring."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from ._averages import good_samples
+from .errors import InputError
+from .scene import Scene
+
+__all__ = ["contributions"]
+
+QUANTITIES = ("driving_force", "reaction")
+CLOSE = 1e-6
+"""How near a sum must come to the total, as a part of the largest contribution: far above the rounding of poses that are reached by different
+roads, far below anything that is left out."""
+
+
+def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
+    """Driving forces and reactions by cause; the causes of a sample add up to its forces.
+
+    The scene is computed once for each cause along the same motion: inertia is what is left without gravity, loads and springs, and any
+    other cause is what it adds to that.
+
+    Parameters
+    ----------
+    run
+        Results of `Scene.inverse`, or of `Scene.forward` of a scene with as many actuators as coordinates. Of a batch without time the scene's
+        loads are those at the instant 0.
+    scene
+        The scene that was run.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``driving_force`` (cause, sample, actuator) and ``reaction`` (cause, sample, joint, component), as far as the run has them. ``cause``: "inertia"
+        (with gyroscopic parts), "weight", "load MARKER", "spring NAME", "given MARKER" of wrenches given in the call.
+
+    Raises
+    ------
+    InputError
+        The run has neither driving forces nor reactions, or what acts in the scene is more than the sum of these causes (friction, or
+        samples in another assembly).
+    """
+    wanted = [name for name in QUANTITIES if name in run]
+    if not wanted:
+        raise InputError("contributions: the run has neither driving forces nor reactions (expected want='driving_force', 'reaction' or both)")
+    content = tomllib.loads(scene.text)
+    causes = {"weight": _only(content, gravity=True)}
+    for kind in ("load", "spring"):
+        for i, table in enumerate(content.get(kind, [])):
+            causes[_free(f"{kind} {_label(kind, table)}", causes)] = _only(content, kept=(kind, i))
+    given = _given(run, scene)
+    base = _forces(Scene(_only(content), folder=scene.folder), run, wanted)
+    found = {"inertia": base}
+    for cause, changed in causes.items():
+        found[cause] = _less(_forces(Scene(changed, folder=scene.folder), run, wanted), base)
+    for marker, wrench in given.items():
+        found[f"given {marker}"] = _less(_forces(Scene(_only(content), folder=scene.folder), run, wanted, {marker: wrench}), base)
+    stacked = {name: np.stack([values[name] for values in found.values()]) for name in wanted}
+    _check(run, stacked)
+    return xr.Dataset(
+        {name: (("cause", *run[name].dims), stacked[name], run[name].attrs) for name in wanted},
+        {"cause": list(found), **{name: run.coords[name] for name in run.coords if set(run.coords[name].dims) <= {d for q in wanted for d in run[q].dims}}},
+        {"title": run.attrs.get("title", "")},
+    )
+
+
+def _only(content: dict[str, Any], gravity: bool = False, kept: tuple[str, int] | None = None) -> dict[str, Any]:
+    """The scene with inertia, and gravity or one load or spring if that is to be kept."""
+    changed = {key: value for key, value in content.items() if key not in ("load", "spring", "sweep")}
+    if not gravity:
+        changed.pop("gravity", None)
+    if kept:
+        changed[kept[0]] = [content[kept[0]][kept[1]]]
+    return changed
+
+
+def _label(kind: str, table: dict[str, Any]) -> str:
+    return str(table["on" if kind == "load" else "name"])
+
+
+def _free(name: str, taken: dict[str, Any]) -> str:
+    """The name, with a number if several loads act on one marker."""
+    n = sum(other == name or other.startswith(f"{name} (") for other in taken)
+    return f"{name} ({n + 1})" if n else name
+
+
+def _given(run: xr.Dataset, scene: Scene) -> dict[str, NDArray[np.float64]]:
+    return {str(name): run.wrench.values[:, i] for i, name in enumerate(run.loaded_marker.values)} if "wrench" in run else {}
+
+
+def _forces(
+    scene: Scene, run: xr.Dataset, wanted: list[str], wrench: dict[str, NDArray[np.float64]] | None = None
+) -> dict[str, NDArray[np.float64]]:
+    """Forces of another scene along the same motion: as the scene's own where the run was along that, else sample by sample."""
+    time = run.time.values if "time" in run.coords else None
+    good = good_samples(run)
+    if time is not None and "method" not in run.attrs and np.array_equal(scene.motion(time)[0][good], run.q.values[good]):
+        again = scene.inverse(t=time, want=wanted, wrench=wrench)
+    else:
+        again = scene.inverse(*(np.nan_to_num(run[name].values) for name in ("q", "qd", "qdd")), t=time, want=wanted, wrench=wrench)
+    return {name: again[name].values for name in wanted}
+
+
+def _less(values: dict[str, NDArray[np.float64]], base: dict[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    return {name: values[name] - base[name] for name in values}
+
+
+def _check(run: xr.Dataset, stacked: dict[str, NDArray[np.float64]]) -> None:
+    """The causes must add up, at every sample that did not fail."""
+    good = good_samples(run)
+    for name, values in stacked.items():
+        values[:, ~good] = np.nan
+        missing = np.abs(values.sum(axis=0) - run[name].values)[good]
+        if missing.size and not np.nanmax(missing, initial=0.0) <= CLOSE * np.nanmax(np.abs(values[:, good]), initial=0.0) or np.isnan(missing).any():
+            raise InputError(
+                f"contributions: {name}: weight, inertia, loads and springs are not all that acts in this run (expected a scene without "
+                "friction, and samples in the assembly of its start or along its motion)"
+            )

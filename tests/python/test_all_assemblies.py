@@ -1,0 +1,132 @@
+"""All assemblies at the start: found, told, chosen again by the words that are told."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import linkdyn
+import linkdyn.plot
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.accuracy
+
+ROOT = Path(__file__).resolve().parents[2]
+RSSR = tomllib.loads((ROOT / "tests" / "scenes" / "rssr.toml").read_text())
+
+
+def platform_on_cranks() -> linkdyn.Scene:
+    """The hexapod of the patterns, on cranks and rods."""
+    scene = tomllib.loads((ROOT / "tests" / "scenes" / "hexapod_pattern.toml").read_text())
+    scene["chain"] = [{"type": "RUS", "repeat": 3, "about": "z", "mirror": "xz", "base": "frame.B#", "platform": "platform.P#", "axis": [0, 1, 0],
+                       "zero": [1, 0, 0], "elbow": -1, "crank": {"length": 0.4, "mass": 1.0}, "rod": {"length": 1.0, "mass": 1.0}}]
+    return linkdyn.Scene(scene)
+
+
+def same(a: Any, b: Any) -> bool:
+    """Two assemblies by the joint variables, but for whole turns."""
+    return all(abs(np.exp(1j * a[k]) - np.exp(1j * b[k])) < 1e-9 if not k.endswith("slide") else abs(a[k] - b[k]) < 1e-9 for k in a)
+
+
+def test_four_bar() -> None:
+    """Two branches; the other one is what the scene has with its words."""
+    content = tomllib.loads((ROOT / "examples" / "fourbar" / "scene.toml").read_text())
+    found = linkdyn.Scene(content).assemblies()
+    assert [one.number for one in found] == [1, 2] and found.is_complete
+    (joint, first), = found[0].branch.items()
+    assert found[1].branch == {joint: -first}
+    again = linkdyn.Scene(found[1].apply(content)).assemblies()
+    assert again[0].branch == found[1].branch
+    assert same(again[0].joint_variable, found[1].joint_variable) and not same(again[0].joint_variable, found[0].joint_variable)
+
+
+def test_rssr_has_two() -> None:
+    """By the circle of the rocker's end and the sphere about the crank's: its two angles, whatever the rod's spin."""
+    found = linkdyn.Scene(RSSR).assemblies()
+    z = np.array([1.0, 0.2, 0.0])
+    z /= np.linalg.norm(z)
+    x = np.array([1 - z[0] ** 2 / (1 + z[2]), -z[0] * z[1] / (1 + z[2]), -z[0]])
+    d = np.array([0.5, 0.2, 0.3]) - [0.2, 0.0, 0.0]
+    r, rod = 0.6, 0.9
+    u, v = 2 * r * d @ x, 2 * r * d @ np.cross(z, x)
+    middle, half = np.arctan2(v, u), np.arccos((rod**2 - r**2 - d @ d) / np.hypot(u, v))
+    expected = np.exp(1j * np.array([middle + half, middle - half]))
+    angles = np.exp(1j * np.array([one.start["D.angle"] for one in found]))
+    assert len(found) == 2
+    np.testing.assert_allclose(np.sort_complex(angles), np.sort_complex(expected), atol=1e-12)
+    other = linkdyn.Scene(found[1].apply(RSSR)).assemblies()
+    assert same({"D": other[0].start["D.angle"]}, {"D": found[1].start["D.angle"]})
+
+
+def test_every_one_closes() -> None:
+    """Links are where the joints hold them: seen by the mechanism's own joint variables, in a Delta and a platform on cranks."""
+    for scene in (linkdyn.new("delta"), platform_on_cranks()):
+        found = scene.assemblies()
+        assert len(found) > 1
+        first = scene.poses(in_order=True)
+        np.testing.assert_allclose(found[0].position, first.position[0], atol=1e-9)
+        for one in found:
+            for joint in scene.description["joints"]:
+                ends = []
+                for link, name in zip(joint["links"], joint["markers"]):
+                    marker = next(m for m in scene.description["links"][link]["markers"] if m["name"] == name)
+                    at = np.array(marker["at"])
+                    ends.append(at if link == 0 else one.position[link - 1] + one.rotation[link - 1] @ at)
+                assert np.abs(ends[0] - ends[1]).max() < 1e-9
+        for i, a in enumerate(found):
+            assert all(np.abs(a.position - b.position).max() > 1e-6 or np.abs(a.rotation - b.rotation).max() > 1e-6 for b in found[:i])
+
+
+def test_loops_of_balls() -> None:
+    """A plate on six rods between balls: nothing but links' starts can choose, and the words do."""
+    feet = {f"B{i}": [np.cos(a), np.sin(a), 0.0] for i, a in enumerate(np.radians([5, 115, 125, 235, 245, 355]))}
+    tops = {f"P{i}": [0.6 * np.cos(a), 0.6 * np.sin(a), 0.0] for i, a in enumerate(np.radians([55, 65, 175, 185, 295, 305]))}
+    length = [np.linalg.norm(np.array(tops[f"P{i}"]) + [0.1, 0.05, 0.8] - feet[f"B{i}"]) for i in range(6)]
+    content = {
+        "space": "spatial", "gravity": [0.0, 0.0, -9.81], "frame": {"markers": feet | {"S": {"at": [0.0] * 3, "axis": [1, 0, 0]}}},
+        "link": [{"name": "plate", "mass": 10.0, "inertia": {"diagonal": [1.0, 1.0, 2.0]}, "markers": tops, "start": {"position": [0.0, 0.0, 0.8]}},
+                 {"name": "sled", "mass": 1.0, "inertia": {"diagonal": [0.1] * 3}, "markers": {"S": {"at": [0.0] * 3, "axis": [1, 0, 0]}, "B": feet["B0"]}}],
+        "joint": [{"name": "S", "type": "prismatic", "between": ["frame.S", "sled.S"]}],
+        "coordinate": [{"joint": "S", "start": 0.0}], "actuator": [{"joint": "S"}],
+    }
+    for i in range(6):
+        content["link"].append({"name": f"rod{i}", "mass": 0.0, "markers": {"B": [0.0] * 3, "P": [float(length[i]), 0.0, 0.0]}})
+        content["joint"] += [{"name": f"B{i}", "type": "spherical", "between": [f"{'sled.B' if i == 0 else f'frame.B{i}'}", f"rod{i}.B"]},
+                             {"name": f"P{i}", "type": "spherical", "between": [f"rod{i}.P", f"plate.P{i}"]}]
+    found = linkdyn.Scene(content).assemblies()
+    assert len(found) >= 2
+    for one in found:
+        assert "plate: start = { position = [" in one.words
+        again = linkdyn.Scene(one.apply(content)).assemblies()[0]
+        np.testing.assert_allclose(again.position[0], one.position[0], atol=1e-6)
+        np.testing.assert_allclose(again.rotation[0], one.rotation[0], atol=1e-6)
+
+
+def test_no_choice() -> None:
+    """An open chain has one assembly, and no words."""
+    one, = linkdyn.new("arm").assemblies()
+    assert one.words == "" and one.number == 1
+
+
+def test_command_and_picture(tmp_path: Path) -> None:
+    """A table on the terminal, a sheet in a file; wrong words in one line."""
+    scene = ROOT / "examples" / "fourbar" / "scene.toml"
+    command = [sys.executable, "-c", "from linkdyn.cli import main; main()", "assemblies", str(scene)]
+    sheet = tmp_path / "sheet.png"
+    said = subprocess.run([*command, "--picture", str(sheet)], capture_output=True, text=True, timeout=60)
+    assert said.returncode == 0 and said.stdout.count("branch = ") == 2 and sheet.stat().st_size > 5000
+    for wrong, message in (([str(tmp_path / "none.toml")], "none.toml"), (["--picture", "sheet.doc"], "--picture: 'sheet.doc' (expected")):
+        refused = subprocess.run([*command, *wrong], capture_output=True, text=True, timeout=60)
+        assert refused.returncode == 2 and message in refused.stderr and refused.stderr.count("\n") == 1
+
+
+@pytest.mark.usefixtures("closed_figures")
+def test_sheet() -> None:
+    """One panel an assembly."""
+    scene = linkdyn.Scene(RSSR)
+    figure, axes = linkdyn.plot.assemblies(scene)
+    assert len(axes) == len(scene.assemblies()) == 2 and figure.axes[0].get_title() == "1"

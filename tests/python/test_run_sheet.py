@@ -1,0 +1,217 @@
+"""The sheet of a run and the drawing of a scene: their numbers are the run's, their files are sound, nothing in them is empty or hidden."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import linkdyn
+import linkdyn.plot as plot
+from linkdyn._lines import _apart
+from linkdyn._new import kinds
+from linkdyn._sheet import sheet_page
+from sheet_file import column, number, read
+
+pytestmark = pytest.mark.usefixtures("closed_figures")
+
+
+@pytest.fixture(scope="module")
+def six_bar():
+    return linkdyn.new("six-bar")
+
+
+def test_numbers_are_those_of_the_run(six_bar, tmp_path):
+    run = six_bar.inverse()
+    _, tables = read(linkdyn.sheet(run, tmp_path / "run.html"))
+    row = tables["Drives"][0]
+    force = run.driving_force.values[:, 0]
+    at = run.time.values[[force.argmax(), force.argmin()]]
+    assert column([row], 1)[0] == force.max() and column([row], 3)[0] == force.min()
+    assert [float(row[k].text.split()[0]) for k in (2, 4)] == pytest.approx(at, rel=1e-5)
+    assert column([row], 5)[0] == pytest.approx(np.sqrt((force**2).mean()), rel=1e-12)
+    joints = tables["Bearings and guides"]
+    size = np.linalg.norm(run.reaction.sel(component=["Fx", "Fy"]), axis=2)
+    np.testing.assert_allclose(column(joints, 1), size.max(axis=0), rtol=1e-12)
+    assert number(joints[0][1]) == pytest.approx(size[:, 0].max(), rel=1e-3)
+    assert "Warnings" not in tables
+
+
+@pytest.mark.parametrize("kind", list(kinds()))
+def test_every_kind_has_a_sheet(kind, tmp_path):
+    scene = linkdyn.new(kind)
+    page = sheet_page(scene.inverse(), scene=scene)
+    assert {"Drives", "Bearings and guides"} <= {table.title for table in page.tables}
+    for picture in page.pictures:
+        for axis in picture.figure.axes:
+            if axis.get_visible():
+                assert axis.lines or axis.collections or axis.patches, (kind, picture.caption)
+        picture.figure.canvas.draw()
+    (tmp_path / "s.html").write_text("")
+    file = linkdyn.sheet(scene.inverse(), tmp_path / "s.html")
+    ET.fromstring(file.read_text(encoding="utf-8"))
+
+
+def test_names_beside_lines_do_not_overlap():
+    for kind in ("hexapod", "delta", "excavator", "six-bar"):
+        run = linkdyn.new(kind).inverse()
+        for draw in (plot.driving_forces, plot.reactions):
+            figure, axes = draw(run)
+            figure.canvas.draw()
+            for axis in np.ravel(axes):
+                boxes = [text.get_window_extent() for text in axis.texts] if axis.get_visible() else []
+                for k, box in enumerate(boxes):
+                    assert not any(box.y0 < other.y1 - 1 and other.y0 < box.y1 - 1 for other in boxes[:k]), (kind, axis.texts[k].get_text())
+
+
+def test_names_move_as_little_as_need_be():
+    np.testing.assert_allclose(_apart(np.array([0.2, 0.5, 0.9]), 0.1), [0.2, 0.5, 0.9])
+    np.testing.assert_allclose(_apart(np.array([0.5, 0.5, 0.9]), 0.1), [0.45, 0.55, 0.9])
+    np.testing.assert_allclose(_apart(np.array([0.0, 0.0, 1.0, 1.0]), 0.2), [0.0, 0.2, 0.8, 1.0])
+
+
+def test_many_lines_become_an_envelope():
+    run = linkdyn.new("hexapod").inverse()
+    names = [f"leg{k}.P" for k in range(1, 19)]
+    force = np.linspace(1.0, 2.0, 18) * run.driving_force.values[:, :1]
+    many = run.drop_dims("actuator").assign_coords(actuator=names, actuator_unit=("actuator", ["N"] * 18)).assign(
+        driving_force=(("sample", "actuator"), force))
+    _, axes = plot.driving_forces(many)
+    assert sum(len(line.get_xdata()) > 1 and len(line.get_xdata()) == 201 for line in axes[0].get_lines()) == 1
+    assert any("leg18.P, the worst" in text.get_text() for text in axes[0].texts) and len(axes[0].collections) == 1
+
+
+def test_joints_without_a_moment_have_no_panel():
+    _, axes = plot.reactions(linkdyn.new("four-bar").inverse())
+    assert axes.shape == (1, 1)
+    _, axes = plot.reactions(linkdyn.new("hexapod").inverse())
+    assert [[axis.get_visible() for axis in row] for row in axes] == [[True, True], [True, True], [True, False]]
+
+
+def test_units_are_those_people_read():
+    run = linkdyn.new("excavator").inverse()
+    figure, axes = plot.driving_forces(run)
+    figure.canvas.draw()
+    assert axes[0].get_ylabel() == "driving force [kN]"
+    ticks = {float(text.get_text().replace("−", "-")): at for at, text in zip(axes[0].get_yticks(), axes[0].get_yticklabels()) if text.get_text()}
+    assert ticks and all(at == pytest.approx(1e3 * value) for value, at in ticks.items())
+    _, axes = plot.driving_forces(linkdyn.new("six-bar").inverse(), over="A")
+    assert axes[0].get_xlabel() == "angle of A [deg]"
+    with pytest.raises(linkdyn.InputError, match="'B' is no angle of the run"):
+        plot.driving_forces(linkdyn.new("six-bar").inverse(), over="B")
+
+
+def test_cylinders_are_drawn_as_cylinders():
+    """From hinge to hinge, without a bar or a block of their links."""
+    scene = linkdyn.new("excavator")
+    run = scene.inverse()
+    _, axis = plot.mechanism(scene)
+    texts = [text.get_text() for text in axis.texts]
+    assert {"cylinder1", "cylinder2", "cylinder3"} <= set(texts) and not any("." in text for text in texts)
+    drawn = np.concatenate([line.get_xydata() for line in axis.get_lines()])
+    joints = {joint["name"]: joint for joint in scene.description["joints"]}
+    for name, link in (("cylinder1.R1", "cylinder1.barrel"), ("cylinder1.R2", "cylinder1.rod")):
+        marker = joints[name]["markers"][joints[name]["links"].index(1 + scene.links.index(link))]
+        place = run.linkdyn.marker(f"{link}.{marker}").position.values[0]
+        assert np.nanmin(np.linalg.norm(drawn - place, axis=1)) < 1e-12
+
+
+# ---------------------------------------------------------------- warnings
+
+def test_limits_that_are_exceeded_are_told_with_their_place(six_bar, tmp_path):
+    bounded = linkdyn.Scene(six_bar.text + """
+[sweep]
+[[sweep.axis]]
+time = true
+linspace = [0, 0.1, 2]
+[[sweep.limit]]
+of = "driving_force"
+max = "40 N m"
+name = "motor"
+[[sweep.limit]]
+of = "reaction_force"
+at = "C"
+max = "10 kN"
+name = "pin"
+""")
+    run = bounded.inverse()
+    root, tables = read(linkdyn.sheet(run, tmp_path / "run.html"))
+    (what, where), = tables["Warnings"]
+    force = run.driving_force.values[:, 0]
+    assert "motor" in what.text and f"{force.max():.4g}" in what.text and "allowed 40" in what.text
+    assert f"{1e3 * run.time.values[force.argmax()]:.4g}"[:3] in where.text.replace(".", "") or f"{run.time.values[force.argmax()]:.4g}" in where.text
+    assert [row[0].text for row in tables["Limits"]] == ["motor", "pin"]
+
+
+def test_failed_samples_are_told(crossing, tmp_path):
+    run = linkdyn.Scene(crossing).inverse()
+    _, tables = read(linkdyn.sheet(run, tmp_path / "run.html"))
+    n = int((run.status.values != 0).sum())
+    what, where = tables["Warnings"][0]
+    assert what.text.startswith(f"{n} of {run.sizes['sample']} samples failed")
+    first = float(run.time.values[(run.status.values != 0).argmax()])
+    assert where.text.startswith(f"first at {first:.6g} s")
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda run, folder: linkdyn.sheet(run, folder / "run.txt"), "ends in .html or .pdf"),
+        (lambda run, folder: linkdyn.sheet(run, folder / "run.html", design=1), "has one design"),
+        (lambda run, folder: linkdyn.sheet(run.drop_vars(["driving_force", "reaction"]), folder / "run.html"), "neither driving forces nor reactions"),
+    ],
+)
+def test_refused(six_bar, tmp_path, make, message):
+    with pytest.raises(linkdyn.InputError, match=message):
+        make(six_bar.inverse(), tmp_path)
+
+
+# ---------------------------------------------------------------- the command
+
+def command(*words, folder):
+    return subprocess.run([sys.executable, "-m", "linkdyn", *words], cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_sheet_of_a_run(tmp_path):
+    (tmp_path / "scene.toml").write_text(linkdyn.new("four-bar").text)
+    said = command("inverse", "scene.toml", "--sheet", "out.html", folder=tmp_path)
+    assert said.returncode == 0 and said.stdout.splitlines()[-1].split() == ["sheet", "out.html"], said.stderr
+    assert read(tmp_path / "out.html")[0] is not None and (tmp_path / "out.nc").is_file()
+    assert command("forward", "scene.toml", "--until", "0.1", "--sheet=out.pdf", "-q", folder=tmp_path).returncode == 0
+    assert (tmp_path / "out.pdf").read_bytes()[:5] == b"%PDF-"
+    for words, message in (
+        (("--sheet", "out.txt"), "ends in .html or .pdf"),
+        (("--sheet", "none/out.html"), "the folder is not there"),
+        (("--sheet", "out.html", "--no-output"), "none of --no-output"),
+    ):
+        said = command("inverse", "scene.toml", *words, folder=tmp_path)
+        assert said.returncode == 2 and message in said.stderr and len(said.stderr.splitlines()) == 1
+
+
+def test_sheet_of_a_run_with_failed_samples(crossing, tmp_path):
+    (tmp_path / "scene.toml").write_text(linkdyn.Scene(crossing).text)
+    said = command("inverse", "scene.toml", "--sheet", "out.html", folder=tmp_path)
+    assert said.returncode == 3 and "Warnings" in read(tmp_path / "out.html")[1], said.stderr
+
+
+def test_draw(tmp_path):
+    (tmp_path / "scene.toml").write_text(linkdyn.new("excavator").text)
+    said = command("draw", "scene.toml", folder=tmp_path)
+    assert said.returncode == 0 and said.stdout.split() == ["picture", "scene.png"], said.stderr
+    with Image.open(tmp_path / "scene.png") as picture:
+        assert min(picture.size) > 300 and len(picture.convert("RGB").getcolors(1 << 20)) > 20
+    assert command("draw", "scene.toml", "-o", "s.svg", "--at", "2", "--no-names", "-q", folder=tmp_path).stdout == ""
+    assert "<svg" in (tmp_path / "s.svg").read_text()
+    for words, message in (
+        (("scene.toml", "-o", "s.txt"), "ends in .png"),
+        (("scene.toml", "--at", "noon"), "expected seconds"),
+        (("none.toml",), "none.toml"),
+        (("scene.toml", "-o", "none/s.png"), "s.png"),
+        ((), "required"),
+    ):
+        said = command("draw", *words, folder=tmp_path)
+        assert said.returncode == 2 and message in said.stderr and len(said.stderr.splitlines()) == 1, said.stderr
