@@ -26,7 +26,7 @@ import linkdyn.plot
 FOLDER = Path(__file__).resolve().parent
 COLOURS = 256   # a palette is enough, and a third of the size
 MOST_PANELS = 4
-FORWARD = {"fourbar_start", "rcsp_start"}           # run forward although a motion is given: it is to be found again
+FORWARD = {"double_wishbone", "fourbar_start", "rcsp_start"}   # run forward although a motion is given: of one coordinate, or to be found again
 # A second scene of the folder, which runs forward.
 BESIDE = {"andrews": "scene_forward.toml", "slider_crank": "scene_forward.toml"}
 STROBES = {                                         # instants of the stroboscopic picture: first, last, how many

@@ -13,7 +13,7 @@ SOURCES = Path(__file__).resolve().parent.parent / "python"
 COMMAND = re.compile(r"^  linkdyn (\w+) (SCENE\S*|\[KIND\])(?: \[options\])? +(.*)$", re.M)
 OPTION = re.compile(r"^  (-.*?)  +(\S.*(?:\n {8,}\S.*)*)", re.M)
 SUFFIXES = {"SCENE": ["toml"], "SCENE|RUN.nc": ["toml", "nc"], "[KIND]": []}
-IN_PACKAGE = {"view": "_view_command", "new": "_new"}
+IN_PACKAGE = {"view": "_view_command", "draw": "_draw_command", "balance": "_balance_command", "new": "_new", "assemblies": "_assemblies_command"}
 """Commands that are a part of the Python package, and where."""
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from command_help import SUFFIXES, Command, Option, commands_of
 
 BASH = """\
-# Completion of linkdyn for bash. Written from its help by tools/describe_command.py.
+# Completion of linkdyn for bash. Written from its help by tools/write_completion.py.
 _linkdyn() {
     local word=${COMP_WORDS[COMP_CWORD]} before=${COMP_WORDS[COMP_CWORD-1]} list=""
     COMPREPLY=()
@@ -59,7 +59,7 @@ def bash(commands: list[Command]) -> str:
 
 ZSH = """\
 #compdef linkdyn
-# Completion of linkdyn for zsh. Written from its help by tools/describe_command.py.
+# Completion of linkdyn for zsh. Written from its help by tools/write_completion.py.
 _linkdyn() {
     local -a commands=(
 %(commands)s    )
@@ -108,7 +108,7 @@ def fish(commands: list[Command]) -> str:
     def quoted(text: str) -> str:
         return "'" + text.replace("\\", "\\\\").replace("'", "\\'") + "'"
 
-    lines = ["# Completion of linkdyn for fish. Written from its help by tools/describe_command.py.", "complete -c linkdyn -f"]
+    lines = ["# Completion of linkdyn for fish. Written from its help by tools/write_completion.py.", "complete -c linkdyn -f"]
     for name in ("help", "version"):
         lines.append(f"complete -c linkdyn -n __fish_use_subcommand -l {name}")
     for command in commands:
