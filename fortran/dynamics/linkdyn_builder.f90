@@ -42,7 +42,8 @@ contains
         call check_code(status)
         if (.not. status%is_ok()) return
         call plan_scene(scene, model, status, closed_forms)
-        if (.not. status%is_ok() .or. allocated(scene%hold) .or. size(model%scene%hold) == 0) return
+        if (.not. status%is_ok() .or. allocated(scene%hold)) return
+        if (size(model%scene%hold) == 0) return
         ! Now it is known how the links stand at the start: idle spins are held by directions that suit.
         with_holds = scene
         with_holds%hold = holds_at_start(model)
