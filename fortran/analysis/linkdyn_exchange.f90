@@ -246,7 +246,7 @@ contains
                 if (len(text) > 0) text = text//" and "
                 if (choice(k) > 0) then
                     text = text//name_of(own, choice(k))
-                else if (c%kind == coordinate_joint) then
+                else if (c%kind == coordinate_joint .and. c%joint <= own%n_joint) then
                     text = text//name_of(own, own%joint(c%joint)%first_variable + c%variable)
                 else
                     text = text//trim(c%name)

@@ -16,7 +16,7 @@ module linkdyn_results
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name, coordinate_joint
+    use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     implicit none (type, external)
     private
@@ -274,8 +274,8 @@ contains
         integer :: i, k, n
 
         associate (joint => layout%dimension(dim_joint), variable => layout%dimension(dim_variable))
-            joint%size = size(scene%joint)
-            variable%size = sum(joint_n_variable(scene%joint%kind))
+            joint%size = n_holding(scene)
+            variable%size = sum(joint_n_variable(scene%joint(:joint%size)%kind))
             allocate (joint%label(joint%size), variable%label(variable%size), variable%unit(variable%size))
             n = 0
             do i = 1, joint%size

@@ -67,7 +67,7 @@ contains
         mechanism%qdd = qdd
         call set_rate(mechanism%rates, q, qd)
         call set_rate(mechanism%rates, qd, qdd)
-        allocate (mechanism%slide(model%n_joint), mechanism%universal_axis(model%n_joint), mechanism%watched(0), &
+        allocate (mechanism%slide(size(model%joint)), mechanism%universal_axis(size(model%joint)), mechanism%watched(0), &
                   mechanism%positive(0), mechanism%ways(2, model%n_dyad))
         call make_bodies(model%link%orientation, gravity_of(mechanism), mechanism%bodies)
     end subroutine begin_mechanism

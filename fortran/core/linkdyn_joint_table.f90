@@ -7,10 +7,10 @@ module linkdyn_joint_table
     implicit none (type, external)
     private
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_fixed, &
-        joint_planar, joint_screw
+        joint_planar, joint_screw, measured_position, measured_attitude
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
     public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions, is_threaded
-    public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps
+    public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps, is_measure
 
     integer, parameter :: joint_revolute = 1     !! angle about the axis
     integer, parameter :: joint_prismatic = 2    !! slide along the axis
@@ -22,6 +22,11 @@ module linkdyn_joint_table
     integer, parameter :: joint_screw = 8        !! angle about the axis, the slide along it in proportion
     integer, parameter :: n_joint_kind = 8
 
+    ! ---- where a link is, seen from another: variables that hold nothing, by which coordinates can lead it
+    integer, parameter :: measured_position = 9   !! of a point, along the axes of the first link
+    integer, parameter :: measured_attitude = 10  !! three angles
+    integer, parameter :: n_kind = 10
+
     ! ---- directions of the forces or moments that a joint transmits
     integer, parameter :: along_nothing = 0    !! none
     integer, parameter :: along_normal = 1     !! one, square to both markers' axes
@@ -31,10 +36,10 @@ module linkdyn_joint_table
     integer, parameter :: n_along(0:4) = [0, 1, 2, 3, 1]   !! how many these are
 
     integer, parameter :: variable_len = 7
-    character(len=11), parameter :: joint_kind_name(n_joint_kind) = [character(len=11) :: &
-        "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw"]
-    integer, parameter :: joint_n_variable(n_joint_kind) = [1, 1, 2, 2, 3, 0, 3, 1]
-    character(len=variable_len), parameter :: variable_name(3, n_joint_kind) = reshape([character(len=variable_len) :: &
+    character(len=11), parameter :: joint_kind_name(n_kind) = [character(len=11) :: &
+        "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw", "position", "attitude"]
+    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 3, 3]
+    character(len=variable_len), parameter :: variable_name(3, n_kind) = reshape([character(len=variable_len) :: &
         "angle", "", "", &
         "slide", "", "", &
         "angle", "slide", "", &
@@ -42,24 +47,29 @@ module linkdyn_joint_table
         "roll", "pitch", "yaw", &
         "", "", "", &
         "x", "y", "angle", &
-        "angle", "", ""], [3, n_joint_kind])
-    logical, parameter :: variable_is_slide(3, n_joint_kind) = &                             !! else an angle
-        variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y"
+        "angle", "", "", &
+        "x", "y", "z", &
+        "roll", "pitch", "yaw"], [3, n_kind])
+    logical, parameter :: variable_is_slide(3, n_kind) = &                                   !! else an angle
+        variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y" .or. variable_name == "z"
     !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second.
-    integer, parameter :: variable_axis(3, n_joint_kind) = &
+    integer, parameter :: variable_axis(3, n_kind) = &
         merge(1, merge(2, 3, variable_name == "y"), variable_name == "x")
     integer, parameter :: most_slides = 2
     !> Along which axes of the first marker the second moves away from it; 0: no more.
-    integer, parameter :: slide_axis(most_slides, n_joint_kind) = &
-        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0], [most_slides, n_joint_kind])
-    integer, parameter :: force_directions(n_joint_kind) = &
-        [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y]
-    integer, parameter :: moment_directions(n_joint_kind) = &
-        [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y]
+    integer, parameter :: slide_axis(most_slides, n_kind) = &
+        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, 0, 0, 0, 0], [most_slides, n_kind])
+    integer, parameter :: force_directions(n_kind) = &
+        [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y, &
+         along_nothing, along_nothing]
+    integer, parameter :: moment_directions(n_kind) = &
+        [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y, &
+         along_nothing, along_nothing]
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
-    logical, parameter :: is_threaded(n_joint_kind) = joint_kind_name == "screw"
+    logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw"
     !> Exists in planar scenes.
-    logical, parameter :: joint_in_plane(n_joint_kind) = [.true., .true., .false., .false., .false., .true., .false., .false.]
+    logical, parameter :: joint_in_plane(n_kind) = &
+        [.true., .true., .false., .false., .false., .true., .false., .false., .true., .true.]
 
 contains
 
@@ -84,6 +94,13 @@ contains
         n_slide = count(slide_axis(:, kind) > 0)
     end function n_slide
 
+    !> Does the kind hold nothing?
+    elemental logical function is_measure(kind)
+        integer, intent(in) :: kind
+
+        is_measure = kind > n_joint_kind
+    end function is_measure
+
     !> How many forces and how many moments a kind transmits: as many as it takes freedoms away.
     pure function n_transmitted(kind, is_planar) result(n)
         integer, intent(in) :: kind
@@ -91,6 +108,6 @@ contains
         integer :: n(2)
 
         n = [n_along(force_directions(kind)) + merge(1, 0, is_threaded(kind)), n_along(moment_directions(kind))]
-        if (is_planar) n = n - [1, 2]
+        if (is_planar) n = max(n - [1, 2], 0)
     end function n_transmitted
 end module linkdyn_joint_table

@@ -16,7 +16,7 @@ module linkdyn_builder
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, hold_spec, law_spec, law_table, joint_n_variable, &
-        joint_prismatic, frame_link
+        joint_prismatic, frame_link, n_holding
     use linkdyn_spin_axes, only: choose_holds
     use linkdyn_spatial_start, only: assemble_in_space
     use linkdyn_status, only: status_type, fail, status_bad_input
@@ -86,7 +86,7 @@ contains
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
         model%is_planar = scene%planar
         model%n_link = size(scene%link)
-        model%n_joint = size(scene%joint)
+        model%n_joint = n_holding(scene)
         model%n_q = size(scene%coordinate)
         model%n_actuator = size(scene%actuator)
         model%n_load = size(scene%load)
@@ -97,14 +97,14 @@ contains
             call fail(status, status_bad_input, "the scene has no moving link (expected at least one [[link]])")
             return
         end if
-        allocate (model%link(model%n_link), model%joint(model%n_joint))
+        allocate (model%link(model%n_link), model%joint(size(scene%joint)))
         do i = 1, model%n_link
             call take_link(scene%link(i), model%link(i))
         end do
-        do i = 1, model%n_joint
+        do i = 1, size(model%joint)
             call take_joint(scene, i, model%joint(i))
             model%joint(i)%first_variable = model%n_variable
-            model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
+            if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
         call spread_weld_starts(model)
         call number_tables(model%scene)
@@ -174,7 +174,7 @@ contains
     subroutine refuse_idle_branches(model, status)
         type(model_type), intent(in) :: model
         type(status_type), intent(inout) :: status
-        logical :: is_meant(model%n_joint), is_iterated(model%n_joint)
+        logical :: is_meant(size(model%joint)), is_iterated(size(model%joint))
         integer :: i, j
 
         is_meant = .false.
@@ -241,7 +241,9 @@ contains
             joint%link = spec%link
             joint%pitch = spec%lead/two_pi
             do side = 1, 2
-                if (spec%link(side) == frame_link) then
+                if (spec%marker(side) == 0) then
+                    marker = marker_spec()
+                else if (spec%link(side) == frame_link) then
                     marker = scene%frame%marker(spec%marker(side))
                 else
                     marker = scene%link(spec%link(side))%marker(spec%marker(side))

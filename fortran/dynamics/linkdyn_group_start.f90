@@ -9,7 +9,7 @@ module linkdyn_group_start
     use linkdyn_constants, only: pi
     use linkdyn_cross, only: cross
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
-    use linkdyn_joint_table, only: is_slide, is_threaded
+    use linkdyn_joint_table, only: is_slide, is_threaded, is_measure
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state
@@ -17,10 +17,11 @@ module linkdyn_group_start
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, orientation_of, place_size, scene_size
     use linkdyn_planar_pass, only: hang_planar_link
-    use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation
-    use linkdyn_scene, only: joint_n_variable
+    use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion
+    use linkdyn_scene, only: joint_n_variable, coordinate_joint, measured_position, frame_link
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer
-    use linkdyn_vec3, only: mat3, vec3, operator(+), operator(-), operator(.rotate.)
+    use linkdyn_vec2, only: vec2, rot2_by_angle
+    use linkdyn_vec3, only: mat3, vec3, vec3_of, operator(+), operator(-), operator(.rotate.)
     implicit none (type, external)
     private
     public :: find_group_start, is_same
@@ -181,6 +182,7 @@ contains
         do round = 1, size(group%link)
             do i = 1, size(group%joint)
                 j = group%joint(i)
+                if (is_measure(model%joint(j)%kind)) cycle
                 associate (link => model%joint(j)%link)
                     if (is_placed(link(1)) .eqv. is_placed(link(2))) cycle
                     from = merge(1, 2, is_placed(link(1)))
@@ -192,6 +194,9 @@ contains
                     is_placed(link(3 - from)) = .true.
                 end associate
             end do
+        end do
+        do i = 1, size(group%link)
+            if (is_led(model, group%link(i))) call put_led_link(model, group%link(i), first, state)
         end do
 
     contains
@@ -222,6 +227,67 @@ contains
             end associate
         end function variables
     end subroutine string_links
+
+    !> Do coordinates lead the link, seen from the frame, by a part of its pose?
+    pure logical function is_led(model, link)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        integer :: j
+
+        is_led = .false.
+        do j = model%n_joint + 1, size(model%joint)
+            is_led = is_led .or. all(model%joint(j)%link == [frame_link, link])
+        end do
+    end function is_led
+
+    !> Such a link where its coordinates say, the rest of its pose as `start` says, from the third attempt on some other.
+    subroutine put_led_link(model, link, first, state)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link, first
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: pose(lanes, 6), quaternion(lanes, 4)
+        type(vec3) :: point, arm
+        integer :: attempt, j, k, lane
+
+        do lane = 1, lanes
+            attempt = first + lane - 1
+            pose(lane, :) = model%scene%link(link)%start
+            if (attempt <= 2) cycle
+            do k = 1, 6
+                pose(lane, k) = pose(lane, k) + merge(scene_size(model), pi, k <= 3)*min(1.0_wp, 2*real(attempt, wp)/n_attempt) &
+                                *(2*counter_uniform(int(link, int64), int(k, int64), int(attempt, int64)) - 1)
+            end do
+        end do
+        point = vec3(0*pose(:, 1), 0*pose(:, 1), 0*pose(:, 1))
+        do j = model%n_joint + 1, size(model%joint)
+            if (any(model%joint(j)%link /= [frame_link, link])) cycle
+            if (model%joint(j)%kind == measured_position) point = vec3_of(model%joint(j)%point(:, 2))
+            do k = 1, model%n_q
+                associate (c => model%scene%coordinate(k))
+                    if (c%kind /= coordinate_joint .or. c%joint /= j) cycle
+                    pose(:, c%variable + merge(0, 3, model%joint(j)%kind == measured_position)) = state%q(:, k)
+                end associate
+            end do
+        end do
+        if (model%is_planar) pose(:, 3:5) = 0
+        quaternion = quaternion_of_rpy(pose(:, 4), pose(:, 5), pose(:, 6))
+        ! what is given is the place of the point, the start that of the origin: near enough for a start
+        arm = rotation_of_quaternion(quaternion).rotate.point
+        associate (place => state%group%place(:, :, link), o => orientation_of(model, link))
+            state%group%place(:, 1, link) = pose(:, 1) - arm%x
+            state%group%place(:, 2, link) = pose(:, 2) - arm%y
+            if (model%is_planar) then
+                state%group%place(:, 3, link) = pose(:, 6)
+                state%plane%position(link) = vec2(place(:, 1), place(:, 2))
+                state%plane%rotation(o) = rot2_by_angle(pose(:, 6))
+            else
+                state%group%place(:, 3, link) = pose(:, 3) - arm%z
+                state%group%place(:, 4:7, link) = quaternion
+                state%position(link) = vec3(place(:, 1), place(:, 2), place(:, 3))
+                state%rotation(o) = rotation_of_quaternion(quaternion)
+            end if
+        end associate
+    end subroutine put_led_link
 
     !> A link by a joint from one that is placed, in a plane.
     subroutine hang_in_plane(model, j, link, variable, state)

@@ -360,7 +360,8 @@ contains
             call add(-of_force)
             call add(-of_moment)
         end do
-        imbalance = merge(total/magnitude, 0.0_wp, magnitude > 0)
+        ! the last term is zero, but not a number where the powers are infinite: no share of infinity is a balance
+        imbalance = merge(total/magnitude + 0*magnitude, 0.0_wp, magnitude > 0)
 
     contains
 

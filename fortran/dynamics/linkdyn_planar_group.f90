@@ -1,18 +1,18 @@
 !> Constraints of any planar Assur group (triads and larger, joints with given variables), for Newton's method.
 !>
 !> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it, a weld two
-!> gaps and the angle; a joint whose variable is a coordinate one more. Velocities and accelerations obey the Jacobian of the same gaps.
+!> gaps and the angle; a joint whose variable is a coordinate one more, and so does each coordinate at a measure. Velocities and accelerations obey the Jacobian of the same gaps.
 module linkdyn_planar_group
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_motion, only: size_of_rows
-    use linkdyn_joint_table, only: most_slides
+    use linkdyn_joint_table, only: most_slides, is_measure
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, group_type, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
-    use linkdyn_scene, only: joint_prismatic, joint_fixed
+    use linkdyn_scene, only: joint_prismatic, joint_fixed, measured_position, measured_attitude
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), perp, rot2, rot2_by_angle, zero_vec2, vec2_of
     implicit none (type, external)
@@ -23,11 +23,12 @@ module linkdyn_planar_group
     type :: joint_view
         logical :: slides = .false.
         logical :: is_fixed = .false.
+        logical :: is_position = .false., is_attitude = .false.    !! measures: nothing but coordinates
         integer :: link(2) = 0, o(2) = 0
         integer :: place(2) = 0            !! of its links among the group's; 0: known
         type(vec2) :: arm(2)               !! origins to where the gap is measured
         type(vec2) :: gap                  !! second less first marker
-        type(vec2) :: u                    !! along the slide
+        type(vec2) :: u                    !! along the slide; of a measure: x of the first marker
         real(wp) :: turn(lanes)            !! second less first marker's direction [rad]
     end type joint_view
 
@@ -62,6 +63,8 @@ contains
         associate (joint => model%joint(j))
             view%slides = joint%kind == joint_prismatic
             view%is_fixed = joint%kind == joint_fixed
+            view%is_position = joint%kind == measured_position
+            view%is_attitude = joint%kind == measured_attitude
             axis = merge(3, 1, view%slides)
             do side = 1, 2
                 view%link(side) = joint%link(side)
@@ -76,7 +79,7 @@ contains
         view%u = direction(1)
         view%turn = atan2(direction(1).cross.direction(2), direction(1).dot.direction(2))
         ! Across a slide the first link is felt at the second's marker.
-        if (view%slides) view%arm(1) = view%arm(1) + view%gap
+        if (view%slides .or. view%is_position) view%arm(1) = view%arm(1) + view%gap
     end function view_of
 
     !> Gaps at the iterate and how the links close them.
@@ -92,6 +95,10 @@ contains
         row = 0
         do i = 1, size(group%joint)
             view = view_of(model, group, group%joint(i), state%plane)
+            if (view%is_position .or. view%is_attitude) then
+                call put_measure(group%coordinate(:, i))
+                cycle
+            end if
             c = group%coordinate(1, i)
             if (view%slides) then
                 call put_turn_row(view, row + 1, matrix)
@@ -121,7 +128,39 @@ contains
                 right(:, row) = least_turn(view%turn - state%q(:, c))
             end if
         end do
+
+    contains
+
+        !> Position along x and y, or the angle.
+        subroutine put_measure(coordinate)
+            integer, intent(in) :: coordinate(3)
+            type(vec2) :: u
+            integer :: k
+
+            do k = 1, 3
+                if (coordinate(k) == 0) cycle
+                row = row + 1
+                if (view%is_attitude) then
+                    call put_turn_row(view, row, matrix)
+                    right(:, row) = least_turn(view%turn - state%q(:, coordinate(k)))
+                else
+                    u = measured_axis(view, k)
+                    call put_row(view, u, row, matrix)
+                    right(:, row) = (u.dot.view%gap) - state%q(:, coordinate(k))
+                end if
+            end do
+        end subroutine put_measure
     end subroutine assemble_gaps
+
+    !> Along which the position is measured: x or y of the first marker.
+    pure function measured_axis(view, k) result(u)
+        type(joint_view), intent(in) :: view
+        integer, intent(in) :: k           !! 1, 2
+        type(vec2) :: u
+
+        u = view%u
+        if (k == 2) u = perp(view%u)
+    end function measured_axis
 
     !> Which of the rows of `assemble_gaps` are distances.
     pure function is_planar_length(model, group) result(is_length)
@@ -129,10 +168,17 @@ contains
         type(group_type), intent(in) :: group
         logical :: is_length(3*size(group%link))
         logical :: slides
-        integer :: i, row
+        integer :: i, k, row
 
         row = 0
         do i = 1, size(group%joint)
+            if (is_measure(model%joint(group%joint(i))%kind)) then
+                do k = 1, count(group%coordinate(:, i) > 0)
+                    row = row + 1
+                    is_length(row) = model%joint(group%joint(i))%kind == measured_position
+                end do
+                cycle
+            end if
             slides = model%joint(group%joint(i))%kind == joint_prismatic
             is_length(row + 1:row + 2) = [.not. slides, .true.]
             row = row + 2
@@ -155,7 +201,7 @@ contains
         real(wp), intent(out) :: matrix(:, :, :), right(:, :)
         type(rot2) :: rotation(0:model%n_orientation)
         type(vec2) :: position(0:model%n_link)
-        real(wp) :: slide(lanes, most_slides, model%n_joint), turn(lanes)
+        real(wp) :: slide(lanes, most_slides, size(model%joint)), turn(lanes)
         integer :: o, l
 
         associate (plane => state%plane)
@@ -291,19 +337,27 @@ contains
         real(wp), intent(out) :: right(:, :)
         type(joint_view) :: view
         type(vec2) :: opening
-        real(wp), dimension(lanes) :: turning, slide_rate, given
-        integer :: i, row, c
+        real(wp) :: turning(lanes)
+        integer :: i, k, row, c
 
         row = 0
         do i = 1, size(group%joint)
             view = view_of(model, group, group%joint(i), state%plane)
             opening = opening_of(state%plane, view, level)
+            if ((view%slides .or. view%is_position) .and. level == level_given) opening = opening &
+                - (2*state%plane%angular(:, level_velocity, view%o(1)))*perp(opening_of(state%plane, view, level_velocity))
             turning = state%plane%angular(:, level, view%o(2)) - state%plane%angular(:, level, view%o(1))
+            if (view%is_position .or. view%is_attitude) then
+                do k = 1, 3
+                    if (group%coordinate(k, i) == 0) cycle
+                    row = row + 1
+                    right(:, row) = turning - given_rate(group%coordinate(k, i))
+                    if (view%is_position) right(:, row) = (measured_axis(view, k).dot.opening) &
+                                                          - given_rate(group%coordinate(k, i))
+                end do
+                cycle
+            end if
             if (view%slides) then
-                if (level == level_given) then
-                    slide_rate = view%u.dot.opening_of(state%plane, view, level_velocity)
-                    opening = opening - (2*state%plane%angular(:, level_velocity, view%o(1))*slide_rate)*perp(view%u)
-                end if
                 right(:, row + 1) = turning
                 right(:, row + 2) = view%u.cross.opening
             else
@@ -318,6 +372,16 @@ contains
             c = group%coordinate(1, i)
             if (c == 0) cycle
             row = row + 1
+            right(:, row) = merge(view%u.dot.opening, turning, view%slides) - given_rate(c)
+        end do
+
+    contains
+
+        !> What the level gives of a coordinate.
+        pure function given_rate(c) result(given)
+            integer, intent(in) :: c
+            real(wp) :: given(lanes)
+
             select case (level)
             case (level_velocity)
                 given = state%qd(:, c)
@@ -326,8 +390,7 @@ contains
             case default
                 given = merge(1, 0, level == c)
             end select
-            right(:, row) = merge(view%u.dot.opening, turning, view%slides) - given
-        end do
+        end function given_rate
     end subroutine assemble_level
 
     pure function opening_of(plane, view, level) result(opening)

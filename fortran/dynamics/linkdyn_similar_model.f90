@@ -44,7 +44,7 @@ contains
         do k = 1, size(model%scene%frame%marker)
             similar%scene%frame%marker(k)%at = scale*model%scene%frame%marker(k)%at
         end do
-        do i = 1, model%n_joint
+        do i = 1, size(model%joint)
             similar%joint(i)%point = scale*model%joint(i)%point
             similar%joint(i)%pitch = scale*model%joint(i)%pitch
             similar%scene%joint(i)%lead = scale*model%scene%joint(i)%lead

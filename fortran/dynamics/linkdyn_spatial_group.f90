@@ -11,7 +11,7 @@ module linkdyn_spatial_group
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, marker_axis
     use linkdyn_joint_table, only: is_slide, is_threaded, variable_axis, most_slides, slide_axis, n_slide, joint_universal, &
         along_z, force_directions, moment_directions, n_along, along_axes, &
-        along_x_and_y, along_normal
+        along_x_and_y, along_normal, measured_attitude
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -219,7 +219,9 @@ contains
             call variables_of_relative(view%kind, first, second, view%gap, zero_vec3(), zero_vec3(), variable, rate, view%pitch)
             do k = 1, 3
                 if (coordinate(k) == 0) cycle
-                if (is_slide(view%kind, k)) then
+                if (view%kind == measured_attitude) then
+                    call add_attitude_angle(k)
+                else if (is_slide(view%kind, k)) then
                     call add_distance_along(marker_axis(first, variable_axis(k, view%kind)))
                     row(n)%error = variable(:, k) - state%q(:, coordinate(k))
                 else if (is_threaded(view%kind)) then
@@ -302,6 +304,34 @@ contains
             row(n)%bias = (state%omega(view%o(2)) - state%omega(view%o(1))).dot.(state%omega(o).cross.axis)
         end subroutine add_angle
 
+        !> Roll, pitch or yaw of a measured attitude. The angular velocity of the second link against the first is the sum of their
+        !> rates about the axes e: x of the first marker, the pitch axis, z of the second. What is square to the other two
+        !> axes tells a rate.
+        subroutine add_attitude_angle(k)
+            integer, intent(in) :: k
+            type(vec3) :: e(3), across
+            real(wp) :: rate(lanes, 3), per(lanes), error(lanes)
+
+            associate (first => view%frame(1), second => view%frame(2), w1 => state%omega(view%o(1)), w2 => state%omega(view%o(2)))
+                e(1) = first%x
+                e(3) = second%z
+                across = e(3).cross.e(1)
+                per = 1/sqrt(across.dot.across)
+                e(2) = per*across
+                if (k /= 2) across = e(modulo(k, 3) + 1).cross.e(modulo(k + 1, 3) + 1)
+                n = n + 1
+                row(n)%turns = .true.
+                row(n)%u = per*across
+                error = variable(:, k) - state%q(:, coordinate(k))
+                row(n)%error = atan2(sin(error), cos(error))
+                rate(:, 1) = per*((w2 - w1).dot.(e(2).cross.e(3)))
+                rate(:, 2) = (w2 - w1).dot.e(2)
+                rate(:, 3) = per*((w2 - w1).dot.(e(1).cross.e(2)))
+                row(n)%bias = -(row(n)%u.dot.(rate(:, 1)*(w1.cross.e(1)) + rate(:, 2)*((w1 + rate(:, 1)*e(1)).cross.e(2)) &
+                                              + rate(:, 3)*(w2.cross.e(3))))
+            end associate
+        end subroutine add_attitude_angle
+
         pure function centripetal(side) result(a)
             integer, intent(in) :: side
             type(vec3) :: a
@@ -376,7 +406,7 @@ contains
         real(wp), intent(out) :: matrix(:, :, :), right(:, :)
         type(mat3) :: rotation(0:model%n_orientation)
         type(vec3) :: position(0:model%n_link), turn
-        real(wp) :: slide(lanes, most_slides, model%n_joint)
+        real(wp) :: slide(lanes, most_slides, size(model%joint))
         integer :: o, l
 
         rotation = state%rotation

@@ -5,8 +5,8 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, joint_kind_name, &
-        joint_n_variable, joint_screw, variable_name, idle_spins
+    use linkdyn_scene, only: scene_type, link_spec, joint_spec, coordinate_spec, load_spec, marker_spec, frame_link, axes_link, &
+        joint_kind_name, joint_n_variable, joint_screw, variable_name, idle_spins, n_holding, coordinate_joint, is_measure
     implicit none (type, external)
     private
     public :: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
@@ -28,12 +28,12 @@ contains
             text = text//","//link_object(scene%link(i), trim(scene%link(i)%name))
         end do
         text = text//'],"joints":['
-        do i = 1, size(scene%joint)
+        do i = 1, n_holding(scene)
             text = text//separator(i)//joint_object(scene, scene%joint(i))
         end do
         text = text//'],"coordinates":['
         do i = 1, size(scene%coordinate)
-            text = text//separator(i)//named(scene%coordinate(i)%name, scene%coordinate(i)%unit)
+            text = text//separator(i)//coordinate_object(scene, scene%coordinate(i))
         end do
         text = text//'],"actuators":['
         do i = 1, size(scene%actuator)
@@ -153,6 +153,22 @@ contains
         text = text//"}"
     end function joint_object
 
+    !> One that leads a link by a part of its pose has with it which, of which point, and seen from which link.
+    function coordinate_object(scene, coordinate) result(text)
+        type(scene_type), intent(in) :: scene
+        type(coordinate_spec), intent(in) :: coordinate
+        character(len=:), allocatable :: text
+
+        text = named(coordinate%name, coordinate%unit)
+        if (coordinate%kind /= coordinate_joint) return
+        associate (measure => scene%joint(coordinate%joint))
+            if (.not. is_measure(measure%kind)) return
+            text = text(:len(text) - 1)//","//pair("component", string(variable_name(coordinate%variable, measure%kind)))// &
+                ',"links":['//integer_value(measure%link(1))//","//integer_value(measure%link(2))//'],'// &
+                pair("marker", string(marker_name(scene, measure%link(2), measure%marker(2))))//"}"
+        end associate
+    end function coordinate_object
+
     function load_object(scene, load) result(text)
         type(scene_type), intent(in) :: scene
         type(load_spec), intent(in) :: load
@@ -168,7 +184,9 @@ contains
         integer, intent(in) :: link, marker
         character(len=:), allocatable :: name
 
-        if (link == frame_link) then
+        if (marker == 0) then
+            name = ""
+        else if (link == frame_link) then
             name = trim(scene%frame%marker(marker)%name)
         else
             name = trim(scene%link(link)%marker(marker)%name)

@@ -3,14 +3,14 @@ module linkdyn_scene_motion
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
-    use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, name_len, frame_link, coordinate_joint, &
-        coordinate_pose, pose_component_name, joint_n_variable, variable_name, joint_revolute, &
-        law_none, law_constant
-    use linkdyn_toml, only: toml_node, toml_table
+    use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, joint_spec, name_len, frame_link, coordinate_joint, &
+        measured_position, measured_attitude, n_holding, coordinate_pose, pose_component_name, joint_n_variable, &
+        variable_name, joint_revolute, law_none, law_constant
+    use linkdyn_toml, only: toml_node, toml_table, toml_array
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
     use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, &
-        require_table, get_quantity, quantity_of, get_vector, get_flag
-    use linkdyn_scene_names, only: find_link, find_joint, find_variable
+        require_table, get_quantity, quantity_of, get_vector, get_flag, text_of
+    use linkdyn_scene_names, only: find_link, find_joint, find_variable, find_marker
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, &
@@ -31,29 +31,22 @@ contains
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(repeated_tables) :: tables
-        type(toml_node) :: item
         type(scene_place) :: place
         integer, allocatable :: components(:)
-        integer :: i, n, n_coordinate, next
+        integer :: i, n, next
 
         call list_repeated(root, "coordinate", scene%planar, .false., tables, status)
         if (.not. status%is_ok()) return
         n = size(tables%table)
         components = merge_components(scene%planar)
-        n_coordinate = 0
-        do i = 1, n
-            n_coordinate = n_coordinate + 1
-            item = tables%list%at(tables%table(i))
-            item = item%get("link")
-            if (item%is_present()) n_coordinate = n_coordinate + size(components) - 1
-        end do
-        allocate (scene%coordinate(n_coordinate))
+        allocate (scene%coordinate(n*size(components)))
         next = 1
         do i = 1, n
             place = repeated_at(root, tables, i, "coordinate")
             call read_coordinate(place, components, shelf, scene, next, status)
             if (.not. status%is_ok()) return
         end do
+        scene%coordinate = scene%coordinate(:next - 1)
         call refuse_doubles(root, scene%coordinate, status)
     end subroutine read_coordinates
 
@@ -64,21 +57,30 @@ contains
         type(scene_type), intent(inout) :: scene
         integer, intent(inout) :: next                 !! free place in the scene's list
         type(status_type), intent(inout) :: status
-        type(toml_node) :: joint, link
+        type(toml_node) :: joint, link, part, marker, relative
+        integer :: n
 
         joint = place%node%get("joint")
         link = place%node%get("link")
-        call allow_keys(place, [character(len=8) :: "joint", "variable", "link", "start", "motion", "driven"], status)
-        if (joint%is_present() .and. link%is_present()) then
-            call refuse(place, "has both 'joint' and 'link' (expected one of them)", status)
+        part = place%node%get("components")
+        marker = place%node%get("marker")
+        relative = place%node%get("relative_to")
+        call allow_keys(place, [character(len=11) :: "joint", "variable", "link", "components", "marker", "relative_to", "start", &
+                                "motion", "driven"], status)
+        if (count([joint%is_present(), link%is_present(), marker%is_present()]) > 1) then
+            call refuse(place, "has more than one of 'joint', 'link' and 'marker' (expected one of them)", status)
         else if (joint%is_present()) then
             call read_joint_coordinate(place, shelf, scene, scene%coordinate(next), status)
             next = next + 1
+        else if (marker%is_present() .or. (link%is_present() .and. (part%is_present() .or. relative%is_present()))) then
+            call read_part_of_pose(place, components, shelf, scene, scene%coordinate(next:), n, status)
+            next = next + n
         else if (link%is_present()) then
             call read_pose(place, components, shelf, scene, scene%coordinate(next:next + size(components) - 1), status)
             next = next + size(components)
         else
-            call refuse(place, "missing key 'joint' or 'link' (expected the name of a joint, or of a link)", status)
+            call refuse(place, "missing key 'joint', 'link' or 'marker' (expected the name of a joint, of a link, "// &
+                "or ""link.marker"")", status)
         end if
     end subroutine read_coordinate
 
@@ -90,10 +92,9 @@ contains
         type(coordinate_spec), intent(inout) :: coordinate
         type(status_type), intent(inout) :: status
         type(quantity_type) :: quantity
-        type(scene_place) :: inner
         type(toml_node) :: node
-        logical :: found
 
+        call allow_keys(place, [character(len=8) :: "joint", "variable", "start", "motion", "driven"], status)
         call find_joint(scene, place, coordinate%joint, status)
         if (.not. status%is_ok()) return
         call find_variable(scene, place, coordinate%joint, coordinate%variable, status)
@@ -103,21 +104,35 @@ contains
         place%what = "coordinate "//quoted(coordinate%name)
         quantity = variable_quantity(scene%joint(coordinate%joint)%kind, coordinate%variable)
         coordinate%unit = quantity%unit(:4)
-        node = place%node%get("start")
-        if (node%kind() == toml_table) then
-            inner = place_at(place, node, trim(place%what)//", start")
-            call allow_keys(inner, [character(len=8) :: "position", "velocity"], status)
-            call get_quantity(inner, "position", quantity, coordinate%start_position, status, coordinate%has_start)
-            call get_quantity(inner, "velocity", per_second(quantity), coordinate%start_velocity, status, found)
-        else if (node%is_present()) then
-            coordinate%has_start = .true.
-            call quantity_of(place, "start", node, quantity, coordinate%start_position, status)
-        end if
+        call read_start(place, "start", quantity, coordinate, status)
         node = place%node%get("motion")
         if (node%is_present()) call read_law(place, "motion", node, quantity, coordinate%start_position, &
             coordinate%name, spline, shelf, coordinate%motion, status)
         call read_driven(place, coordinate%is_driven, status)
     end subroutine read_joint_coordinate
+
+    !> A position, or position and velocity.
+    subroutine read_start(place, key, quantity, coordinate, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        type(quantity_type), intent(in) :: quantity
+        type(coordinate_spec), intent(inout) :: coordinate
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: inner
+        type(toml_node) :: node
+        logical :: found
+
+        node = place%node%get(key)
+        if (node%kind() == toml_table) then
+            inner = place_at(place, node, trim(place%what)//", "//key)
+            call allow_keys(inner, [character(len=8) :: "position", "velocity"], status)
+            call get_quantity(inner, "position", quantity, coordinate%start_position, status, coordinate%has_start)
+            call get_quantity(inner, "velocity", per_second(quantity), coordinate%start_velocity, status, found)
+        else if (node%is_present()) then
+            coordinate%has_start = .true.
+            call quantity_of(place, key, node, quantity, coordinate%start_position, status)
+        end if
+    end subroutine read_start
 
     !> Does a forward run too follow the motion?
     subroutine read_driven(place, is_driven, status)
@@ -144,12 +159,8 @@ contains
         integer :: i, link
 
         call find_link(scene, place, "link", link, status)
+        call refuse_frame(place, "link", link, status)
         if (.not. status%is_ok()) return
-        if (link == frame_link) then
-            call refuse_value(place, "link", place%node%get("link"), "= 'frame': the frame does not move "// &
-                "(expected a moving link)", status)
-            return
-        end if
         place%what = "coordinate "//quoted(scene%link(link)%name)
         call allow_keys(place, [character(len=6) :: "link", "start", "motion", "driven"], status)
         do i = 1, size(components)
@@ -166,6 +177,150 @@ contains
         call read_driven(place, coordinate(1)%is_driven, status)
         coordinate%is_driven = coordinate(1)%is_driven
     end subroutine read_pose
+
+    subroutine refuse_frame(place, key, link, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        integer, intent(in) :: link
+        type(status_type), intent(inout) :: status
+
+        if (status%is_ok() .and. link == frame_link) call refuse_value(place, key, place%node%get(key), &
+            "= 'frame': the frame does not move (expected a moving link)", status)
+    end subroutine refuse_frame
+
+    !> Some components of a link's pose, of one of its points, or as another link sees them: variables of measures, which are
+    !> added to the joints. The rest of the pose follows from the loops.
+    subroutine read_part_of_pose(place, possible, shelf, scene, coordinate, n, status)
+        type(scene_place), intent(inout) :: place
+        integer, intent(in) :: possible(:)             !! of x y z roll pitch yaw
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(coordinate_spec), intent(inout) :: coordinate(:)
+        integer, intent(out) :: n                      !! coordinates read
+        type(status_type), intent(inout) :: status
+        type(joint_spec) :: measure
+        type(quantity_type) :: quantity
+        type(toml_node) :: node, start
+        type(scene_place) :: inner
+        character(len=:), allocatable :: name
+        integer, allocatable :: components(:)
+        character(len=5), allocatable :: known(:)
+        integer :: i, link, reference, marker
+
+        n = 0
+        call allow_keys(place, [character(len=11) :: "link", "marker", "components", "relative_to", "start", "motion", "driven"], &
+                        status)
+        marker = 0
+        node = place%node%get("marker")
+        if (node%is_present()) then
+            call find_marker(scene, place, "marker", node, link, marker, status)
+            call refuse_frame(place, "marker", link, status)
+        else
+            call find_link(scene, place, "link", link, status)
+            call refuse_frame(place, "link", link, status)
+        end if
+        if (.not. status%is_ok()) return
+        name = trim(scene%link(link)%name)
+        if (marker > 0) name = name//"."//trim(scene%link(link)%marker(marker)%name)
+        reference = frame_link
+        node = place%node%get("relative_to")
+        if (node%is_present()) call find_link(scene, place, "relative_to", reference, status)
+        if (status%is_ok() .and. reference == link) call refuse_value(place, "relative_to", node, &
+            "= "//quoted(scene%link(link)%name)//" is the link itself (expected another link)", status)
+        call read_components(place, possible, components, status)
+        if (.not. status%is_ok()) return
+        place%what = "coordinate "//quoted(name)
+        measure%link = [reference, link]
+        measure%line = place%line
+        n = size(components)
+        do i = 1, n
+            associate (c => coordinate(i), is_position => components(i) <= 3)
+                quantity = component_quantity(components(i))
+                measure%kind = merge(measured_position, measured_attitude, is_position)
+                measure%name = name//trim(merge(" position", " attitude", is_position))
+                measure%marker = [0, merge(marker, 0, is_position)]
+                c%kind = coordinate_joint
+                call place_of_measure(scene, measure, c%joint)
+                c%variable = components(i) - merge(0, 3, is_position)
+                c%unit = quantity%unit(:4)
+                c%name = name//"."//pose_component_name(components(i))
+                c%line = place%line
+            end associate
+        end do
+        known = pose_component_name(components)
+        start = place%node%get("start")
+        if (start%is_present()) then
+            inner = place_at(place, start, trim(place%what)//", start")
+            call require_table(inner, "a table with the components, { "//trim(known(1))//" = .. }", status)
+            call allow_keys(inner, known, status)
+            do i = 1, n
+                call read_start(inner, trim(known(i)), component_quantity(components(i)), coordinate(i), status)
+            end do
+        end if
+        call read_pose_motion(place, components, shelf, coordinate(:n), status)
+        call read_driven(place, coordinate(1)%is_driven, status)
+        coordinate(:n)%is_driven = coordinate(1)%is_driven
+    end subroutine read_part_of_pose
+
+    !> The key `components`: each once, in the order of x y z roll pitch yaw.
+    subroutine read_components(place, possible, components, status)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: possible(:)
+        integer, allocatable, intent(out) :: components(:)
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: word, expected
+        type(toml_node) :: node, item
+        logical :: is_named(6), is_text
+        integer :: i, k
+
+        components = possible
+        node = place%node%get("components")
+        if (.not. node%is_present() .or. .not. status%is_ok()) return
+        expected = "(expected a list of some of"
+        do i = 1, size(possible)
+            expected = expected//" '"//trim(pose_component_name(possible(i)))//"'"
+        end do
+        expected = expected//")"
+        if (node%kind() /= toml_array .or. node%count() == 0) then
+            call refuse_value(place, "components", node, "is "//node%kind_text()//" "//expected, status)
+            return
+        end if
+        is_named = .false.
+        do i = 1, node%count()
+            item = node%at(i)
+            call text_of(place, item, word, is_text)
+            k = 0
+            if (is_text) k = findloc(pose_component_name == word, .true., dim=1)
+            if (k > 0) then
+                if (all(possible /= k)) k = 0
+            end if
+            if (k == 0) then
+                call refuse_value(place, "components", item, "holds what is no component of a pose here "//expected, status)
+                return
+            else if (is_named(k)) then
+                call refuse_value(place, "components", item, "names one twice "//expected, status)
+                return
+            end if
+            is_named(k) = .true.
+        end do
+        components = pack(possible, is_named(possible))
+    end subroutine read_components
+
+    !> The number of a measure among the joints; it is added if it is not there.
+    subroutine place_of_measure(scene, measure, place)
+        type(scene_type), intent(inout) :: scene
+        type(joint_spec), intent(in) :: measure
+        integer, intent(out) :: place
+
+        do place = n_holding(scene) + 1, size(scene%joint)
+            associate (other => scene%joint(place))
+                if (other%kind == measure%kind .and. all(other%link == measure%link) &
+                    .and. all(other%marker == measure%marker)) return
+            end associate
+        end do
+        scene%joint = [scene%joint, measure]
+        place = size(scene%joint)
+    end subroutine place_of_measure
 
     !> position, angles and their rates at the start.
     subroutine read_pose_start(place, planar, coordinate, status)

@@ -3,7 +3,7 @@ module linkdyn_scene_names
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, name_len, frame_link, joint_n_variable, &
-        joint_kind_name, variable_name
+        joint_kind_name, variable_name, n_holding
     use linkdyn_toml, only: toml_node
     use linkdyn_suggest, only: suggestion
     use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, get_name, text_of
@@ -105,11 +105,12 @@ contains
         name = ""
         call get_name(place, "joint", name, status)
         if (.not. status%is_ok()) return
-        do i = 1, size(scene%joint)
+        do i = 1, n_holding(scene)
             if (scene%joint(i)%name == name) joint = i
         end do
         if (joint == no_index) call refuse_value(place, "joint", place%node%get("joint"), "= "//quoted(name)// &
-            ": there is no such joint (expected the name of a joint)"//suggestion(name, (scene%joint%name)), status)
+            ": there is no such joint (expected the name of a joint)" &
+            //suggestion(name, (scene%joint(:n_holding(scene))%name)), status)
     end subroutine find_joint
 
     !> The variable of a joint that the key `variable` names; a joint with one needs no key.

@@ -4,7 +4,8 @@ module linkdyn_joint_kinds
     use linkdyn_fixed, only: fixed
     use linkdyn_joint_kind, only: joint_kind
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar
+        joint_fixed, joint_planar, joint_screw, measured_position
+    use linkdyn_measures, only: position_measure, attitude_measure
     use linkdyn_planar, only: planar
     use linkdyn_prismatic, only: prismatic
     use linkdyn_revolute, only: revolute
@@ -41,8 +42,12 @@ contains
             allocate (fixed :: box%is)
         case (joint_planar)
             allocate (planar :: box%is)
-        case default
+        case (joint_screw)
             allocate (screw :: box%is)
+        case (measured_position)
+            allocate (position_measure :: box%is)
+        case default
+            allocate (attitude_measure :: box%is)
         end select
         call box%is%describe(kind)
     end subroutine make_joint_kind

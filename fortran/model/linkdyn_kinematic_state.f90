@@ -74,7 +74,7 @@ contains
         state%n_column = n_column
         associate (n_q => model%n_q, n_link => model%n_link, n_orientation => model%n_orientation)
             allocate (state%q(lanes, n_q), state%qd(lanes, n_q), state%qdd(lanes, n_q), &
-                      state%slide(lanes, most_slides, model%n_joint), &
+                      state%slide(lanes, most_slides, size(model%joint)), &
                       state%turns(lanes, n_q), state%counted(lanes, n_q))
             allocate (state%by_quaternion(model%n_attitude), state%quaternion(lanes, 4, model%n_attitude), &
                       state%branch(lanes, model%n_branch))

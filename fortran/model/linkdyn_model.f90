@@ -113,7 +113,7 @@ module linkdyn_model
         type(scene_type) :: scene
         logical :: is_planar = .false.
         integer :: n_link = 0                 !! moving links
-        integer :: n_joint = 0
+        integer :: n_joint = 0                !! that hold something
         integer :: n_q = 0                    !! generalized coordinates
         integer :: n_actuator = 0
         integer :: n_load = 0
@@ -128,7 +128,7 @@ module linkdyn_model
         integer :: n_component = 0            !! of a reaction: 3 planar, 6 spatial
         real(wp) :: gravity(3) = 0
         type(link_type), allocatable :: link(:)
-        type(joint_type), allocatable :: joint(:)
+        type(joint_type), allocatable :: joint(:)    !! those that hold something, then those by which coordinates lead links
         type(step_type), allocatable :: step(:)
         type(leg_type), allocatable :: leg(:)
         type(group_type), allocatable :: group(:)

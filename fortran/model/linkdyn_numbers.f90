@@ -35,10 +35,10 @@ contains
         at%n = 3
         at%link = [(at%n + 1 + of_link*(i - 1), i=1, model%n_link)]
         at%n = at%n + of_link*model%n_link
-        at%marker = reshape([(at%n + 1 + of_marker*(i - 1), i=1, 2*model%n_joint)], [2, model%n_joint])
-        at%n = at%n + 2*of_marker*model%n_joint
-        at%pitch = [(0, i=1, model%n_joint)]
-        do i = 1, model%n_joint
+        at%marker = reshape([(at%n + 1 + of_marker*(i - 1), i=1, 2*size(model%joint))], [2, size(model%joint)])
+        at%n = at%n + 2*of_marker*size(model%joint)
+        at%pitch = [(0, i=1, size(model%joint))]
+        do i = 1, size(model%joint)
             if (.not. is_threaded(model%joint(i)%kind)) cycle
             at%n = at%n + 1
             at%pitch(i) = at%n
@@ -66,7 +66,7 @@ contains
                                        l%inertia(3, 1)]
             end associate
         end do
-        do i = 1, model%n_joint
+        do i = 1, size(model%joint)
             do side = 1, 2
                 k = at%marker(side, i)
                 number(k:k + 2) = model%joint(i)%point(:, side)

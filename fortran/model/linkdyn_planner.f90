@@ -71,7 +71,8 @@ contains
         if (.not. status%is_ok()) return
         if (present(closed_forms)) plan%closed_forms = closed_forms
         if (present(stand)) allocate (plan%stand, source=stand)
-        allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, model%n_joint), model%group(model%n_link))
+        allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, size(model%joint)), &
+                  model%group(model%n_link))
         plan%known = .false.
         plan%known(0) = .true.
         call take_poses(model, plan, status)
@@ -337,6 +338,10 @@ contains
                         group%joint = [group%joint, model%joint_at(j)]
                     end associate
                 end do
+            end do
+            do j = model%n_joint + 1, size(model%joint)
+                if (any(is_member(model%joint(j)%link)) .and. all(is_member(model%joint(j)%link) &
+                    .or. plan%known(model%joint(j)%link))) group%joint = [group%joint, j]
             end do
             group%coordinate = plan%given(:, group%joint)
             allocate (group%start(place_size(model), size(member)))

@@ -5,7 +5,8 @@
 !> is SI and radians here. Planar scenes use the x, y components and leave z zero.
 module linkdyn_scene
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar, joint_screw, joint_kind_name, joint_n_variable, variable_name
+        joint_fixed, joint_planar, joint_screw, joint_kind_name, joint_n_variable, variable_name, is_measure, &
+        measured_position, measured_attitude
     use linkdyn_kinds, only: wp
     use linkdyn_sweep_spec, only: sweep_spec
     implicit none (type, external)
@@ -19,7 +20,8 @@ module linkdyn_scene
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table
-    public :: axes_world, axes_link, put_file_first, idle_spins
+    public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
+    public :: measured_position, measured_attitude, is_measure
     public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
@@ -84,7 +86,7 @@ module linkdyn_scene
         character(len=name_len) :: name = ""
         integer :: kind = 0                       !! one of `joint_*` of `linkdyn_joint_table`
         integer :: link(2) = 0                    !! first and second link; 0 is the frame
-        integer :: marker(2) = 0                  !! index into the marker list of that link
+        integer :: marker(2) = 0                  !! index into the marker list of that link; 0: its origin and axes
         real(wp) :: start(3) = 0                  !! joint variables near which closure starts [m, rad]
         logical :: has_start = .false.
         real(wp) :: lead = 0                      !! of a screw: how far it goes in a turn [m]; negative: left-handed
@@ -221,7 +223,7 @@ module linkdyn_scene
         type(variable_spec), allocatable :: variable(:)
         type(link_spec) :: frame
         type(link_spec), allocatable :: link(:)
-        type(joint_spec), allocatable :: joint(:)
+        type(joint_spec), allocatable :: joint(:)    !! those that hold something, then measures by which coordinates lead links
         type(coordinate_spec), allocatable :: coordinate(:)
         type(actuator_spec), allocatable :: actuator(:)
         type(load_spec), allocatable :: load(:)
@@ -246,6 +248,13 @@ contains
             text = text//scene%hold(i)%links
         end do
     end function idle_spins
+
+    !> How many joints hold something; they come first.
+    pure integer function n_holding(scene)
+        type(scene_type), intent(in) :: scene
+
+        n_holding = count(.not. is_measure(scene%joint%kind))
+    end function n_holding
 
     !> The file in front of a message, unless it begins with one of the scene's already.
     pure subroutine put_file_first(file, scene, message)

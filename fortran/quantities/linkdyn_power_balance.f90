@@ -18,7 +18,7 @@ contains
     function power_imbalance(traced) result(imbalance)
         type(traced_type), intent(inout) :: traced
         type(value) :: imbalance
-        type(value) :: total, size
+        type(value) :: total, size, over_size
         type(vector) :: force(traced%mechanism%model%n_link), moment(traced%mechanism%model%n_link), velocity
         integer :: i, l
 
@@ -38,7 +38,9 @@ contains
                 call add(-solved(traced%system, moment(l) .dot.omega_of(bodies, l, own_axes)))
             end do
         end associate
-        imbalance = select(size, total*reciprocal(select(size, size, one())), zero())
+        over_size = reciprocal(select(size, size, one()))
+        ! the last factor is one, but not a number where the powers are infinite: no share of infinity is a balance
+        imbalance = select(size, (total*over_size)*(size*over_size), zero())
 
     contains
 

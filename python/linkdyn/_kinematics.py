@@ -5,6 +5,7 @@ The engine's closed forms are not used beyond the poses, so what follows from he
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -200,9 +201,9 @@ def _of_joint(motion: LinkMotion, joint: dict[str, Any]) -> list[Rows]:
 class _Pair:
     """Two links at a joint."""
 
-    def __init__(self, motion: LinkMotion, joint: dict[str, Any]) -> None:
+    def __init__(self, motion: LinkMotion, joint: dict[str, Any], markers: list[dict[str, Any]] | None = None) -> None:
         self.first, self.second = joint["links"]
-        markers = [
+        markers = markers or [
             next(marker for marker in motion.scene.description["links"][link]["markers"] if marker["name"] == name)
             for link, name in zip(joint["links"], joint["markers"])
         ]
@@ -268,6 +269,12 @@ def _coordinates(motion: LinkMotion, q: Vectors, qd: Vectors, qdd: Vectors) -> t
     numbers = {link["name"]: k for k, link in enumerate(scene.description["links"])}
     poses: dict[str, dict[str, int]] = {}
     for i, name in enumerate(scene.coordinates):
+        described = scene.description["coordinates"][i]
+        if "component" in described:
+            rows.append(_of_component(motion, described))
+            rates.append(qd[:, i])
+            accelerations.append(qdd[:, i])
+            continue
         found = variable_of(scene, name)
         if found is None:
             link, _, component = name.rpartition(".")
@@ -295,6 +302,32 @@ def _of_variable(pair: _Pair, joint: dict[str, Any], variable: str) -> Rows:
         return pair.turning(pair.axes[1], by=1)
     raise InputError(f"coordinate '{joint['name']}.{variable}' is an angle of a spherical joint: motions of its links are not told "
                      "(expected other coordinates, such as the pose of a link)")
+
+
+def _of_component(motion: LinkMotion, coordinate: dict[str, Any]) -> Rows:
+    """A part of a link's pose as another link, or the frame, sees it."""
+    first, second = coordinate["links"]
+    markers = motion.scene.description["links"][second]["markers"]
+    at = next((marker["at"] for marker in markers if marker["name"] == coordinate["marker"]), [0.0, 0.0, 0.0])
+    pair = _Pair(motion, {"links": [first, second], "type": "measure"}, [_marker(), _marker(at)])
+    turned = motion.rotation[:, first]
+    component = coordinate["component"]
+    if component in ("x", "y", "z"):
+        return pair.apart(turned[:, :, "xyz".index(component)])
+    # the spin between both links is the sum of the angles' rates about three axes that turn with what comes before; square to two
+    # of them is what tells the rate about the third
+    roll, yaw = turned[:, :, 0], motion.rotation[:, second, :, 2]
+    pitch = np.cross(yaw, roll)
+    cosine = np.linalg.norm(pitch, axis=1, keepdims=True)
+    pitch = pitch / cosine
+    tells = {"roll": np.cross(pitch, yaw) / cosine, "pitch": pitch, "yaw": np.cross(roll, pitch) / cosine}
+    spins = pair.spins
+    rates = {name: _dot(tells[name], spins[1] - spins[0])[:, np.newaxis] for name in tells}
+    drift = (rates["roll"] * np.cross(spins[0], roll) + rates["pitch"] * np.cross(spins[0] + rates["roll"] * roll, pitch)
+             + rates["yaw"] * np.cross(spins[1], yaw))
+    c = tells[component]
+    none = np.zeros_like(c)
+    return Rows((first, second), (np.hstack([none, -c]), np.hstack([none, c])), -_dot(c, drift))
 
 
 def _of_pose(
@@ -334,6 +367,11 @@ def _of_pose(
         rates.append(spin[:, place])
         accelerations.append(spin_rate[:, place])
     return rows, rates, accelerations
+
+
+def _marker(at: Sequence[float] = (0.0, 0.0, 0.0)) -> dict[str, Any]:
+    """A marker that no scene has, in the link's axes."""
+    return {"at": at, "axis": [0.0, 0.0, 1.0], "x": [1.0, 0.0, 0.0]}
 
 
 def _unit(vector: Any) -> Vectors:
