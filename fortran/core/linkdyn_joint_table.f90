@@ -20,7 +20,7 @@ module linkdyn_joint_table
     integer, parameter :: joint_fixed = 6        !! nothing
     integer, parameter :: joint_planar = 7       !! slides along x and y of the first marker, angle about the common z
     integer, parameter :: joint_screw = 8        !! angle about the axis, the slide along it in proportion
-    integer, parameter :: n_joint_kind = 8
+    integer, parameter :: n_joint_kind = 8       !! that a scene may name
 
     ! ---- where a link is, seen from another: variables that hold nothing, by which coordinates can lead it
     integer, parameter :: measured_position = 9   !! of a point, along the axes of the first link
@@ -68,8 +68,7 @@ module linkdyn_joint_table
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
     logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw"
     !> Exists in planar scenes.
-    logical, parameter :: joint_in_plane(n_kind) = &
-        [.true., .true., .false., .false., .false., .true., .false., .false., .true., .true.]
+    logical, parameter :: joint_in_plane(n_joint_kind) = [.true., .true., .false., .false., .false., .true., .false., .false.]
 
 contains
 

@@ -1,6 +1,6 @@
 !> Joints of a scene file.
 module linkdyn_scene_joints
-    use linkdyn_joint_table, only: joint_in_plane, is_slide, is_threaded
+    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
@@ -50,11 +50,12 @@ contains
         if (.not. status%is_ok()) return
         place%what = "joint "//quoted(joint%name)
         call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch", "lead"], status)
-        call get_word(place, "type", joint_kind_name, joint%kind, status)
+        call get_word(place, "type", joint_kind_name(:n_joint_kind), joint%kind, status)
         if (.not. status%is_ok()) return
         if (scene%planar .and. .not. joint_in_plane(joint%kind)) then
             call refuse_value(place, "type", place%node%get("type"), "= "//quoted(joint_kind_name(joint%kind))// &
-                " does not exist in a plane (expected one of "//join(pack(joint_kind_name, joint_in_plane))//")", status)
+                " does not exist in a plane (expected one of "// &
+                join(pack(joint_kind_name(:n_joint_kind), joint_in_plane))//")", status)
             return
         end if
         call read_lead(place, joint, status)

@@ -185,7 +185,7 @@ contains
         type(status_type), intent(inout) :: status
 
         if (status%is_ok() .and. link == frame_link) call refuse_value(place, key, place%node%get(key), &
-            "= 'frame': the frame does not move (expected a moving link)", status)
+            "names the frame: the frame does not move (expected a moving link)", status)
     end subroutine refuse_frame
 
     !> Some components of a link's pose, of one of its points, or as another link sees them: variables of measures, which are

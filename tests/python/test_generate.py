@@ -220,7 +220,7 @@ def test_kinematics(name: str, tmp_path: Path) -> None:
 
 # ------------------------------------------------------------------------------------------------ loops closed by iteration
 @pytest.mark.accuracy
-@pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke", "screw_loop"])
+@pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke", "screw_loop", "../../examples/tripod/scene"])
 def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
     """Excavators, platforms on slides, spatial four-bars: from call to call in steps of a controller, all forces as the engine's."""
     scene = load(f"../tests/scenes/{name}.toml")
