@@ -1,6 +1,7 @@
 !> What linkdyn makes of a scene, in words: links, equations, unknowns, order of computation, what is left out.
 module linkdyn_explain
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_failure, only: reach_in_words
     use linkdyn_equations, only: equations_type, build_equations, solver_elimination
     use linkdyn_elimination_plan, only: elimination_plan
     use linkdyn_explain_record, only: explain_record
@@ -10,7 +11,7 @@ module linkdyn_explain
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
-        step_group, step_name, is_dyad, side_of, holds_spin
+        step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
@@ -33,6 +34,7 @@ contains
         call explain_spins(model, unit)
         call explain_unknowns(model, unit)
         call explain_order(model, unit)
+        call explain_reach(model, unit)
         call explain_equations(model, unit)
         if (model%scene%sweep%is_given) call explain_sweep(model, unit)
         call explain_left_out(model, unit)
@@ -159,6 +161,54 @@ contains
             write (unit, "(8x,a)") trim(line)
         end subroutine explain_transmission
     end subroutine explain_order
+
+    !> How far each coordinate can go from the start while the others stay, if a loop that it moves may end its way.
+    subroutine explain_reach(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        real(wp) :: place(place_size(model), model%n_link)
+        character(len=:), allocatable :: words
+        logical :: has_title
+        integer :: g, k
+
+        if (.not. follows_assembly(model)) return
+        place = 0
+        do g = 1, size(model%group)
+            place(:, model%group(g)%link) = model%group(g)%start
+        end do
+        has_title = .false.
+        do k = 1, model%n_q
+            if (.not. moves_loop(model, k)) cycle
+            words = reach_in_words(model, k, model%start_q, model%branch, place)
+            if (len(words) > 0) then
+                words = "closes "//words
+            else if (is_length(model, k) .or. is_screw(model, k)) then
+                words = trim(model%scene%coordinate(k)%name)//" goes farther than the mechanism is long"
+            else
+                words = trim(model%scene%coordinate(k)%name)//" goes all the way round"
+            end if
+            if (.not. has_title .and. model%n_q > 1) write (unit, "(/,a)") "Reach from the start, the other coordinates at rest"
+            if (.not. has_title .and. model%n_q == 1) write (unit, "(/,a)") "Reach from the start"
+            has_title = .true.
+            write (unit, "(2x,a)") words
+        end do
+    end subroutine explain_reach
+
+    !> Does a coordinate move links that close in more ways than one?
+    pure logical function moves_loop(model, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+        integer :: i
+
+        moves_loop = .false.
+        do i = 1, size(model%step)
+            if (model%step(i)%kind == step_group) then
+                moves_loop = moves_loop .or. any(model%moves(k, model%group(model%step(i)%first)%link))
+            else if (model%step(i)%has_branches) then
+                moves_loop = moves_loop .or. any(model%moves(k, model%step(i)%link))
+            end if
+        end do
+    end function moves_loop
 
     !> Points of coupled links from which a dyad sets out.
     subroutine explain_coupler_points(model, i, unit)

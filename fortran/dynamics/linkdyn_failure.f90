@@ -13,7 +13,7 @@ module linkdyn_failure
     use linkdyn_text, only: to_text, join, quoted
     implicit none (type, external)
     private
-    public :: failure_at, lost_in_words, map_in_words, meeting_in_words
+    public :: failure_at, lost_in_words, map_in_words, meeting_in_words, reach_in_words
 
 contains
 
