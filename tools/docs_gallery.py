@@ -23,7 +23,7 @@ GROUPS = {
                   "delta", "tripod"),
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
-                  "flyball_governor", "stewart_forward", "double_wishbone"),
+                  "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole"),
 }
 HEAD = """\
 # Gallery

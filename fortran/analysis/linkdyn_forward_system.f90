@@ -51,6 +51,7 @@ module linkdyn_forward_system
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
         type(motion_forces) :: of_motion
+        real(wp), allocatable :: given_force(:)        !! in its place, by whoever steps the system (n_actuator); absent: nobody gives any
         integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
         ! ---- the record
         logical :: may_record = .false.                !! once that is worth while; the caller says so
@@ -115,7 +116,7 @@ contains
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
-        if (.not. any(system%by_inverse)) return
+        if (.not. any(system%by_inverse) .or. allocated(system%given_force)) return
         if (present(motion_model)) then
             call plan_motion_forces(motion_model, system%of_motion, status)
         else
@@ -313,7 +314,9 @@ contains
             if (self%of_motion%is_needed) call find_motion_forces(t, lanes, self%of_motion)
             do k = 1, model%n_actuator
                 if (self%equations%unknown%drive(k)) cycle
-                if (self%by_inverse(k)) then
+                if (allocated(self%given_force)) then
+                    workspace%driving_force(:, k) = self%given_force(k)
+                else if (self%by_inverse(k)) then
                     workspace%driving_force(:, k) = self%of_motion%force(:, k)
                 else
                     call evaluate_drive(model, k, t, workspace%state, workspace%driving_force(:, k))
@@ -393,6 +396,7 @@ contains
             call find_motion_forces(t, n, self%of_motion)
             inverse_force = self%of_motion%force
         end if
+        if (allocated(self%given_force)) inverse_force = spread(self%given_force, 1, lanes)
         if (self%assembly%is_needed) then
             branch = self%assembly%branch
         else

@@ -19,12 +19,14 @@ module linkdyn_f2py_api
         method_name, method_rk4, run_ensemble
     use linkdyn_generate, only: code_wish, choose_kernel, choose_code_results
     use linkdyn_handles, only: close_handle
+    use linkdyn_integrator, only: integrator_options
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
     use linkdyn_inverse, only: inverse_options, choose_solver
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, &
         check_finite
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
+    use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator
     use linkdyn_open_scene, only: open_scene, open_scene_text, open_with_loads, take_scene, leave_scene, layout_of
     use linkdyn_open_sweep, only: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, kept_width, copy_numbers
     use linkdyn_poses, only: find_poses, poses_of_joints
@@ -44,6 +46,7 @@ module linkdyn_f2py_api
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_loads, api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_ensemble, api_generate
+    public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
 
 contains
@@ -546,6 +549,86 @@ contains
 
         call close_handle(run_handle, "run", status)
     end subroutine api_finish
+
+    !> A simulator of a scene, at its start. It must be closed by api_close_simulator.
+    subroutine api_simulator(handle, method, step, rtol, atol, t, simulator_handle, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: handle
+        character(len=*), intent(in) :: method
+        real(c_double), intent(in) :: step, rtol, atol
+        real(c_double), intent(in) :: t                    ! [s]
+        integer(c_intptr_t), intent(out) :: simulator_handle
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        type(integrator_options) :: options
+
+        simulator_handle = 0
+        call take_scene(handle, scene, status)
+        if (status%code == 0) call choose_method(trim(method), options%method, status)
+        options%step = step
+        options%rtol = rtol
+        options%atol = atol
+        if (status%code == 0) call start_simulator(scene%model, options, t, simulator_handle, status)
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_simulator
+
+    !> Put the mechanism somewhere else.
+    subroutine api_set_simulator(simulator_handle, t, n_q, q, n_qd, qd, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: simulator_handle
+        integer(c_int), intent(in) :: n_q, n_qd
+        real(c_double), intent(in) :: t                    ! [s]
+        real(c_double), intent(in) :: q(n_q), qd(n_qd)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_simulator), pointer :: here
+        type(status_type) :: status
+
+        call take_simulator(simulator_handle, here, status)
+        if (status%code == 0) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
+        if (status%code == 0) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
+        if (status%code == 0) call set_simulator(here, t, q, qd, status)
+        call leave_simulator(simulator_handle, here)
+        call report(status, code, message)
+    end subroutine api_set_simulator
+
+    !> Go on under given forces and tell where the mechanism is then; 0 s: only tell.
+    subroutine api_step_simulator(simulator_handle, duration, n_force, force, n_q, q, n_qd, qd, t, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: simulator_handle
+        integer(c_int), intent(in) :: n_force, n_q, n_qd
+        real(c_double), intent(in) :: duration             ! [s]
+        real(c_double), intent(in) :: force(n_force)       ! of the actuators
+        real(c_double), intent(inout) :: q(n_q), qd(n_qd)
+        real(c_double), intent(out) :: t                   ! [s]
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_simulator), pointer :: here
+        type(status_type) :: status
+
+        t = 0
+        call take_simulator(simulator_handle, here, status)
+        if (status%code == 0) call check_size("force", int(n_force, int64), here%is%model%n_actuator, 1, status)
+        if (status%code == 0) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
+        if (status%code == 0) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
+        if (status%code == 0) then
+            if (duration > 0) call here%is%step(duration, force, status)
+            call here%is%read(t, q, qd)
+        end if
+        call leave_simulator(simulator_handle, here)
+        call report(status, code, message)
+    end subroutine api_step_simulator
+
+    !> End a simulator; nothing happens to one that was ended before.
+    subroutine api_close_simulator(simulator_handle)
+        integer(c_intptr_t), intent(in) :: simulator_handle
+        type(status_type) :: status
+
+        call close_handle(simulator_handle, "simulator", status)
+    end subroutine api_close_simulator
 
     !> Position of the origin and rotation matrix of every moving link.
     subroutine api_poses(handle, in_order, n, n_q_values, q, n_position, position, n_rotation, rotation, sample_status, &

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ._view import view
     from .results import read
     from .scene import Poses, Scene, load
+    from .simulator import Simulator
 
 __all__ = [
     "ClosedSceneError",
@@ -33,6 +34,7 @@ __all__ = [
     "Poses",
     "Scene",
     "SceneError",
+    "Simulator",
     "UnavailableError",
     "code_in_use",
     "cycle",
@@ -52,6 +54,7 @@ _HOMES = {
     "GeneratedCode": "_code",
     "Poses": "scene",
     "Scene": "scene",
+    "Simulator": "simulator",
     "load": "scene",
     "new": "_new",
     "read": "results",

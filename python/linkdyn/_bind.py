@@ -398,6 +398,48 @@ class Run:
         _api.api_finish(self._handle)
 
 
+class Stopped(Exception):
+    """A simulator came to where it cannot go on.
+
+    Attributes
+    ----------
+    t : float
+        Last good instant [s].
+    """
+
+    def __init__(self, message: str, t: float) -> None:
+        super().__init__(message)
+        self.t = t
+
+
+def open_simulator(handle: int, method: str, settings: tuple[float, float, float], t: float) -> int:
+    """A simulator of an open scene at its start; settings are step [s], rtol and atol."""
+    simulator, code, message = _api.api_simulator(handle, method, *settings, t)
+    check(code, message)
+    return int(simulator)
+
+
+def set_simulator(simulator: int, t: float, q: Floats, qd: Floats) -> None:
+    """Put its mechanism somewhere else."""
+    check(*_api.api_set_simulator(simulator, t, q, qd))
+
+
+def step_simulator(simulator: int, duration: float, force: Floats, n_force: int, q: Floats, qd: Floats) -> float:
+    """Go on for a time [s]; q and qd become those of the instant reached, which is returned."""
+    t, code, message = _api.api_step_simulator(simulator, duration, force[:n_force], q, qd)
+    if code != 0:
+        text = message.decode("utf-8", errors="replace").strip()
+        if text.startswith("the simulation cannot"):
+            raise Stopped(text, t)
+        check(code, message)
+    return float(t)
+
+
+def close_simulator(simulator: int) -> None:
+    """Give back what it holds; nothing happens to one that was closed."""
+    _api.api_close_simulator(simulator)
+
+
 def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool = False) -> tuple[Floats, Floats, NDArray[np.intc]]:
     """Poses of the moving links.
 

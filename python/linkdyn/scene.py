@@ -33,6 +33,7 @@ from .study import run_study
 from .sweep import run_sweep
 
 if TYPE_CHECKING:
+    from .simulator import Simulator
     from ._balance import Balance
 
 __all__ = ["Scene", "Poses", "load"]
@@ -407,6 +408,38 @@ class Scene:
         if "assembly" in data:
             data.attrs["failure"] = failure
         return data
+
+    def simulator(
+        self, *, method: str | None = None, step: float = 1e-3, rtol: float = 1e-9, atol: float = 1e-9, t: float = 0.0
+    ) -> Simulator:
+        """The mechanism at its start, to be stepped under forces that the caller gives: for controllers written in Python.
+
+        Parameters
+        ----------
+        method, step, rtol, atol
+            As for `forward`. "rk4" with a fixed step is the fastest where little accuracy is asked for.
+        t
+            Instant at which it begins [s].
+
+        Returns
+        -------
+        Simulator
+
+        Raises
+        ------
+        InputError
+            The start cannot be assembled; a setting is wrong.
+
+        Examples
+        --------
+        >>> simulator = linkdyn.load("examples/fivebar_motors/scene.toml").simulator()
+        >>> simulator.step(1e-3, [0.5, -0.5])
+        """
+        from .simulator import Simulator
+
+        settings = (as_real("step", step), as_real("rtol", rtol), as_real("atol", atol))
+        method = _bind.default_method() if method is None else as_name("method", method)
+        return Simulator(self, self._handle, method, settings, as_number("t", t))
 
     def forward(
         self,

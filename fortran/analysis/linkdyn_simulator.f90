@@ -1,0 +1,167 @@
+!> A mechanism that is stepped from outside: whoever calls gives the forces of the actuators for the next piece of time, a
+!> controller's, and reads where the mechanism is at its end.
+!>
+!> The forces stay as they are during a step, as those of a controller with a hold do. Steps of the integrator end where
+!> the caller's do; what it has learnt of their length it keeps.
+module linkdyn_simulator
+    use linkdyn_failure, only: failure_at
+    use linkdyn_forward_state, only: fill_start, read_coordinates, scene_start
+    use linkdyn_forward_system, only: forward_system, build_forward_system
+    use linkdyn_integrator, only: integrator_type, integrator_options, method_rk4, stop_growth, stop_pace
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: drive_inverse
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_text, only: to_text
+    implicit none (type, external)
+    private
+    public :: simulator_type
+
+    type :: simulator_type
+        type(model_type), pointer :: model => null()   !! of its own: no coordinate is led, every actuator does as it is told
+        type(integrator_options) :: options
+        type(integrator_type) :: integrator
+        type(forward_system), pointer :: system => null()
+        real(wp), allocatable :: y(:, :)               !! state (lane, n)
+        type(kinematic_state), private :: scratch
+    contains
+        procedure :: open, set, step, read, close
+    end type simulator_type
+
+contains
+
+    !> Plan a scene's mechanism and put it at its start.
+    !>
+    !> **Errors**: what the equations refuse; a start that cannot be assembled; options that make no sense.
+    subroutine open(self, model, options, t, status)
+        class(simulator_type), intent(inout) :: self
+        type(model_type), intent(in) :: model
+        type(integrator_options), intent(in) :: options
+        real(wp), intent(in) :: t                      !! [s]
+        type(status_type), intent(inout) :: status
+        real(wp) :: q(model%n_q), qd(model%n_q)
+
+        if (model%n_q == 0) then
+            call fail(status, status_bad_input, "nothing moves: the scene has no coordinates (expected a mechanism)")
+            return
+        end if
+        call scene_start(model, t, q, qd)
+        allocate (self%model)
+        self%model = model
+        self%model%scene%coordinate%is_driven = .false.
+        self%model%scene%actuator%drive%kind = drive_inverse
+        self%options = options
+        call prepare_kinematics(model, 0, self%scratch)
+        call self%set(t, q, qd, status)
+    end subroutine open
+
+    !> Go on from other coordinates and rates, on the assembly that the way from the scene's start leads to.
+    subroutine set(self, t, q, qd, status)
+        class(simulator_type), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: q(:), qd(:)            !! (n_q) [m, rad; /s]
+        type(status_type), intent(inout) :: status
+        real(wp), allocatable :: rate(:, :), force(:)
+        logical :: failed(lanes)
+
+        force = spread(0.0_wp, 1, self%model%n_actuator)
+        if (associated(self%system)) then
+            force = self%system%given_force
+            call self%system%release()
+            deallocate (self%system)
+        end if
+        allocate (self%system)
+        self%system%given_force = force
+        call build_forward_system(self%model, 0, self%system, status)
+        if (.not. status%is_ok()) return
+        self%system%may_record = .true.
+        if (allocated(self%y)) deallocate (self%y)
+        allocate (self%y(lanes, self%system%n), rate(lanes, self%system%n))
+        call fill_start(self%model, self%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), self%y)
+        call self%system%begin(t, self%y)
+        call self%system%evaluate_on_lanes(spread(t, 1, lanes), self%y, rate, failed)
+        if (failed(1)) then
+            call fail(status, status_bad_input, "the mechanism cannot be computed there: " &
+                      //failure_at(self%model, self%system%workspace%state, self%system%workspace%status(1), 1))
+            return
+        end if
+        call self%integrator%finish()
+        self%integrator = integrator_type()
+        call self%integrator%start(self%options, self%system, t, self%y, status)
+    end subroutine set
+
+    !> Go on for a time under these forces.
+    !>
+    !> **Errors**: a place beyond which the mechanism cannot be computed; the state is then that of the last good instant.
+    subroutine step(self, duration, force, status)
+        class(simulator_type), intent(inout) :: self
+        real(wp), intent(in) :: duration               !! [s]
+        real(wp), intent(in) :: force(:)               !! of the actuators (n_actuator) [N, N m]
+        type(status_type), intent(inout) :: status
+        real(wp) :: t_end, y_end(lanes, self%system%n)
+
+        if (all(self%integrator%failed)) then
+            call refuse_to_go_on(self, status)
+            return
+        end if
+        if (any(force /= self%system%given_force)) then
+            self%system%given_force = force
+            call self%integrator%reset()
+        end if
+        t_end = self%integrator%t + duration
+        if (self%options%method == method_rk4) then
+            call self%integrator%advance(self%system, t_end, self%y, y_end)
+        else
+            call self%integrator%advance(self%system, t_end, self%y, y_end, t_kink=t_end)
+        end if
+        if (self%integrator%is_there .and. .not. self%integrator%is_lost .and. .not. any(self%integrator%failed)) return
+        call refuse_to_go_on(self, status)
+    end subroutine step
+
+    subroutine refuse_to_go_on(self, status)
+        type(simulator_type), intent(inout) :: self
+        type(status_type), intent(inout) :: status
+        character(len=:), allocatable :: why
+
+        call hold_texts()
+        select case (self%integrator%reason)
+        case (stop_growth)
+            why = "the motion grows without bound"
+        case (stop_pace)
+            why = "more steps are needed than anyone would wait for"
+        case default
+            why = failure_at(self%model, self%system%workspace%state, self%system%obstacle(1), 1)
+        end select
+        call fail(status, status_bad_input, "the simulation cannot go on beyond t = "//to_text(self%integrator%good_until(1)) &
+                  //" s: "//why)
+        call release_texts()
+    end subroutine refuse_to_go_on
+
+    !> Where the mechanism is.
+    subroutine read(self, t, q, qd)
+        class(simulator_type), intent(inout) :: self
+        real(wp), intent(out) :: t                     !! [s]
+        real(wp), intent(out) :: q(:), qd(:)           !! (n_q)
+        real(wp), dimension(lanes, size(q)) :: position, rate, acceleration
+
+        t = self%integrator%t
+        call read_coordinates(self%model, self%system%layout, spread(t, 1, lanes), self%y, self%system%turns, self%scratch, &
+                              position, rate, acceleration)
+        q = position(1, :)
+        qd = rate(1, :)
+    end subroutine read
+
+    subroutine close(self)
+        class(simulator_type), intent(inout) :: self
+
+        call self%integrator%finish()
+        if (associated(self%system)) then
+            call self%system%release()
+            deallocate (self%system)
+        end if
+        if (associated(self%model)) deallocate (self%model)
+    end subroutine close
+end module linkdyn_simulator

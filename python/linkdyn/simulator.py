@@ -1,0 +1,184 @@
+"""A mechanism stepped from outside: for controllers written in Python, and for learning ones."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from . import _bind
+from ._arguments import as_floats, as_number, as_positive
+from .errors import InputError, LinkdynError
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+__all__ = ["Simulator"]
+
+
+class Simulator:
+    """A mechanism under way, made by `Scene.simulator`.
+
+    Whoever steps it gives the forces of the actuators, which stay as they are during a step, and reads the coordinates at its end.
+    Loads, springs and gravity act as the scene says; the laws of its actuators and the motions of its coordinates play no part.
+
+    Attributes
+    ----------
+    scene : Scene
+    t : float
+        Instant reached [s].
+    q, qd : numpy.ndarray
+        (n_q,) Coordinates and their rates there [m, rad; /s], in the order of ``scene.coordinates``; to read only.
+    """
+
+    def __init__(self, scene: Scene, handle: int, method: str, settings: tuple[float, float, float], t: float) -> None:
+        self.scene = scene
+        self._size = len(scene.actuators)
+        self._start = t
+        self._handle = _bind.open_simulator(handle, method, settings, t)
+        self._finalizer = weakref.finalize(self, _bind.close_simulator, self._handle)
+        self._force = np.zeros(max(1, self._size))
+        self._q, self._qd = np.empty(len(scene.coordinates)), np.empty(len(scene.coordinates))
+        self._advance(0.0)
+        self._first = (self._q.copy(), self._qd.copy())
+
+    @property
+    def q(self) -> NDArray[np.float64]:
+        return _read_only(self._q)
+
+    @property
+    def qd(self) -> NDArray[np.float64]:
+        return _read_only(self._qd)
+
+    def step(self, dt: float, force: ArrayLike | None = None) -> None:
+        """Go on for a time.
+
+        Parameters
+        ----------
+        dt
+            [s], positive. As many steps of the integrator as its accuracy asks for lie within.
+        force
+            (n_actuator,) Force or torque of each actuator [N, N m], in the order of ``scene.actuators``; default: as before, at first none.
+
+        Raises
+        ------
+        InputError
+            The mechanism cannot go on: a loop that does not close any further, a dead point of the coordinates. ``t``, ``q``, ``qd`` are those of
+            the last good instant.
+        """
+        if force is not None:
+            given = np.asarray(force, dtype=float)
+            if given.shape != (self._size,) or not np.isfinite(given).all():
+                given = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
+            self._force[: self._size] = given
+        if not 0.0 < dt < np.inf:
+            dt = as_positive("dt", dt)
+        self._advance(float(dt))
+
+    def reset(self, q: ArrayLike | None = None, qd: ArrayLike | None = None, t: float | None = None) -> None:
+        """Put the mechanism somewhere else; the forces are zero again.
+
+        Parameters
+        ----------
+        q, qd
+            (n_q,) Coordinates and their rates [m, rad; /s]; default: those of the scene's start. Of several assemblies at q it is the one that
+            the way from the scene's start leads to.
+        t
+            [s]; default: where the simulator began.
+
+        Raises
+        ------
+        InputError
+            It cannot be assembled there.
+        """
+        places = [
+            first if given is None else as_floats(name, given, (len(first),), "(n_q,), in the order of scene.coordinates")
+            for name, given, first in (("q", q, self._first[0]), ("qd", qd, self._first[1]))
+        ]
+        self._force[:] = 0.0
+        _bind.set_simulator(self._handle, self._start if t is None else as_number("t", t), *places)
+        self._advance(0.0)
+
+    def run(self, controller: Callable[[Simulator], ArrayLike], t_end: float, every: float) -> xr.Dataset:
+        """Let a controller that samples at a rate lead the mechanism.
+
+        Parameters
+        ----------
+        controller
+            Called at each sampling instant with this simulator, whose ``t``, ``q`` and ``qd`` it reads. Returns the forces of the actuators until
+            the next one, as `step` takes them.
+        t_end
+            [s]
+        every
+            Time between samplings [s].
+
+        Returns
+        -------
+        xarray.Dataset
+            "q" and "qd" (time, coordinate) at the sampling instants, "driving_force" (time, actuator) from there on. A run that cannot go on
+            ends early: ``attrs["stopped"]`` says why, else it is empty.
+        """
+        every = as_positive("every", every)
+        n = round((as_number("t_end", t_end) - self.t) / every)
+        if n < 1:
+            raise InputError(f"t_end = {t_end!r} is no sampling later than t = {self.t:g} s (expected a later instant)")
+        begin, stopped = self.t, ""
+        t, q, qd, force = [self.t], [self._q.copy()], [self._qd.copy()], []
+        for k in range(1, n + 1):
+            try:
+                self.step(begin + k * every - self.t, controller(self))
+            except LinkdynError as error:
+                if str(error).startswith("the simulation cannot"):
+                    stopped = str(error)
+                    break
+                raise
+            force.append(self._force[: self._size].copy())
+            t.append(self.t)
+            q.append(self._q.copy())
+            qd.append(self._qd.copy())
+        force.append(self._force[: self._size].copy())
+        return self._dataset(np.array(t), np.array(q), np.array(qd), np.array(force), stopped)
+
+    def close(self) -> None:
+        """Give back what it holds; done by itself when nobody refers to it any more."""
+        self._finalizer()
+
+    def __repr__(self) -> str:
+        return f"<linkdyn.Simulator of {self.scene.title!r} at t = {self.t:g} s>"
+
+    def _advance(self, duration: float) -> None:
+        try:
+            self.t: float = _bind.step_simulator(self._handle, duration, self._force, self._size, self._q, self._qd)
+        except _bind.Stopped as stopped:
+            self.t = stopped.t
+            raise InputError(str(stopped)) from None
+
+    def _dataset(
+        self, t: NDArray[Any], q: NDArray[Any], qd: NDArray[Any], force: NDArray[Any], stopped: str
+    ) -> xr.Dataset:
+        units = {kind: [entry["unit"] for entry in self.scene.description[f"{kind}s"]] for kind in ("coordinate", "actuator")}
+        return xr.Dataset(
+            {
+                "q": (("time", "coordinate"), q, {"long_name": "coordinates"}),
+                "qd": (("time", "coordinate"), qd, {"long_name": "rates of the coordinates"}),
+                "driving_force": (("time", "actuator"), force, {"long_name": "driving force or torque, held until the next instant"}),
+            },
+            {
+                "time": ("time", t, {"units": "s"}),
+                "coordinate": list(self.scene.coordinates),
+                "coordinate_unit": ("coordinate", units["coordinate"]),
+                "actuator": list(self.scene.actuators),
+                "actuator_unit": ("actuator", units["actuator"]),
+            },
+            {"title": self.scene.title, "scene": self.scene.text, "stopped": stopped},
+        )
+
+
+def _read_only(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    view = values.view()
+    view.flags.writeable = False
+    return view

@@ -1,0 +1,182 @@
+"""Stepping from Python: against whole runs, closed forms, and what cannot go on."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import linkdyn
+import numpy as np
+import pytest
+from linkdyn.errors import InputError
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+SLIDER: dict[str, Any] = {
+    "space": "planar",
+    "gravity": [0.0, -9.81],
+    "frame": {"markers": {"A": {"at": [0.0, 0.0], "axis": [1.0, 0.0]}}},
+    "link": [{"name": "mass", "mass": 2.0, "inertia": 0.01, "markers": {"A": {"at": [0.0, 0.0], "axis": [1.0, 0.0]}}}],
+    "joint": [{"name": "A", "type": "prismatic", "between": ["frame.A", "mass.A"]}],
+    "coordinate": [{"joint": "A", "start": {"position": 0.3, "velocity": -0.2}}],
+    "actuator": [{"joint": "A"}],
+}
+
+
+@pytest.mark.parametrize("method", ["rk4", "gbs", None])
+@pytest.mark.parametrize(("name", "t_end"), [("fourbar_constant_torque", 1.0), ("fivebar_motors", 0.2)])
+def test_as_a_whole_run(name: str, t_end: float, method: str | None) -> None:
+    """The forces of the first instant, held: as a forward run under these forces."""
+    data = tomllib.loads((EXAMPLES / name / "scene.toml").read_text())
+    for actuator in data["actuator"]:
+        actuator["law"] = {"type": "constant", "value": 3.0}
+    scene = linkdyn.Scene(data)
+    run = scene.forward(t=np.linspace(0.0, t_end, 11))
+    simulator = scene.simulator(method=method, step=1e-4 if method == "rk4" else 1e-3)
+    assert (simulator.q == run.q.values[0]).all()
+    for k in range(1, 11):
+        simulator.step(t_end / 10, [3.0] * len(scene.actuators))
+        assert simulator.t == pytest.approx(run.time.values[k], abs=1e-14)
+        assert simulator.q == pytest.approx(run.q.values[k], abs=1e-7)
+        assert simulator.qd == pytest.approx(run.qd.values[k], abs=1e-6)
+
+
+def test_hexapod_in_space() -> None:
+    """A platform's attitude goes as a quaternion inside, and comes out as angles."""
+    data = tomllib.loads((EXAMPLES / "stewart_forward" / "scene.toml").read_text())
+    for actuator in data["actuator"]:
+        actuator["law"] = {"type": "constant", "value": 600.0}
+    scene = linkdyn.Scene(data)
+    run = scene.forward(t=[0.0, 0.05, 0.1])
+    simulator = scene.simulator()
+    for k in (1, 2):
+        simulator.step(0.05, np.full(6, 600.0))
+        assert simulator.q == pytest.approx(run.q.values[k], abs=1e-7)
+        assert simulator.qd == pytest.approx(run.qd.values[k], abs=1e-6)
+
+
+def test_sampled_controller_by_closed_form() -> None:
+    """A mass under PD control that holds its force: the sampled system has an exact matrix."""
+    mass, stiffness, damping, every = 2.0, 40.0, 6.0, 0.02
+    run = linkdyn.Scene(SLIDER).simulator().run(lambda s: [-stiffness * s.q[0] - damping * s.qd[0]], t_end=2.0, every=every)
+    x = np.array([0.3, -0.2])
+    for k in range(101):
+        assert run.q.values[k, 0] == pytest.approx(x[0], abs=1e-11)
+        assert run.qd.values[k, 0] == pytest.approx(x[1], abs=1e-11)
+        force = -stiffness * x[0] - damping * x[1]
+        assert run.driving_force.values[min(k, 99), 0] == pytest.approx(force if k < 100 else run.driving_force.values[99, 0], abs=1e-9)
+        x = np.array([x[0] + every * x[1] + every**2 / 2 * force / mass, x[1] + every * force / mass])
+    assert run.attrs["stopped"] == ""
+    assert run.sizes == {"time": 101, "coordinate": 1, "actuator": 1}
+
+
+def test_reset_forgets() -> None:
+    """The same way again, to the last bit; and from elsewhere."""
+    simulator = linkdyn.load(EXAMPLES / "cart_pole" / "scene.toml").simulator()
+    ways = []
+    for _ in range(2):
+        simulator.reset()
+        for force in (3.0, -2.0, 0.5):
+            simulator.step(0.05, [force])
+        ways.append(np.concatenate([[simulator.t], simulator.q, simulator.qd]))
+    assert (ways[0] == ways[1]).all()
+    simulator.reset(q=[0.5, 0.1], qd=[0.0, 1.0], t=3.0)
+    assert (simulator.t, *simulator.q, *simulator.qd) == (3.0, 0.5, 0.1, 0.0, 1.0)
+
+
+def test_forces_stay_until_others_are_given() -> None:
+    held, given = (linkdyn.Scene(SLIDER).simulator() for _ in range(2))
+    held.step(0.1, [4.0])
+    held.step(0.1)
+    for _ in range(2):
+        given.step(0.1, [4.0])
+    assert (held.q == given.q).all()
+
+
+def test_what_cannot_go_on_says_so() -> None:
+    """A rocker pushed against the end of its way: the state is that of the last good instant, a reset goes on."""
+    bars = {"crank": 0.3, "coupler": 0.25, "rocker": 0.2}
+    scene = linkdyn.Scene({
+        "space": "planar",
+        "frame": {"markers": {"A": [0.0, 0.0], "D": [0.4, 0.0]}},
+        "link": [{"name": name, "mass": 1.0, "inertia": 0.01, "markers": {"P": [0.0, 0.0], "Q": [length, 0.0]}} for name, length in bars.items()],
+        "joint": [
+            {"name": "A", "type": "revolute", "between": ["frame.A", "crank.P"]},
+            {"name": "B", "type": "revolute", "between": ["crank.Q", "coupler.P"]},
+            {"name": "C", "type": "revolute", "between": ["coupler.Q", "rocker.Q"]},
+            {"name": "D", "type": "revolute", "between": ["frame.D", "rocker.P"]},
+        ],
+        "coordinate": [{"joint": "A", "start": "40 deg"}],
+        "actuator": [{"joint": "A"}],
+    })
+    simulator = scene.simulator()
+    with pytest.raises(InputError, match="cannot go on beyond t = .* s: "):
+        for _ in range(400):
+            simulator.step(0.01, [2.0])
+    assert 0.05 < simulator.t < 2.0
+    assert np.isfinite(simulator.q).all()
+    with pytest.raises(InputError, match="cannot go on"):
+        simulator.step(0.01)
+    run = scene.simulator().run(lambda s: [2.0], t_end=2.0, every=0.01)
+    assert "cannot go on" in run.attrs["stopped"]
+    assert run.sizes["time"] < 200
+    simulator.reset()
+    simulator.step(0.01, [0.0])
+
+
+@pytest.mark.parametrize(("call", "message"), [
+    (lambda s: s.step(0.0), "dt"),
+    (lambda s: s.step(float("nan")), "dt"),
+    (lambda s: s.step(0.1, [1.0, 2.0]), "force"),
+    (lambda s: s.step(0.1, [float("nan")]), "force"),
+    (lambda s: s.reset(q=[1.0, 2.0]), "q"),
+    (lambda s: s.run(lambda _: [0.0], t_end=-1.0, every=0.1), "t_end"),
+    (lambda s: s.run(lambda _: [0.0], t_end=1.0, every=0.0), "every"),
+    (lambda s: s.scene.simulator(method="euler"), "method 'euler'"),
+    (lambda s: s.scene.simulator(step=-1.0), "step"),
+])  # fmt: skip
+def test_wrong_arguments(call: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        call(linkdyn.Scene(SLIDER).simulator())
+
+
+def test_closed() -> None:
+    simulator = linkdyn.Scene(SLIDER).simulator()
+    simulator.close()
+    simulator.close()
+    with pytest.raises(linkdyn.LinkdynError, match="closed"):
+        simulator.step(0.1)
+
+
+def test_threads_of_their_own() -> None:
+    """Simulators of one scene go side by side, each as if alone."""
+    scene = linkdyn.load(EXAMPLES / "cart_pole" / "scene.toml")
+    ends: dict[int, np.ndarray] = {}
+
+    def go(k: int) -> None:
+        simulator = scene.simulator()
+        for i in range(200):
+            simulator.step(0.005, [np.sin(0.1 * i + k)])
+        ends[k] = simulator.q.copy()
+
+    threads = [threading.Thread(target=go, args=(k,)) for k in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    alone = dict(ends)
+    for k in range(4):
+        go(k)
+        assert (ends[k] == alone[k]).all()
+
+
+@pytest.mark.parametrize(("program", "last"), [("balance.py", "at the end"), ("environment.py", "500.0 steps upright")])
+def test_examples_run(program: str, last: str, tmp_path: Path) -> None:
+    arguments = ["--out", str(tmp_path)] if program == "balance.py" else []
+    done = subprocess.run([sys.executable, str(EXAMPLES / "cart_pole" / program), *arguments], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert last in done.stdout.splitlines()[-1]
