@@ -286,11 +286,11 @@ def main() -> None:
     for case in cases:
         save_picture(draw_forward(case), f"peers_{case.name}")
     head = f"{processor_line()}; one thread, processor time. linkdyn {linkdyn.__version__}, {', '.join(peers.versions.values())}."
-    tables = {"peers-inverse": f"{head}\n\n{inverse_table(inverse)}", "peers-forward": forward_table(cases)}
-    print("\n\n".join(tables.values()))
+    of_inverse, of_forward = f"{head}\n\n{inverse_table(inverse)}", forward_table(cases)
+    print(f"{of_inverse}\n\n{of_forward}")
     if not given.only:
-        for table, text in tables.items():
-            save_table(table, text)
+        save_table("peers-inverse", of_inverse)
+        save_table("peers-forward", of_forward)
     print(f"\nPictures: {FOLDER}")
 
 

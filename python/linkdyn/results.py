@@ -61,6 +61,8 @@ def read(file: str | os.PathLike[str]) -> xr.Dataset:
     try:
         with xr.open_dataset(path, engine="netcdf4") as stored:
             return _by_time(stored.load())
+    except FileNotFoundError:
+        raise FileError(f"{path}: there is no such file") from None
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"{path}: no results can be read from it ({getattr(error, 'strerror', None) or error})") from error
 

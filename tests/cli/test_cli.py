@@ -150,6 +150,8 @@ def test_version_and_help():
         (["inverse", "SCENE", "--no-output", "--csv"], ["--no-output", "--csv"]),
         (["inverse", "SCENE", "--no-output", "-o", "run.nc"], ["--no-output", "--output"]),
         (["explain", "SCENE", "--csv"], ["'--csv'", "unknown option"]),
+        (["inverse", "SCENE", "--out", "run.nc"], ["'--out'", "unknown option; did you mean '--output'?"]),
+        (["inverse", "SCENE", "-o", "run.xlsx"], ["'run.xlsx'", "expected .nc, or .csv for a spreadsheet"]),
         (["--version", "--csv"], ["'--csv'"]),
         (["inverse", "SCENE", "-o", "a.nc", "--output=b.nc"], ["--output", "given twice"]),
         (["inverse", "SCENE", "-o", "--csv"], ["-o", "value missing"]),
@@ -431,3 +433,8 @@ def test_interrupted_run_leaves_nothing(tsai, tmp_path):
     finally:
         process.kill()
     assert [file.name for file in tmp_path.iterdir()] == ["long.toml"]
+
+
+def test_results_are_no_scene(tsai_file, tmp_path):
+    run("inverse", tsai_file, "-o", tmp_path / "run.nc")
+    refused(run("inverse", tmp_path / "run.nc"), "run.nc:1: this is not TOML: but netCDF or HDF5, as results are (expected a scene)")
