@@ -93,7 +93,10 @@ def test_states_are_the_motion(tmp_path):
     for name in ("degrees", "radians"):
         assert run("inverse", scene, "--states", f"{name}.csv", "--csv", "-o", f"{name}_out.csv", "-q", cwd=tmp_path).returncode == DONE
     assert (tmp_path / "degrees_out.csv").read_text() == (tmp_path / "radians_out.csv").read_text()
-    for text, fragment in (("qd J1\n1\n", "no column 'q J1'"), ("q J1 [mm]\n1\n", "unit"), ("q J1\n1\nabc\n", "bad.csv:3")):
+    for text, fragment in (("qd J1\n1\n", "no column 'q J1'"), ("q J1 [mm]\n1\n", "unit"), ("q J1\n1\nabc\n", "bad.csv:3"),
+                           ("q J1,qd J\n1,2\n", "column 'qd J': there is no coordinate 'J'; did you mean 'J1'?"),
+                           ("t [ms],q J1\n1,2\n", "column 't': instants are not called so (expected 'time')"),
+                           ("tmie,q J1\n1,2\n", "column 'tmie': instants are not called so")):
         (tmp_path / "bad.csv").write_text(text)
         refused(run("inverse", scene, "--states", "bad.csv", cwd=tmp_path), "bad.csv", fragment)
     refused(run("forward", scene, "--states", "a.csv", cwd=tmp_path), "--states", "linkdyn inverse")
