@@ -7,6 +7,7 @@
 #   make fuzz    100,000 mutated scenes and calls; CASES=N for another number
 #   make bench   time against error of the solvers; `make bench-forward`: of the integrators; `make accuracy`: of all
 #                methods on hard cases. Tables and pictures go to results/benchmarks
+#   make bench-peers  MuJoCo, Pinocchio and Exudyn, which pip puts into build/peers, and linkdyn do the same work in one run
 #   make renew   put these where benchmarks/README.md and docs/accuracy.md show them
 #   make real128 linkdyn-real128, the same program in quadruple precision, beside the installed one
 #   make wheel   the wheel and the source archive in build/wheels, the wheel tested where nothing is installed; the first time its
@@ -17,6 +18,7 @@
 PYTHON ?= python3
 SHELL := /bin/bash
 VENV := $(CURDIR)/.venv
+PEERS := build/peers
 BUILD := build/wheel
 PACKAGE := build/package.stamp
 REQUIREMENTS := $(VENV)/requirements.stamp
@@ -41,7 +43,7 @@ SETUP := -Dtests=true -Dbenchmarks=true -Dmarch=native
 # which no optimization of ours makes faster
 REAL128 := build/real128
 
-.PHONY: run test check fuzz bench bench-forward accuracy renew real128 wheel docs clean distclean system system-mpi browser
+.PHONY: run test check fuzz bench bench-forward bench-peers accuracy renew real128 wheel docs clean distclean system system-mpi browser
 .DEFAULT_GOAL := run
 
 run: $(PACKAGE)
@@ -73,6 +75,17 @@ bench: real128
 bench-forward: $(PACKAGE)
 	@$(VENV)/bin/meson compile -C $(BUILD) bench_forward_real64
 	$(VENV)/bin/python benchmarks/python/bench_forward.py
+
+bench-peers: real128 $(PEERS)/requirements.stamp
+	$(VENV)/bin/python benchmarks/python/bench_peers.py --python $(PEERS)/bin/python
+
+# one by one: a peer that cannot be installed is left out
+$(PEERS)/requirements.stamp: benchmarks/peers/requirements.txt
+	@echo "Installing the peers into $(PEERS)"
+	@$(PYTHON) -m venv --clear $(PEERS)
+	@grep -v '^#' $< | while read -r name; do $(PEERS)/bin/python -m pip install --quiet "$$name" >/dev/null 2>&1 \
+	    || echo "left out: $$name, pip cannot install it"; done
+	@touch $@
 
 renew: $(REQUIREMENTS)
 	$(VENV)/bin/python benchmarks/python/renew.py

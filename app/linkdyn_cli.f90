@@ -195,11 +195,15 @@ contains
 
         !> A table is asked for by the ending of its name, too; with that of the other kind it would be taken for one.
         subroutine heed_ending()
+            character(len=*), parameter :: foreign_ending(*) = &
+                [character(len=8) :: ".xlsx", ".xls", ".ods", ".mat", ".json", ".html", ".pdf", ".png", ".parquet"]
             integer :: dot
 
             if (.not. allocated(config%output) .or. all(config%command /= [command_inverse, command_forward])) return
             dot = index(config%output, ".", back=.true.)
             if (dot == 0) return
+            if (any(config%output(dot:) == foreign_ending)) &
+                call refuse(quoted(config%output)//": files of this kind are not written (expected .nc, or .csv for a spreadsheet)")
             if (config%output(dot:) == ".csv") config%csv = .true.
             if (config%output(dot:) == ".nc" .and. config%csv) &
                 call refuse("--csv: "//quoted(config%output)//" has the ending of netCDF (expected .csv)")

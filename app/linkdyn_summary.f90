@@ -256,7 +256,8 @@ contains
         integer, intent(in) :: unit
 
         if (len_trim(model%scene%title) > 0) write (unit, "(a)") trim(model%scene%title)
-        write (unit, "(a)") "  "//to_text(summary%n_sample)//" samples, "//gravity_text(model%scene)//", solver "//solver// &
+        write (unit, "(a)") "  "//to_text(summary%n_sample)//trim(merge(" sample ", " samples", summary%n_sample == 1))//", "// &
+            gravity_text(model%scene)//", solver "//solver// &
             ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
         if (summary%has_force) call print_forces(layout, summary, unit)
         if (summary%has_reaction) then

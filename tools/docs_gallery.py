@@ -97,12 +97,16 @@ def crop(picture: Path) -> None:
 def examples(folder: Path) -> Iterator[tuple[str, list[Example]]]:
     """By groups; one that is in none is an error of this file."""
     listed = {name for names in GROUPS.values() for name in names}
-    # programs in other languages are shown where the library is explained
-    there = {readme.parent.name for readme in folder.glob("*/README.md") if not any(readme.parent.glob("main.*"))}
+    there = {readme.parent.name for readme in folder.glob("*/README.md")} - {program.folder.name for program in programs(folder)}
     if listed != there:
         raise SystemExit(f"tools/docs_gallery.py: GROUPS and examples differ: {', '.join(sorted(listed ^ there))}")
     for group, names in GROUPS.items():
         yield group, [Example(folder / name) for name in names]
+
+
+def programs(folder: Path) -> list[Example]:
+    """In other languages, with nothing to look at."""
+    return [Example(folder / name) for name in sorted({main.parent.name for main in folder.glob("*/main.*")})]
 
 
 def write_gallery(folder: Path, source: Path, views: Path) -> None:
@@ -118,7 +122,11 @@ def write_gallery(folder: Path, source: Path, views: Path) -> None:
             name = example.folder.name
             text += CARD.format(title=example.title, picture=f"pictures/{name}.png", page=f"examples/{name}/README", text=example.text)
         text += "::::\n"
-    pages = "\n".join(f"examples/{example.folder.name}/README" for _, members in examples(folder) for example in members)
+    text += "\n## Programs\n\n"
+    for program in programs(folder):
+        text += f"- [{program.title}](examples/{program.folder.name}/README.md): {program.text}\n"
+    shown = [*(example for _, members in examples(folder) for example in members), *programs(folder)]
+    pages = "\n".join(f"examples/{example.folder.name}/README" for example in shown)
     page = source / "gallery.md"
     text += f"\n```{{toctree}}\n:hidden:\n\n{pages}\n```\n"
     if not page.exists() or page.read_text(encoding="utf-8") != text:

@@ -55,7 +55,7 @@ html_theme_options = {
     "footer_end": [],
     "pygments_light_style": "tango",
 }
-html_sidebars = {"docs/index": [], "gallery": []}
+html_sidebars = {"docs/*": [], "benchmarks/*": [], "C*": [], "gallery": []}   # where nothing stands beside a page
 
 ANCHOR = re.compile(r'<a id="([\w-]+)"></a>')
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)\s]+)\)")

@@ -45,8 +45,8 @@ contains
         integer, intent(in) :: unit
 
         write (unit, "(a)") trim(model%scene%title)
-        write (unit, "(2x,a)") to_text(model%n_link)//" moving links, "//to_text(model%n_joint)//" joints, mobility " &
-            //to_text(mobility_of(model))//", "//to_text(model%n_q)//" coordinates, "//to_text(model%n_actuator)//" actuators"
+        write (unit, "(2x,a)") counted(model%n_link, "moving link")//", "//counted(model%n_joint, "joint")//", mobility " &
+            //to_text(mobility_of(model))//", "//counted(model%n_q, "coordinate")//", "//counted(model%n_actuator, "actuator")
         if (all(model%gravity == 0)) then
             write (unit, "(2x,a)") "gravity: none"
         else
@@ -125,7 +125,7 @@ contains
         character(len=:), allocatable :: text
 
         text = to_text(n)//" "//what
-        if (n > 1) text = text//"s"
+        if (n /= 1) text = text//"s"
     end function counted
 
     subroutine explain_order(model, unit)

@@ -84,6 +84,13 @@ contains
         reading%n = size(reading%shelf%item)
     end subroutine add_source
 
+    !> Does a file begin as those of netCDF do, of either kind?
+    pure logical function holds_results(text)
+        character(len=*), intent(in) :: text
+
+        holds_results = index(text, "CDF") == 1 .or. index(text, "HDF") == 2
+    end function holds_results
+
     !> The file read last, with all that it includes.
     recursive subroutine read_part(reading, folder, depth, document, status)
         type(reading_type), intent(inout), target :: reading
@@ -106,6 +113,7 @@ contains
             call parse_toml(source%text, source%lines_before, document, message, line)
         end associate
         if (message /= "") then
+            if (holds_results(reading%shelf%item(own)%text)) message = "but netCDF or HDF5, as results are (expected a scene)"
             if (is_foreign) message = "of a file outside the scene's folder nothing is shown"
             if (line > 0) line = line + reading%shelf%item(own)%lines_before
             call refuse(root, "this is not TOML: "//message, status, line)

@@ -386,7 +386,7 @@ contains
             end if
         case default
             call refuse(place, "this is "//place%node%kind_text()//" (expected a point, "// &
-                merge("[x, y]   ", "[x, y, z]", planar)//", or { at = .., axis = .. })", status)
+                trim(merge("[x, y]   ", "[x, y, z]", planar))//", or { at = .., axis = .. })", status)
         end select
     end subroutine read_marker
 

@@ -1,7 +1,7 @@
 !> States from a CSV file in place of the scene's own motion: a row a sample, columns as in the results.
 !>
 !> Columns are called "q NAME", "qd NAME", "qdd NAME" for every coordinate, with a unit in brackets if it is not SI; other
-!> columns are passed over. With a column "time" the samples follow each other along a motion, and the scene's loads act at
+!> columns are passed over, but not those that seem to be meant. With a column "time" the samples follow each other along a motion, and the scene's loads act at
 !> these instants. A motion of positions alone gets its rates from the spline that tables of motions have; one with some of
 !> the rates is refused: nothing says whether the others are zero or were forgotten. Without times each sample is on its own,
 !> at 0, and a derivative that has no column is zero. Results written
@@ -15,6 +15,7 @@ module linkdyn_states_file
     use linkdyn_scene, only: scene_type, table_spec, law_spec, name_len
     use linkdyn_scene_laws, only: column_in_si, table_law, spline
     use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: to_text, quoted
     use linkdyn_units, only: quantity_type, length, angle, time_span, per_second
     implicit none (type, external)
@@ -45,6 +46,8 @@ contains
 
         call read_csv(file, "--states: "//quoted(file), table, status, takes_text=.true.)
         if (.not. status%is_ok()) return
+        call refuse_misnamed(table, scene, status)
+        if (.not. status%is_ok()) return
         n = size(table%value, 1)
         states%is_motion = any(table%column == "time")
         if (states%is_motion) call find_out_rates(table, scene, states%has_spline_rates, status)
@@ -63,6 +66,34 @@ contains
         end do
         if (states%has_spline_rates .and. status%is_ok()) call add_spline_rates(table, states, status)
     end subroutine read_states
+
+    !> A column that is meant for a state must not be passed over: without its times a motion is a row of poses at rest.
+    subroutine refuse_misnamed(table, scene, status)
+        type(table_spec), intent(in) :: table
+        type(scene_type), intent(in) :: scene
+        type(status_type), intent(inout) :: status
+        integer :: i, blank
+
+        do i = 1, size(table%column)
+            associate (column => table%column(i))
+                blank = index(column, " ")
+                if (all(column(:blank) /= ["q  ", "qd ", "qdd"])) then
+                    if (all(table%column /= "time") .and. looks_like_time(column)) call fail(status, status_bad_input, &
+                        trim(table%file)//": column "//quoted(column)//": instants are not called so (expected 'time')")
+                else if (all(scene%coordinate%name /= adjustl(column(blank:)))) then
+                    call fail(status, status_bad_input, trim(table%file)//": column "//quoted(column)//": there is no coordinate " &
+                        //quoted(adjustl(column(blank:)))//suggestion(adjustl(column(blank:)), scene%coordinate%name))
+                end if
+            end associate
+            if (.not. status%is_ok()) return
+        end do
+    end subroutine refuse_misnamed
+
+    pure logical function looks_like_time(column)
+        character(len=*), intent(in) :: column
+
+        looks_like_time = any(column == ["t   ", "T   ", "Time", "TIME"]) .or. suggestion(column, ["time"]) /= ""
+    end function looks_like_time
 
     !> All rates of a motion are there, or none.
     subroutine find_out_rates(table, scene, has_none, status)

@@ -7,7 +7,7 @@ module linkdyn_suggest
 
 contains
 
-    !> "; did you mean 'mass'?" if one of the words is near enough, otherwise nothing.
+    !> "; did you mean 'mass'?" if one of the words is near enough, or the only one that begins so; otherwise nothing.
     pure function suggestion(word, words) result(text)
         character(len=*), intent(in) :: word
         character(len=*), intent(in) :: words(:)
@@ -26,8 +26,22 @@ contains
             best = i
             nearest = distance
         end do
+        if (best == 0) best = beginning_with(word, words)
         if (best > 0) text = "; did you mean "//quoted(words(best))//"?"
     end function suggestion
+
+    !> The only word that begins with another, of which there is enough to tell; 0: none.
+    pure integer function beginning_with(start, words) result(found)
+        character(len=*), intent(in) :: start
+        character(len=*), intent(in) :: words(:)
+        integer, parameter :: enough = 3
+        logical :: begins(size(words))
+
+        found = 0
+        if (len_trim(start) < enough) return
+        begins = index(words, trim(start)) == 1
+        if (count(begins) == 1) found = findloc(begins, .true., dim=1)
+    end function beginning_with
 
     !> Number of letters to insert, drop, replace or swap with a neighbour to come from one word to the other.
     pure integer function edit_distance(a, b)

@@ -287,7 +287,7 @@ def _least_peak(force: Vectors, effect: Vectors) -> tuple[Vectors, float]:
 
     The weighted rms value of any step is a lower bound of all peaks, so the gap to it is known.
     """
-    size = np.linalg.norm(force, axis=1).max()
+    size = float(np.linalg.norm(force, axis=1).max())
     if size == 0.0:
         return np.zeros(effect.shape[2]), 0.0
     weights = np.full(len(force), 1.0 / len(force))

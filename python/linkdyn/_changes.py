@@ -95,7 +95,10 @@ def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, va
     if isinstance(value, Mapping) and _label(key, value) == rest:
         items.append(dict(value))
         return
-    known = ", ".join(repr(_label(key, item)) for item in items)
+    labels = [_label(key, item) for item in items]
+    if rest in labels:
+        raise InputError(f"with_: {path!r} is a whole {key} (expected a table or None for it, or the path of one of its values)")
+    known = ", ".join(map(repr, labels))
     raise InputError(f"with_: {path!r} leads nowhere: there is no {key} {rest.split('.')[0]!r} (expected one of {known})")
 
 

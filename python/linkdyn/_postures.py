@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +11,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from .errors import InputError, SceneError
+from .results import FOLDER
 from .scene import Poses, Scene
 
 __all__ = ["ELEVATION", "Posture", "Postures", "best_azimuth", "find_postures", "poses_of", "scene_of"]
@@ -100,11 +102,12 @@ def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool
 
 
 def scene_of(run: xr.Dataset, caller: str) -> Scene:
-    """The scene in a run's attributes; ``caller`` is named in messages."""
+    """The scene in a run's attributes, its tables where they were, or beside the file of results; ``caller`` is named in messages."""
     if "scene" not in run.attrs:
         raise InputError(f"{caller}: the run has no attribute 'scene' (expected scene=)")
+    beside = os.path.dirname(run.encoding["source"]) if "source" in run.encoding else None
     try:
-        return Scene(run.attrs["scene"])
+        return Scene(run.attrs["scene"], folder=run.encoding.get(FOLDER, beside))
     except SceneError as error:
         raise InputError(f"{caller}: the scene in the run's attributes cannot be read, give scene= ({error})") from error
 

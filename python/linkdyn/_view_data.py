@@ -296,5 +296,5 @@ def _chosen(charts: list[dict[str, Any]], plots: Iterable[str] | None) -> list[i
     for name in plots:
         if name not in results:
             known = ", ".join(dict.fromkeys(results))
-            raise InputError(f"view: plots: the run has no {name!r} (expected of {known})")
+            raise InputError(f"view: plots: the run has no {name!r} (expected some of {known})")
     return [results.index(name) for name in plots]

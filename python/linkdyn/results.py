@@ -20,7 +20,7 @@ from . import _accessor, _bind  # noqa: F401  (run.linkdyn)
 from ._arguments import as_path
 from .errors import FileError, InputError
 
-__all__ = ["RunTemplate", "ensemble_dataset", "need_result", "read", "result_shapes", "run_attributes"]
+__all__ = ["FOLDER", "RunTemplate", "ensemble_dataset", "need_result", "read", "result_shapes", "run_attributes"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
@@ -28,6 +28,8 @@ CHANGE_POINT, ANEW = 1, 2
 """What "assembly" says of a sample where it does not follow from the sample before by continuity alone."""
 ROADS = ("samples_closed_form", "samples_iterated", "samples_dense")
 """Attributes: how many samples took which road."""
+FOLDER = "scene_folder"
+"""In the encoding of a run, while it is in memory: where the tables of its scene lie."""
 WISHES = {"driving_speed": "power", "driving_power": "power", "joint_rate": "joint_variable"}
 """What to want for a result that comes with others."""
 COMPONENTS = {
@@ -59,6 +61,8 @@ def read(file: str | os.PathLike[str]) -> xr.Dataset:
     try:
         with xr.open_dataset(path, engine="netcdf4") as stored:
             return _by_time(stored.load())
+    except FileNotFoundError:
+        raise FileError(f"{path}: there is no such file") from None
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"{path}: no results can be read from it ({getattr(error, 'strerror', None) or error})") from error
 

@@ -28,7 +28,7 @@ from ._code import GeneratedCode
 from ._keys import told_by_keys
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, SceneError
-from .results import RunTemplate, ensemble_dataset, result_shapes
+from .results import FOLDER, RunTemplate, ensemble_dataset, result_shapes
 from .study import run_study
 from .sweep import run_sweep
 
@@ -76,6 +76,10 @@ class Poses:
     """(N, n_link, 3, 3) from link to world axes."""
     status: NDArray[np.intc]
     """(N,) 0 where the mechanism can be assembled."""
+
+    def __repr__(self) -> str:
+        apart = np.flatnonzero(self.status)
+        return f"<linkdyn.Poses: {count(self.position, 'sample')}{f', {len(apart)} of them cannot be assembled' if len(apart) else ''}>"
 
 
 def load(path: str | os.PathLike[str]) -> Scene:
@@ -405,6 +409,7 @@ class Scene:
         outputs, roads, failure = self._run(job, threads, given, load, extra)
         told = self._told(extra, len(given["q"]))
         data = job.template().fill(given | outputs, roads, told)
+        data.encoding[FOLDER] = self.folder
         if "assembly" in data:
             data.attrs["failure"] = failure
         return data
@@ -538,6 +543,7 @@ class Scene:
         def result() -> xr.Dataset:
             arrays = {name: values[:n_done] for name, values in found.items()}
             data = template.fill(arrays, run.roads)
+            data.encoding[FOLDER] = self.folder
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
             data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}

@@ -93,7 +93,10 @@ def test_states_are_the_motion(tmp_path):
     for name in ("degrees", "radians"):
         assert run("inverse", scene, "--states", f"{name}.csv", "--csv", "-o", f"{name}_out.csv", "-q", cwd=tmp_path).returncode == DONE
     assert (tmp_path / "degrees_out.csv").read_text() == (tmp_path / "radians_out.csv").read_text()
-    for text, fragment in (("qd J1\n1\n", "no column 'q J1'"), ("q J1 [mm]\n1\n", "unit"), ("q J1\n1\nabc\n", "bad.csv:3")):
+    for text, fragment in (("qd J1\n1\n", "no column 'q J1'"), ("q J1 [mm]\n1\n", "unit"), ("q J1\n1\nabc\n", "bad.csv:3"),
+                           ("q J1,qd J\n1,2\n", "column 'qd J': there is no coordinate 'J'; did you mean 'J1'?"),
+                           ("t [ms],q J1\n1,2\n", "column 't': instants are not called so (expected 'time')"),
+                           ("tmie,q J1\n1,2\n", "column 'tmie': instants are not called so")):
         (tmp_path / "bad.csv").write_text(text)
         refused(run("inverse", scene, "--states", "bad.csv", cwd=tmp_path), "bad.csv", fragment)
     refused(run("forward", scene, "--states", "a.csv", cwd=tmp_path), "--states", "linkdyn inverse")
@@ -150,6 +153,8 @@ def test_version_and_help():
         (["inverse", "SCENE", "--no-output", "--csv"], ["--no-output", "--csv"]),
         (["inverse", "SCENE", "--no-output", "-o", "run.nc"], ["--no-output", "--output"]),
         (["explain", "SCENE", "--csv"], ["'--csv'", "unknown option"]),
+        (["inverse", "SCENE", "--out", "run.nc"], ["'--out'", "unknown option; did you mean '--output'?"]),
+        (["inverse", "SCENE", "-o", "run.xlsx"], ["'run.xlsx'", "expected .nc, or .csv for a spreadsheet"]),
         (["--version", "--csv"], ["'--csv'"]),
         (["inverse", "SCENE", "-o", "a.nc", "--output=b.nc"], ["--output", "given twice"]),
         (["inverse", "SCENE", "-o", "--csv"], ["-o", "value missing"]),
@@ -431,3 +436,8 @@ def test_interrupted_run_leaves_nothing(tsai, tmp_path):
     finally:
         process.kill()
     assert [file.name for file in tmp_path.iterdir()] == ["long.toml"]
+
+
+def test_results_are_no_scene(tsai_file, tmp_path):
+    run("inverse", tsai_file, "-o", tmp_path / "run.nc")
+    refused(run("inverse", tmp_path / "run.nc"), "run.nc:1: this is not TOML: but netCDF or HDF5, as results are (expected a scene)")

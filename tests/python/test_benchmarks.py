@@ -7,6 +7,8 @@ import re
 import bench_inverse
 import linkdyn
 import matplotlib.pyplot as plt
+import numpy as np
+import peer_work
 import pytest
 import renew
 import report
@@ -55,3 +57,34 @@ def test_every_place_has_its_benchmark() -> None:
     sources = "".join(file.read_text() for file in (report.ROOT / "benchmarks" / "python").glob("*.py"))
     saved = set(re.findall(r'save_table\("([a-z-]+)"', sources)) | set(re.findall(r'\("(forward-[a-z]+)"', sources))
     assert saved == places
+
+
+def world_frames(links: list[dict]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Rotation and origin of every link of a tree that peers are given, at its start."""
+    frames: list[tuple[np.ndarray, np.ndarray]] = []
+    for link in links:
+        rotation, origin = frames[link["parent"]] if link["parent"] >= 0 else (np.eye(3), np.zeros(3))
+        axis = np.eye(3)["xyz".index(link["joint"][1])]
+        origin = origin + rotation @ np.array(link["at"])
+        if link["joint"][0] == "P":
+            frames.append((rotation, origin + rotation @ axis * link["q"]))
+            continue
+        cross = np.cross(np.eye(3), axis)      # the matrix of axis x
+        frames.append((rotation @ (np.eye(3) + np.sin(link["q"]) * cross + (1.0 - np.cos(link["q"])) * cross @ cross), origin))
+    return frames
+
+
+@pytest.mark.parametrize("make", [lambda: peer_work.planar_work("fourbar_constant_torque/scene.toml", 5.0),
+                                  lambda: peer_work.planar_work("andrews/scene_forward.toml", 0.05),
+                                  lambda: peer_work.hexapod_forward(0.5), peer_work.hexapod_inverse])
+def test_trees_of_the_peers_are_the_scenes(make) -> None:
+    """Loops meet, a branch follows its link without another between, and every link's mass is there."""
+    scene, work = make()
+    frames = world_frames(work["links"])
+    for loop in work["loops"]:
+        ends = [frames[link][1] + frames[link][0] @ np.array(point) for link, point in zip(loop["links"], loop["points"])]
+        np.testing.assert_allclose(*ends, atol=1e-12)
+    assert sum(link.get("mass", 0.0) for link in work["links"]) == pytest.approx(sum(link["mass"] for link in scene.description["links"]))
+    branch: list[int] = []
+    for i, link in enumerate(work["links"]):
+        branch = [*branch[: branch.index(link["parent"]) + 1], i] if link["parent"] >= 0 else [i]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 
 import linkdyn
 from linkdyn import cli
+from linkdyn._postures import scene_of
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
@@ -33,6 +35,34 @@ def test_a_forward_run_too():
 
 def test_batches_have_no_time(scene):
     assert "time" not in scene.inverse(scene.motion()[0]).indexes
+
+
+def test_tables_of_the_scene_are_found_again(tmp_path, monkeypatch):
+    """The scene in a run's attributes names its tables by paths from its folder, or beside the results."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    run = linkdyn.load(EXAMPLES / "stewart_drilling" / "scene.toml").inverse(t=np.linspace(2.0, 3.0, 5))
+    assert set(run.linkdyn.joint("leg1.P").data_vars) and scene_of(run, "test").loads
+    run.to_netcdf(tmp_path / "run.nc")
+    alone = linkdyn.read(tmp_path / "run.nc")
+    with pytest.raises(linkdyn.InputError, match=r"test: the scene in the run's attributes cannot be read, give scene= .*motion\.csv"):
+        scene_of(alone, "test")
+    for table in (EXAMPLES / "stewart_drilling").glob("*.csv"):
+        shutil.copy(table, tmp_path)
+    assert scene_of(alone, "test").loads == scene_of(run, "test").loads
+
+
+def test_poses_are_told_in_a_line():
+    scene = linkdyn.load(EXAMPLES / "stewart_tsai" / "scene.toml")
+    q = scene.motion()[0][:3].copy()
+    assert repr(scene.poses(q)) == "<linkdyn.Poses: 3 samples>"
+    fourbar = linkdyn.load(EXAMPLES / "slider_crank" / "scene.toml")
+    assert repr(fourbar.poses(fourbar.motion()[0][:1])) == "<linkdyn.Poses: 1 sample>"
+
+
+def test_a_whole_table_is_no_value(scene):
+    with pytest.raises(linkdyn.InputError, match=r"with_: 'link.platform' is a whole link \(expected a table or None for it, or the path of one"):
+        scene.with_({"link.platform": 2.0})
 
 
 def test_read(run, tmp_path):

@@ -132,7 +132,7 @@ def test_hexapod(browser, tmp_path):
     """700 samples with all forces in 1.5 MB; six legs as cylinders, base and platform as plates."""
     scene = linkdyn.load(EXAMPLES / "stewart_drilling" / "scene.toml")
     run = scene.inverse(t=np.linspace(2.0, 30.0, 700))
-    shown = linkdyn.view(run, tmp_path / "hexapod.html", scene=scene)
+    shown = linkdyn.view(run, tmp_path / "hexapod.html")
     assert shown.file.stat().st_size <= 1.5e6
     page = browser.open(shown.file, "t=9")
     load = np.linalg.norm(scene.load_values(np.array([9.0]))[0, :, :3], axis=-1)
