@@ -342,7 +342,7 @@ contains
 
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
-            n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
+            n_t, t, n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
             n_variable, joint_variable, joint_rate, n_check, power_imbalance, n_rcond, rcond, &
             n_distance, distance, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
@@ -359,9 +359,10 @@ contains
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
         integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission, n_growth
-        integer(c_int), intent(in) :: n_assembly
+        integer(c_int), intent(in) :: n_assembly, n_t
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
+        real(c_double), intent(in), target :: t(n_t)                                             ! instants (n); one of them: all
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
         real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
@@ -383,6 +384,7 @@ contains
         type(inverse_options) :: options
         type(inverse_report) :: found
         type(room_type) :: room(n_room)
+        integer :: i
 
         call start_listening()
         call take_scene(handle, scene, status)
@@ -406,7 +408,7 @@ contains
             if (wanted(12) == 1) call offer(14, growth)
             if (wanted(13) == 1) room(15)%integer => assembly
             call compute_inverse(scene, options, first, n, q, qd, qdd, load(:used(n_load_values, 6*scene%model%n_load)), room, &
-                                 sample_status, found, status)
+                                 sample_status, found, status, [(t(min(i, n_t)), i=1, n)])
         end if
         roads = [found%roads%closed, found%roads%iterated, found%roads%dense]
         lost_sample = found%lost_sample

@@ -274,7 +274,7 @@ class Inverse:
         threads: int,
         first: int,
         in_order: bool,
-        inputs: tuple[Floats, Floats, Floats, Floats],
+        inputs: tuple[Floats, Floats, Floats, Floats, Floats],
         outputs: dict[str, NDArray[Any]],
     ) -> tuple[NDArray[np.intc], int, str]:
         """Some samples, into the arrays given.
@@ -286,7 +286,7 @@ class Inverse:
         in_order
             The samples follow each other: the assembly is followed by continuity.
         inputs
-            q, qd, qdd (n, n_q) and load (n, n_load, 6).
+            q, qd, qdd (n, n_q), load (n, n_load, 6) and t (n or 1).
         outputs
             Arrays of the results wanted by name, C-ordered, sample first, and "status".
 
