@@ -161,22 +161,23 @@ contains
     !> Plan and run one batch.
     !>
     !> **Errors**: `status_bad_input` if the number of actuators does not fit or the solver cannot give what is wanted.
-    subroutine run_inverse(model, options, q, qd, qdd, load, results, status)
+    subroutine run_inverse(model, options, q, qd, qdd, load, results, status, t)
         type(model_type), intent(in) :: model
         type(inverse_options), intent(in) :: options
         real(wp), intent(in) :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
         real(wp), intent(in) :: load(:, :, :)                   !! (6, n_load, n)
         type(inverse_results), intent(inout) :: results
         type(status_type), intent(out) :: status
+        real(wp), intent(in), optional :: t(:)                  !! instants, for laws that ask for them [s] (n); absent: 0
         type(inverse_solver) :: solver
         type(assembly_trail) :: trail
 
         call prepare_inverse(model, options, associated(results%reaction), solver, status)
         if (.not. status%is_ok()) return
         if (options%in_order) then
-            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, trail=trail)
+            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, trail=trail, t=t)
         else
-            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results)
+            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, t=t)
         end if
         call solver%free()
     end subroutine run_inverse
@@ -248,6 +249,7 @@ contains
                 call make_room(model, 1, assembly)
             end if
         end if
+        if (associated(results%load)) call tell_loads()
         n_left = n
         if (associated(recorded)) then
             if (is_on_way .or. .not. allocated(solver%at_start%status)) then
@@ -277,6 +279,19 @@ contains
         end if
 
     contains
+
+        !> The loads, with those that follow the state.
+        subroutine tell_loads()
+            real(wp) :: pull(size(model%scene%spring), n), instant(n)
+
+            instant = 0
+            if (present(t)) instant = t
+            if (allocated(solver%at_start%status) .and. .not. is_on_way) then
+                call evaluate_load_laws(model, threads, q, qd, instant, load, solver%at_start, results%load, pull)
+            else
+                call evaluate_load_laws(model, threads, q, qd, instant, load, assembly, results%load, pull)
+            end if
+        end subroutine tell_loads
 
         !> Those that are left, in blocks shared out to threads.
         subroutine run_on_lanes()

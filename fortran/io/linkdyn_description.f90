@@ -5,7 +5,8 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, frame_link, axes_link, joint_kind_name, &
+    use linkdyn_scene, only: scene_type, link_spec, joint_spec, load_spec, marker_spec, law_over, frame_link, &
+        axes_link, joint_kind_name, &
         joint_n_variable, joint_screw, variable_name, idle_spins
     implicit none (type, external)
     private
@@ -160,7 +161,8 @@ contains
 
         text = "{"//pair("name", string(load%name))//","//pair("link", integer_value(load%link))//","// &
             pair("marker", string(marker_name(scene, load%link, load%marker)))//","// &
-            pair("axes", string(merge("link ", "world", load%axes == axes_link)))//"}"
+            pair("axes", string(merge("link ", "world", load%axes == axes_link)))//","// &
+            pair("follows_state", trim(merge("true ", "false", any([load%force%kind, load%moment%kind] == law_over))))//"}"
     end function load_object
 
     function marker_name(scene, link, marker) result(name)

@@ -291,16 +291,39 @@ class Scene:
         instants = self.times() if t is None else self._instants(t)
         return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[:3]
 
-    def load_values(self, t: ArrayLike | None = None) -> NDArray[np.float64]:
+    def load_values(
+        self,
+        t: ArrayLike | None = None,
+        q: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        *,
+        in_order: bool | None = None,
+    ) -> NDArray[np.float64]:
         """The scene's own loads: (N, number of loads, 6) Fx Fy Fz [N] Mx My Mz [N m], in the axes of each load.
 
         Parameters
         ----------
         t
-            (N,) instants [s]; default: `times`.
+            (N,) instants [s]; default: `times`, or 0 if there are states.
+        q, qd
+            (N, n) states of the mechanism, for loads that follow it; default: the scene's motion at ``t``.
+        in_order
+            The states follow each other along a motion, and so does the assembly; default: without ``q``.
         """
-        instants = self.times() if t is None else self._instants(t)
-        return _bind.loads(self._handle, instants, len(self.loads))
+        if q is None and t is None:
+            instants = self.times()
+        else:
+            instants = self._instant_or_0(t)
+        if not any(load["follows_state"] for load in self.description["loads"]):
+            return _bind.loads(self._handle, instants, len(self.loads))
+        follows = q is None if in_order is None else as_flag("in_order", in_order)
+        if q is None:
+            q, qd, _ = self.motion(instants)
+        given = self._given(q, qd, None)
+        n = len(given["q"])
+        if len(instants) not in (1, n):
+            raise InputError(f"t: expected one instant or shape ({n},), got ({len(instants)},)")
+        return _bind.state_loads(self._handle, follows, given["q"], given["qd"], np.array(np.broadcast_to(instants, n)), len(self.loads))
 
     def poses(
         self,
