@@ -276,9 +276,10 @@ contains
             call evaluate_motion(model, time, q, qd, qdd, scratch%load(:, :, :n))
         end if
         if (allocated(states%time) .and. .not. states%is_motion) then
-            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results)
+            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, t=time)
         else
-            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail, turns=turns)
+            call run_prepared(model, solver, threads, q, qd, qdd, scratch%load(:, :, :n), results, trail=trail, turns=turns, &
+                              t=time)
         end if
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)

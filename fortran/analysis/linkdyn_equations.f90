@@ -11,7 +11,7 @@ module linkdyn_equations
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
     use linkdyn_acceleration_columns, only: acceleration_columns, append_accelerations, drop_drives, mark_applied, &
         assemble_accelerations
-    use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs
+    use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs, apply_load_laws
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
@@ -28,6 +28,7 @@ module linkdyn_equations
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
     use linkdyn_mass_matrix, only: mass_matrix
+    use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type, is_dyad
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_pass, only: uncertainty_of_dyad
@@ -140,7 +141,7 @@ contains
         equations%unknown = find_drives(model)
         if (present(unknown)) equations%unknown = unknown
         equations%wants_reactions = wants_reactions
-        equations%needs_world = size(model%scene%spring) > 0 &
+        equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
                                 .or. (solver == solver_reduced .and. .not. all(model%leg%is_carried))
         if (solver == solver_reduced .and. wants_reactions) then
             call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")
@@ -408,7 +409,8 @@ contains
         n = equations%formulation%n_unknown
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         workspace%state%has_applied = equations%are_solved .and. &
-                                      (size(model%scene%spring) > 0 .or. .not. all(equations%unknown%drive))
+                                      (size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
+                                       .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world
         workspace%state%carries_legs = equations%solver == solver_reduced
         if (equations%are_solved) call place_solution(model, equations, workspace)
@@ -565,7 +567,7 @@ contains
         end associate
     end subroutine solve_equations
 
-    !> Springs and given driving forces become wrenches on the links.
+    !> Springs, laws over the state and given driving forces become wrenches on the links.
     subroutine apply_known_forces(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
@@ -573,7 +575,9 @@ contains
         integer :: i
 
         call clear_applied(model, workspace%state)
+        call find_laws(model, workspace%state)
         call apply_springs(model, workspace%state)
+        call apply_load_laws(model, workspace%state)
         do i = 1, model%n_actuator
             if (equations%unknown%drive(i)) cycle
             associate (spec => model%scene%actuator(i))

@@ -159,6 +159,7 @@ contains
             workspace%state%qd(:, k) = solved%state%qd(:, k)*copy%motion_factor(k, 2)
             workspace%state%qdd(:, k) = solved%state%qdd(:, k)*copy%motion_factor(k, 3)
         end do
+        workspace%state%time = solved%state%time
         workspace%state%by_quaternion = solved%state%by_quaternion
         do k = 1, size(copy%model%step)
             if (.not. gives_attitude(copy%model, copy%model%step(k))) cycle

@@ -277,7 +277,7 @@ contains
             associate (here => run%known(phase)%phase)
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
-                                  own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last))
+                                  own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last), t=t(first:last))
             end associate
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
@@ -484,6 +484,7 @@ contains
     function reason_of_stop(run) result(reason)
         type(forward_run), intent(in) :: run
         character(len=:), allocatable :: reason
+        integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
         if (run%dead_coordinate > 0) then
@@ -503,6 +504,8 @@ contains
                 reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
             case (stop_pace)
                 reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
+                if (run%system%n_jump > many_jumps) reason = reason//": a law jumps to and fro, as a sign() does at rest "// &
+                    "(expected a law that changes over a small speed, tanh(v/v0))"
             case default
                 if (run%system%workspace%status(1) /= sample_ok) then
                     reason = reason//failure_at(run%model, run%system%workspace%state, run%system%workspace%status(1), 1)//" beyond"

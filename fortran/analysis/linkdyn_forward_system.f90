@@ -24,11 +24,12 @@ module linkdyn_forward_system
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_led_mechanism, only: measure_margins
+    use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
-    use linkdyn_scene, only: drive_inverse
+    use linkdyn_scene, only: drive_inverse, drive_over
     use linkdyn_status, only: status_type, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
@@ -136,12 +137,12 @@ contains
         if (any(model%leg%is_carried) .or. model%n_link > many*model%n_q) solver = solver_reduced
     end function fastest_solver
 
-    !> Does a drive need a joint variable that is neither a coordinate nor the length of a leg?
+    !> Does a drive, or may a law, need a joint variable that is neither a coordinate nor the length of a leg?
     pure logical function measures_joints(model)
         type(model_type), intent(in) :: model
         integer :: i
 
-        measures_joints = .false.
+        measures_joints = size(model%scene%laws%law) > 0
         do i = 1, model%n_actuator
             associate (spec => model%scene%actuator(i))
                 measures_joints = measures_joints .or. (needs_motion(spec%drive) .and. model%joint(spec%joint)%leg == 0 &
@@ -312,6 +313,8 @@ contains
             call lane_loads(model, t, workspace%load)
             call evaluate_assembled(model, t, self%assembly, workspace%state)
             if (self%of_motion%is_needed) call find_motion_forces(t, lanes, self%of_motion)
+            workspace%state%time = t
+            if (any(model%scene%actuator%drive%kind == drive_over)) call find_laws(model, workspace%state)
             do k = 1, model%n_actuator
                 if (self%equations%unknown%drive(k)) cycle
                 if (allocated(self%given_force)) then
@@ -324,6 +327,7 @@ contains
             end do
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
+            if (size(model%scene%laws%law) > 0) call self%note_mode(workspace%state%mode(1))
             call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
             failed = workspace%status /= sample_ok

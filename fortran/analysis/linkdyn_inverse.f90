@@ -20,13 +20,14 @@ module linkdyn_inverse
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place
+    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
     use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
+    use linkdyn_load_laws, only: evaluate_load_laws
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts, hold_records, release_records
     use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies, gives_attitude, attitude_angles
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
@@ -160,22 +161,23 @@ contains
     !> Plan and run one batch.
     !>
     !> **Errors**: `status_bad_input` if the number of actuators does not fit or the solver cannot give what is wanted.
-    subroutine run_inverse(model, options, q, qd, qdd, load, results, status)
+    subroutine run_inverse(model, options, q, qd, qdd, load, results, status, t)
         type(model_type), intent(in) :: model
         type(inverse_options), intent(in) :: options
         real(wp), intent(in) :: q(:, :), qd(:, :), qdd(:, :)    !! (n_q, n)
         real(wp), intent(in) :: load(:, :, :)                   !! (6, n_load, n)
         type(inverse_results), intent(inout) :: results
         type(status_type), intent(out) :: status
+        real(wp), intent(in), optional :: t(:)                  !! instants, for laws that ask for them [s] (n); absent: 0
         type(inverse_solver) :: solver
         type(assembly_trail) :: trail
 
         call prepare_inverse(model, options, associated(results%reaction), solver, status)
         if (.not. status%is_ok()) return
         if (options%in_order) then
-            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, trail=trail)
+            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, trail=trail, t=t)
         else
-            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results)
+            call run_prepared(model, solver, options%threads, q, qd, qdd, load, results, t=t)
         end if
         call solver%free()
     end subroutine run_inverse
@@ -192,7 +194,7 @@ contains
     !>
     !> When the process is told to stop the batch is left unfinished: ask `is_interrupted`.
     recursive subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, turns, &
-                                      quaternion)
+                                      quaternion, t)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
@@ -206,6 +208,7 @@ contains
         type(turn_count), intent(inout), optional :: turns      !! of the samples before; absent: joint angles are within half a turn
         real(wp), intent(in), optional :: quaternion(:, :, :)   !! (4, n_attitude, n), 0 where an attitude is given by its angles;
                                                                 !! the others' rates are angular velocities
+        real(wp), intent(in), optional :: t(:)                  !! instants, for laws over the state that ask for them [s] (n); absent: 0
         type(sample_assembly) :: assembly
         type(recorded_forces), pointer :: recorded
         type(recorded_margins), target :: by_record
@@ -246,12 +249,13 @@ contains
                 call make_room(model, 1, assembly)
             end if
         end if
+        if (associated(results%load)) call tell_loads()
         n_left = n
         if (associated(recorded)) then
             if (is_on_way .or. .not. allocated(solver%at_start%status)) then
-                call run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
+                call run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left, t)
             else
-                call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left)
+                call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left, t)
             end if
         end if
         if (n_left > 0) call run_on_lanes()
@@ -275,6 +279,19 @@ contains
         end if
 
     contains
+
+        !> The loads, with those that follow the state.
+        subroutine tell_loads()
+            real(wp) :: pull(size(model%scene%spring), n), instant(n)
+
+            instant = 0
+            if (present(t)) instant = t
+            if (allocated(solver%at_start%status) .and. .not. is_on_way) then
+                call evaluate_load_laws(model, threads, q, qd, instant, load, solver%at_start, results%load, pull)
+            else
+                call evaluate_load_laws(model, threads, q, qd, instant, load, assembly, results%load, pull)
+            end if
+        end subroutine tell_loads
 
         !> Those that are left, in blocks shared out to threads.
         subroutine run_on_lanes()
@@ -329,6 +346,7 @@ contains
             real(wp), dimension(lanes, model%n_actuator) :: driven, driven_rate
             real(wp), allocatable :: of_own(:, :)
 
+            workspace%state%time = 0
             call gather(block, workspace)
             workspace%fell_back = .false.
             call solve_block(model, solver%equations, workspace)
@@ -373,6 +391,7 @@ contains
                 workspace%state%q(lane, :) = q(:, sample)
                 workspace%state%qd(lane, :) = qd(:, sample)
                 workspace%state%qdd(lane, :) = qdd(:, sample)
+                if (present(t)) workspace%state%time(lane) = t(sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(quaternion)) workspace%state%quaternion(lane, :, :) = quaternion(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)
@@ -685,7 +704,7 @@ contains
     end function are_alike
 
     !> What the record can do of a batch; `left` are the samples that it leaves to the lanes.
-    subroutine run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left)
+    subroutine run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left, t)
         type(model_type), intent(in) :: model
         type(recorded_forces), intent(in) :: recorded
         integer, intent(in) :: threads
@@ -695,6 +714,8 @@ contains
         type(inverse_results), intent(inout) :: results
         integer, intent(out) :: n_left
         integer, allocatable, intent(out) :: left(:)           !! absent if there are none
+        real(wp), intent(in), optional :: t(:)                 !! [s] (n); absent: 0
+        real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :)
         type(sample_arrays) :: arrays
         type(result_list) :: list
         integer :: n
@@ -703,7 +724,19 @@ contains
         call set_block(arrays, in_q, size(q, 1), n, q)
         call set_block(arrays, in_qd, size(q, 1), n, qd)
         call set_block(arrays, in_qdd, size(q, 1), n, qdd)
-        call set_block(arrays, in_load, 6*size(load, 2), n, load)
+        if (size(model%scene%laws%law) > 0) then
+            allocate (with_laws, mold=load)
+            allocate (pull(size(model%scene%spring), n))
+            if (present(t)) then
+                call evaluate_load_laws(model, threads, q, qd, t, load, assembly, with_laws, pull)
+            else
+                call evaluate_load_laws(model, threads, q, qd, [0.0_wp], load, assembly, with_laws, pull)
+            end if
+            call set_block(arrays, in_load, 6*size(load, 2), n, with_laws)
+            call set_block(arrays, in_pull, size(pull, 1), n, pull)
+        else
+            call set_block(arrays, in_load, 6*size(load, 2), n, load)
+        end if
         call list_results(results, n, list)
         call clear_measures(results)
         if (recorded%needs_branches) &

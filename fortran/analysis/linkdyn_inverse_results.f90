@@ -34,6 +34,7 @@ module linkdyn_inverse_results
         real(wp), pointer, contiguous :: acceleration(:, :) => null() !! (n_q, n) of the coordinates, found or given
         real(wp), pointer, contiguous :: kinetic_energy(:) => null() !! (n) [J]
         real(wp), pointer, contiguous :: potential_energy(:) => null() !! (n) of gravity and springs [J]
+        real(wp), pointer, contiguous :: load(:, :, :) => null()    !! loads, with those that follow the state (6, n_load, n) [N, N m]
         real(wp), pointer, contiguous :: closure(:) => null()   !! (n) largest gap of a joint [m, rad]
         real(wp), pointer, contiguous :: position(:, :, :) => null() !! (3, n_link, n) origins [m]
         real(wp), pointer, contiguous :: rotation(:, :, :, :) => null() !! (3, 3, n_link, n) columns: the link's axes

@@ -119,6 +119,7 @@ contains
             call unpack_motion(model, t, workspace%state)
             call lane_loads(model, t, workspace%load)
             call evaluate_assembled(model, t, forces%assembly, workspace%state)
+            workspace%state%time = t
             call solve_equations(model, forces%equations, workspace)
             forces%force = workspace%driving_force
             forces%status = workspace%status

@@ -119,7 +119,7 @@ contains
         subroutine run_once()
             type(assembly_trail) :: trail
 
-            call run_prepared(model, planned, 1, states%q, states%qd, states%qdd, states%load, results, trail=trail)
+            call run_prepared(model, planned, 1, states%q, states%qd, states%qdd, states%load, results, trail=trail, t=states%t)
         end subroutine run_once
     end subroutine run_solver
 

@@ -186,6 +186,7 @@ contains
                 i = findloc(plan%axis%spec%kind, axis_time, dim=1)
                 call evaluate_motion(design%model, design%axis(:n, i), batch%q(:, :n), batch%qd(:, :n), batch%qdd(:, :n), &
                                      batch%load(:, :, :n))
+                batch%t(:n) = design%axis(:n, i)
             end if
             do i = 1, size(plan%axis)
                 associate (spec => plan%axis(i)%spec)
@@ -260,6 +261,7 @@ contains
             chosen%qd(:, s) = batch%qd(:, which(s))
             chosen%qdd(:, s) = batch%qdd(:, which(s))
             chosen%load(:, :, s) = batch%load(:, :, which(s))
+            chosen%t(s) = batch%t(which(s))
         end do
     end subroutine choose
 
@@ -274,7 +276,8 @@ contains
 
         if (n == 0) return
         here = part_of_results(results, 1, n)
-        call run_prepared(model, solver, 1, batch%q(:, :n), batch%qd(:, :n), batch%qdd(:, :n), batch%load(:, :, :n), here)
+        call run_prepared(model, solver, 1, batch%q(:, :n), batch%qd(:, :n), batch%qdd(:, :n), batch%load(:, :, :n), here, &
+                          t=batch%t(:n))
     end subroutine compute
 
     !> What hangs on the pose alone, found once for all load cases at it.

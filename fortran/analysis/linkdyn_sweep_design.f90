@@ -27,6 +27,7 @@ module linkdyn_sweep_design
     type :: sample_batch
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :)   !! (n_q, sample)
         real(wp), allocatable :: load(:, :, :)                  !! (6, n_load, sample)
+        real(wp), allocatable :: t(:)                           !! [s] (sample)
     end type sample_batch
 
     type :: sweep_design
@@ -171,7 +172,8 @@ contains
         integer, intent(in) :: n
         type(sample_batch), intent(out) :: batch
 
-        allocate (batch%q(model%n_q, n), batch%qd(model%n_q, n), batch%qdd(model%n_q, n), batch%load(6, model%n_load, n))
+        allocate (batch%q(model%n_q, n), batch%qd(model%n_q, n), batch%qdd(model%n_q, n), batch%load(6, model%n_load, n), &
+                  batch%t(n))
     end subroutine make_batch
 
     !> A coordinate that no axis varies rests at its start; loads are those of the first instant.
@@ -187,6 +189,7 @@ contains
         end do
         batch%qd = 0
         batch%qdd = 0
+        batch%t = model%scene%time%first
     end subroutine make_resting
 
     !> Where results of a batch go. Motion alone is asked for if it may exclude a pose, or if there are no forces.

@@ -21,7 +21,7 @@ module linkdyn_f2py_api
     use linkdyn_handles, only: close_handle
     use linkdyn_integrator, only: integrator_options
     use linkdyn_interrupt, only: is_interrupted, start_listening, stop_listening
-    use linkdyn_inverse, only: inverse_options, choose_solver
+    use linkdyn_inverse, only: inverse_options, inverse_results, choose_solver, run_inverse
     use linkdyn_inverse_call, only: room_type, inverse_report, n_room, room_id, room_width, compute_inverse, check_size, &
         check_finite
     use linkdyn_motion, only: evaluate_motion, evaluate_loads
@@ -44,7 +44,8 @@ module linkdyn_f2py_api
     private
     public :: api_version, api_choose_code, api_code, api_default_method
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
-    public :: api_describe_results, api_explain, api_motion, api_loads, api_inverse, api_forward, api_advance, api_finish, api_poses
+    public :: api_describe_results, api_explain, api_motion, api_loads, api_state_loads
+    public :: api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
@@ -343,9 +344,46 @@ contains
         call report(status, code, message)
     end subroutine api_loads
 
+    !> Loads with those that follow the state of the mechanism.
+    subroutine api_state_loads(handle, in_order, n, n_q_values, q, qd, t, n_load_values, load, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: handle
+        integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
+        integer(c_int), intent(in) :: n, n_q_values, n_load_values
+        real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values)    ! (n_q, n)
+        real(c_double), intent(in) :: t(n)                                     ! [s]
+        real(c_double), intent(inout), target :: load(n_load_values)           ! (6, n_load, n) those of time, with the others behind
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        real(c_double), pointer, contiguous :: q2(:, :), qd2(:, :), load3(:, :, :)
+        real(c_double), allocatable :: of_time(:, :, :)
+        type(inverse_results) :: results
+        type(inverse_options) :: options
+
+        call take_scene(handle, scene, status)
+        if (status%code == 0) call check_size("q", int(used(n_q_values, scene%model%n_q), int64), scene%model%n_q, n, status)
+        if (status%code == 0) call check_size("load", int(used(n_load_values, 6*scene%model%n_load), int64), &
+                                               6*scene%model%n_load, n, status)
+        if (status%code == 0) then
+            options%wants_forces = .false.
+            options%in_order = in_order == 1
+            q2(1:scene%model%n_q, 1:n) => q
+            qd2(1:scene%model%n_q, 1:n) => qd
+            load3(1:6, 1:scene%model%n_load, 1:n) => load
+            allocate (of_time, mold=load3)
+            call evaluate_loads(scene%model, t, of_time)
+            results%load => load3
+            call run_inverse(scene%model, options, q2, qd2, 0*q2, of_time, results, status, t)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_state_loads
+
     !> Inverse dynamics of a batch.
     subroutine api_inverse(handle, solver, threads, first, in_order, wanted, n, n_q_values, q, qd, qdd, n_load_values, load, &
-            n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
+            n_t, t, n_driving, driving_force, n_power, driving_speed, driving_power, n_reaction, reaction, &
             n_variable, joint_variable, joint_rate, n_check, power_imbalance, n_rcond, rcond, &
             n_distance, distance, n_error, error, &
             n_driving_error, driving_force_error, n_reaction_error, reaction_error, n_transmission, transmission_angle, &
@@ -362,9 +400,10 @@ contains
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
         integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission, n_growth
-        integer(c_int), intent(in) :: n_assembly
+        integer(c_int), intent(in) :: n_assembly, n_t
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
+        real(c_double), intent(in), target :: t(n_t)                                             ! instants (n); one of them: all
         real(c_double), intent(inout), target :: driving_force(n_driving)                        ! (n_actuator, n)
         real(c_double), intent(inout), target :: driving_speed(n_power), driving_power(n_power)  ! (n_actuator, n)
         real(c_double), intent(inout), target :: reaction(n_reaction)                            ! (n_component, n_joint, n)
@@ -386,6 +425,7 @@ contains
         type(inverse_options) :: options
         type(inverse_report) :: found
         type(room_type) :: room(n_room)
+        integer :: i
 
         call start_listening()
         call take_scene(handle, scene, status)
@@ -409,7 +449,7 @@ contains
             if (wanted(12) == 1) call offer(14, growth)
             if (wanted(13) == 1) room(15)%integer => assembly
             call compute_inverse(scene, options, first, n, q, qd, qdd, load(:used(n_load_values, 6*scene%model%n_load)), room, &
-                                 sample_status, found, status)
+                                 sample_status, found, status, [(t(min(i, n_t)), i=1, n)])
         end if
         roads = [found%roads%closed, found%roads%iterated, found%roads%dense]
         lost_sample = found%lost_sample

@@ -15,6 +15,7 @@ module linkdyn_inverse_call
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
         result_transmission_angle, result_growth, result_assembly
     use linkdyn_roads, only: road_counts
+    use linkdyn_scene, only: takes_time
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
     use linkdyn_text, only: to_text, quoted
     use linkdyn_turns, only: turn_count
@@ -70,7 +71,7 @@ contains
     !> A batch. A sample that fails has its status, and NaN for results.
     !>
     !> **Errors**: arrays of a wrong size, input that is not finite, a scene or solver that cannot give what is wanted.
-    subroutine compute_inverse(scene, options, first, n, q, qd, qdd, load, room, sample_status, report, status)
+    subroutine compute_inverse(scene, options, first, n, q, qd, qdd, load, room, sample_status, report, status, t)
         type(open_scene), intent(inout) :: scene
         type(inverse_options), intent(in) :: options     !! what is wanted of its errors, rcond, distance is seen from the rooms
         integer, intent(in) :: first                     !! number of the first sample in messages
@@ -81,6 +82,7 @@ contains
         integer(c_int), intent(inout), target, contiguous :: sample_status(:)   !! (n)
         type(inverse_report), intent(inout) :: report
         type(status_type), intent(inout) :: status
+        real(c_double), intent(in), optional :: t(:)     !! instants [s], for laws over the state that ask for them (n)
         type(inverse_solver), pointer :: solver
         type(assembly_trail) :: trail
         type(turn_count) :: turns
@@ -98,6 +100,9 @@ contains
         if (status%is_ok()) call find_solver(scene, own, is_wanted(result_reaction), solver, status)
         if (status%is_ok()) call check_arrays(scene%model, n, q, qd, qdd, load, room, sample_status, status)
         if (status%is_ok()) call check_input(scene%model, first, n, q, qd, qdd, load, status)
+        if (status%is_ok() .and. .not. present(t) .and. takes_time(scene%model%scene)) call fail(status, status_bad_input, &
+            "a law of the scene asks for the time as well as the state, and no instants are given "// &
+            "(expected the instant of each sample)")
         call release_texts()
         if (.not. status%is_ok()) return
         associate (model => scene%model)
@@ -118,9 +123,9 @@ contains
                 end if
             end if
             if (own%in_order) then
-                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, trail=trail, turns=turns)
+                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, trail=trail, turns=turns, t=t)
             else
-                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results)
+                call run_prepared(model, solver, own%threads, q2, qd2, qdd2, load3, results, t=t)
             end if
             report%roads = results%roads
             report%lost_sample = results%lost_sample

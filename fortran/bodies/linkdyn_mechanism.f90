@@ -33,6 +33,7 @@ module linkdyn_mechanism
         type(model_type), pointer :: model => null()
         type(number_places) :: at                          !! where numbers stand
         type(value), allocatable :: number(:)              !! those of the scene, constants or inputs
+        type(value), allocatable :: pull(:)                !! of springs' own laws over the state (spring) [N, N m]
         type(joint_kind_box), allocatable :: kind(:)       !! (joint)
         type(joint_kind_box), allocatable :: told_kind(:)  !! (joint) by which its variables are measured
         type(own_axes_type), allocatable :: own(:)         !! (0:link)

@@ -7,10 +7,10 @@ module linkdyn_joint_table
     implicit none (type, external)
     private
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_fixed, &
-        joint_planar, joint_screw, measured_position, measured_attitude
+        joint_planar, joint_screw, pose_position, pose_attitude
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
     public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions, is_threaded
-    public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps, is_measure
+    public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps, is_pose_part
 
     integer, parameter :: joint_revolute = 1     !! angle about the axis
     integer, parameter :: joint_prismatic = 2    !! slide along the axis
@@ -23,8 +23,8 @@ module linkdyn_joint_table
     integer, parameter :: n_joint_kind = 8       !! that a scene may name
 
     ! ---- where a link is, seen from another: variables that hold nothing, by which coordinates can lead it
-    integer, parameter :: measured_position = 9   !! of a point, along the axes of the first link
-    integer, parameter :: measured_attitude = 10  !! three angles
+    integer, parameter :: pose_position = 9   !! of a point, along the axes of the first link
+    integer, parameter :: pose_attitude = 10  !! three angles
     integer, parameter :: n_kind = 10
 
     ! ---- directions of the forces or moments that a joint transmits
@@ -94,11 +94,11 @@ contains
     end function n_slide
 
     !> Does the kind hold nothing?
-    elemental logical function is_measure(kind)
+    elemental logical function is_pose_part(kind)
         integer, intent(in) :: kind
 
-        is_measure = kind > n_joint_kind
-    end function is_measure
+        is_pose_part = kind > n_joint_kind
+    end function is_pose_part
 
     !> How many forces and how many moments a kind transmits: as many as it takes freedoms away.
     pure function n_transmitted(kind, is_planar) result(n)

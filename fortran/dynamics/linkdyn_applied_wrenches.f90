@@ -6,17 +6,16 @@ module linkdyn_applied_wrenches
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
+    use linkdyn_marker_motion, only: locate_marker, in_space
+    use linkdyn_measures, only: measure_distance
     use linkdyn_model, only: model_type, orientation_of
-    use linkdyn_planar_motion, only: level_velocity
-    use linkdyn_planar_point, only: carried
-    use linkdyn_point, only: point_velocity
-    use linkdyn_scene, only: frame_link, spring_spec, joint_prismatic
+    use linkdyn_scene, only: frame_link, spring_spec, law_spec, joint_prismatic, axes_link, law_none, law_over
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.cross.), operator(.rotate.), zero_vec2
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.cross.), operator(.dot.), &
         operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
     implicit none (type, external)
     private
-    public :: clear_applied, apply_drive, apply_springs, spring_energy, spring_without_direction
+    public :: clear_applied, apply_drive, apply_springs, apply_load_laws, spring_energy, spring_without_direction
 
 contains
 
@@ -93,16 +92,6 @@ contains
         end associate
     end subroutine apply_planar_drive
 
-    !> A vector of the plane as one in space.
-    pure function in_space(v) result(w)
-        type(vec2), intent(in) :: v
-        type(vec3) :: w
-
-        w%x = v%x
-        w%y = v%y
-        w%z = 0
-    end function in_space
-
     pure function about_z(moment) result(w)
         real(wp), intent(in) :: moment(lanes)
         type(vec3) :: w
@@ -120,16 +109,77 @@ contains
 
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
+                if (spring%force%kind == law_over) &
+                    state%undefined = state%undefined .or. .not. abs(state%law(:, spring%force%law)) <= huge(1.0_wp)
                 if (spring%joint > 0) then
                     call measure_variable(model, state, spring%joint, spring%variable, spread(spring%rest, 1, lanes), &
                                           value, rate)
-                    call apply_drive(model, spring%joint, spring%variable, -tension(spring, value, rate), state)
+                    call apply_drive(model, spring%joint, spring%variable, -tension(model, spring, state, value, rate), state)
                 else
                     call apply_between_markers(model, spring, state)
                 end if
             end associate
         end do
     end subroutine apply_springs
+
+    !> Components of loads that follow laws over the state. A law without a value leaves the sample undefined.
+    subroutine apply_load_laws(model, state)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: component(lanes, 6)
+        type(vec3) :: point, velocity, force, moment
+        integer :: i, k
+
+        do i = 1, model%n_load
+            associate (load => model%scene%load(i), scale => model%scene%laws%scale)
+                if (.not. any([load%force%kind, load%moment%kind] == law_over)) cycle
+                component = 0
+                do k = 1, 3
+                    call add_law(load%force(k), scale, component(:, k))
+                    call add_law(load%moment(k), scale**2, component(:, 3 + k))
+                end do
+                force = vec3(component(:, 1), component(:, 2), component(:, 3))
+                moment = vec3(component(:, 4), component(:, 5), component(:, 6))
+                if (load%axes == axes_link) then
+                    force = to_world(model, load%link, state, force)
+                    moment = to_world(model, load%link, state, moment)
+                end if
+                call locate_marker(model, load%link, load%marker, state, point, velocity)
+                call apply_force(model, load%link, point, force, state)
+                call apply_moment(model, load%link, moment, state)
+            end associate
+        end do
+
+    contains
+
+        subroutine add_law(law, scale, component)
+            type(law_spec), intent(in) :: law
+            real(wp), intent(in) :: scale
+            real(wp), intent(inout) :: component(lanes)
+
+            if (law%kind /= law_over) return
+            component = scale*state%law(:, law%law)
+            state%undefined = state%undefined .or. .not. abs(component) <= huge(1.0_wp)
+        end subroutine add_law
+    end subroutine apply_load_laws
+
+    !> A vector from the axes of a link.
+    pure function to_world(model, link, state, v) result(w)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: link
+        type(kinematic_state), intent(in) :: state
+        type(vec3), intent(in) :: v
+        type(vec3) :: w
+
+        associate (o => orientation_of(model, link))
+            if (model%is_planar) then
+                w = in_space(state%plane%rotation(o).rotate.vec2(v%x, v%y))
+                w%z = v%z
+            else
+                w = state%rotation(o).rotate.v
+            end if
+        end associate
+    end function to_world
 
     !> A spring pulls its markers together along their line. Where they coincide that has no direction.
     subroutine apply_between_markers(model, spring, state)
@@ -142,7 +192,7 @@ contains
 
         call measure_distance(model, spring, state, point, line, distance, rate, is_lost)
         if (needs_direction(spring)) state%undefined = state%undefined .or. is_lost
-        pull = tension(spring, distance, rate)*line
+        pull = tension(model, spring, state, distance, rate)*line
         call apply_force(model, spring%link(1), point(1), pull, state)
         call apply_force(model, spring%link(2), point(2), (-1.0_wp)*pull, state)
     end subroutine apply_between_markers
@@ -151,7 +201,7 @@ contains
     pure logical function needs_direction(spring)
         type(spring_spec), intent(in) :: spring
 
-        needs_direction = spring%rest /= 0 .or. spring%damping /= 0
+        needs_direction = spring%rest /= 0 .or. spring%damping /= 0 .or. spring%force%kind /= law_none
     end function needs_direction
 
     !> The first spring whose force has no direction on a lane; 0: there is none.
@@ -197,66 +247,27 @@ contains
         end do
     end subroutine spring_energy
 
-    !> Distance of a spring's two markers and how it changes.
-    subroutine measure_distance(model, spring, state, point, line, distance, rate, is_lost)
+    !> What a spring pulls with; its own law gives on top.
+    pure function tension(model, spring, state, length, rate)
         type(model_type), intent(in) :: model
         type(spring_spec), intent(in) :: spring
         type(kinematic_state), intent(in) :: state
-        type(vec3), intent(out) :: point(2)            !! markers, world axes [m]
-        type(vec3), intent(out) :: line                !! unit vector from the first to the second; zero where it is lost
-        real(wp), intent(out) :: distance(lanes), rate(lanes)
-        logical, intent(out) :: is_lost(lanes)         !! the direction: the markers coincide
-        ! Rounding leaves the markers uncertain by a few eps of their distance from the origin. So close to each other half
-        ! of the digits of their direction are gone.
-        real(wp), parameter :: close = sqrt(epsilon(1.0_wp))
-        type(vec3) :: velocity(2)
-        real(wp) :: reach(lanes)
-        integer :: side
-
-        do side = 1, 2
-            call locate_marker(model, spring%link(side), spring%marker(side), state, point(side), velocity(side))
-        end do
-        line = point(2) - point(1)
-        distance = sqrt(line.dot.line)
-        reach = sqrt(point(1).dot.point(1)) + sqrt(point(2).dot.point(2))
-        is_lost = .not. distance > close*reach
-        line = merge(0.0_wp, 1/max(distance, tiny(1.0_wp)), is_lost)*line
-        rate = line.dot.(velocity(2) - velocity(1))
-    end subroutine measure_distance
-
-    pure function tension(spring, length, rate)
-        type(spring_spec), intent(in) :: spring
         real(wp), intent(in) :: length(lanes), rate(lanes)    !! distance or joint variable, and its rate
         real(wp) :: tension(lanes)
 
         tension = spring%stiffness*(length - spring%rest) + spring%damping*rate
+        if (spring%force%kind == law_over) tension = tension + state%law(:, spring%force%law)*law_scale(model, spring)
     end function tension
 
-    !> A marker in motion, world axes.
-    pure subroutine locate_marker(model, link, marker, state, point, velocity)
+    !> Of a similar mechanism: its force over that of the law, or its moment.
+    pure real(wp) function law_scale(model, spring) result(scale)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: link, marker
-        type(kinematic_state), intent(in) :: state
-        type(vec3), intent(out) :: point, velocity
-        type(vec3) :: arm
-        type(vec2) :: flat_arm
-        integer :: o
+        type(spring_spec), intent(in) :: spring
 
-        if (link == frame_link) then
-            point = vec3_of(model%scene%frame%marker(marker)%at)
-            velocity = zero_vec3()
-        else if (model%is_planar) then
-            o = model%link(link)%orientation
-            flat_arm = state%plane%rotation(o).rotate.model%scene%link(link)%marker(marker)%at(:2)
-            point = in_space(state%plane%position(link) + flat_arm)
-            velocity = in_space(carried(state%plane, level_velocity, link, o, flat_arm))
-        else
-            o = model%link(link)%orientation
-            arm = state%rotation(o).rotate.model%scene%link(link)%marker(marker)%at
-            point = state%position(link) + arm
-            velocity = point_velocity(state%velocity(link), state%omega(o), arm)
-        end if
-    end subroutine locate_marker
+        scale = model%scene%laws%scale
+        if (spring%joint == 0) return
+        if (.not. is_slide(model%joint(spring%joint)%kind, spring%variable)) scale = scale**2
+    end function law_scale
 
     !> A force at a point, both in world axes.
     subroutine apply_force(model, link, point, force, state)

@@ -8,7 +8,7 @@
 !>
 !> At a change point rates stay finite, though the dyad's map is singular there: it is no dead point of the coordinate.
 module linkdyn_coordinate_watch
-    use linkdyn_joint_table, only: is_slide, is_measure
+    use linkdyn_joint_table, only: is_slide, is_pose_part
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -74,7 +74,7 @@ contains
         do k = 1, model%n_q
             associate (c => model%scene%coordinate(k))
                 if (c%kind /= coordinate_joint) cycle
-                if (is_measure(model%joint(c%joint)%kind)) cycle
+                if (is_pose_part(model%joint(c%joint)%kind)) cycle
                 v = model%joint(c%joint)%first_variable + c%variable
                 if (is_free(k) .and. has_one_axis(model%joint(c%joint)%kind)) watch%variable(k) = v
                 watch%is_candidate(v) = .false.

@@ -1,20 +1,21 @@
 !> What the actuators do in forward dynamics: driving forces from time and from the motion of their joints.
 module linkdyn_drives
     use linkdyn_joint_rates, only: measure_variable, coordinate_of
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: evaluate_law
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_spec, law_spec, drive_inverse, drive_constant, drive_table, &
-        drive_spring_damper, drive_dc_motor, drive_pd
+        drive_spring_damper, drive_dc_motor, drive_pd, drive_over
     implicit none (type, external)
     private
     public :: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
 
 contains
 
-    !> Driving force of actuator i, for every law but `inverse`.
+    !> Driving force of actuator i, for every law but `inverse`. Laws over the state have their values there.
     subroutine evaluate_drive(model, i, t, state, force)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i
@@ -35,6 +36,8 @@ contains
                 force = drive%value(1)
             case (drive_table)
                 force = target
+            case (drive_over)
+                force = state%law(:, drive%target%law)*effort_scale(model, i)
             case (drive_spring_damper)
                 force = -(drive%value(1)*(position - target) + drive%value(2)*rate)
             case (drive_dc_motor)
@@ -46,6 +49,16 @@ contains
             end select
         end associate
     end subroutine evaluate_drive
+
+    !> Of a similar mechanism: its force over that of a law, or its torque.
+    pure real(wp) function effort_scale(model, i) result(scale)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+
+        associate (spec => model%scene%actuator(i))
+            scale = model%scene%laws%scale**merge(1, 2, is_slide(model%joint(spec%joint)%kind, spec%variable))
+        end associate
+    end function effort_scale
 
     !> A DC motor behind a reducer under position feedback: the voltage K_P*(target - position), less what the turning
     !> rotor induces, drives the current through the armature.

@@ -7,6 +7,8 @@ module linkdyn_failure
     use linkdyn_kinematic_pass, only: run_step, clear_flags
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_law_values, only: law_argument
+    use linkdyn_measures, only: find_laws, find_measures
     use linkdyn_model, only: model_type, step_type, step_group, step_csp, is_dyad, is_length
     use linkdyn_reach, only: find_reach
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
@@ -40,6 +42,8 @@ contains
         else if (status == sample_undefined .and. spring_without_direction(model, state, lane) > 0) then
             text = "spring "//quoted(model%scene%spring(spring_without_direction(model, state, lane))%name) &
                    //" has no direction, its ends coincide"
+        else if (status == sample_undefined .and. law_without_value(model, state, lane) > 0) then
+            text = trouble_of_law(model, state, lane, law_without_value(model, state, lane))
         else if (status == sample_undefined) then
             text = "a force is beyond all numbers"
         else if (status == sample_singular) then
@@ -50,6 +54,40 @@ contains
             text = "the mechanism cannot be computed"
         end if
     end function failure_at
+
+    !> The first law over the state that has no value on a lane; 0: there is none.
+    integer function law_without_value(model, state, lane) result(k)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        integer, intent(in) :: lane
+
+        call find_laws(model, state)
+        do k = 1, size(state%law, 2)
+            if (.not. abs(state%law(lane, k)) <= huge(1.0_wp)) return
+        end do
+        k = 0
+    end function law_without_value
+
+    function trouble_of_law(model, state, lane, k) result(text)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state       !! with its laws
+        integer, intent(in) :: lane, k
+        character(len=:), allocatable :: text
+        real(wp) :: measure(lanes, size(model%scene%laws%measure)), argument(lanes)
+
+        associate (law => model%scene%laws%law(k))
+            text = trim(law%name)//" has no value"
+            if (law%over == 0) then
+                text = text//": a division by zero, a root or power of a negative number"
+                return
+            end if
+            call find_measures(model, state, measure)
+            argument = law_argument(law, measure, state%law)
+            text = text//": "//trim(law%over_name)//" = "//to_text(argument(lane))//" "//trim(law%over_unit) &
+                   //" is outside its table, "//to_text(law%table%time(1))//" to "//to_text(law%table%time(size(law%table%time))) &
+                   //" "//trim(law%over_unit)
+        end associate
+    end function trouble_of_law
 
     !> The first step that fails; 0 if none does.
     integer function failing_step(model, state, lane) result(i)

@@ -9,7 +9,7 @@ module linkdyn_group_start
     use linkdyn_constants, only: pi
     use linkdyn_cross, only: cross
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
-    use linkdyn_joint_table, only: is_slide, is_threaded, is_measure
+    use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state
@@ -18,7 +18,7 @@ module linkdyn_group_start
     use linkdyn_model, only: model_type, group_type, step_type, orientation_of, place_size, scene_size
     use linkdyn_planar_pass, only: hang_planar_link
     use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion
-    use linkdyn_scene, only: joint_n_variable, coordinate_joint, measured_position, frame_link
+    use linkdyn_scene, only: joint_n_variable, coordinate_joint, pose_position, frame_link
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer
     use linkdyn_vec2, only: vec2, rot2_by_angle
     use linkdyn_vec3, only: mat3, vec3, vec3_of, operator(+), operator(-), operator(.rotate.)
@@ -182,7 +182,7 @@ contains
         do round = 1, size(group%link)
             do i = 1, size(group%joint)
                 j = group%joint(i)
-                if (is_measure(model%joint(j)%kind)) cycle
+                if (is_pose_part(model%joint(j)%kind)) cycle
                 associate (link => model%joint(j)%link)
                     if (is_placed(link(1)) .eqv. is_placed(link(2))) cycle
                     from = merge(1, 2, is_placed(link(1)))
@@ -261,11 +261,11 @@ contains
         point = vec3(0*pose(:, 1), 0*pose(:, 1), 0*pose(:, 1))
         do j = model%n_joint + 1, size(model%joint)
             if (any(model%joint(j)%link /= [frame_link, link])) cycle
-            if (model%joint(j)%kind == measured_position) point = vec3_of(model%joint(j)%point(:, 2))
+            if (model%joint(j)%kind == pose_position) point = vec3_of(model%joint(j)%point(:, 2))
             do k = 1, model%n_q
                 associate (c => model%scene%coordinate(k))
                     if (c%kind /= coordinate_joint .or. c%joint /= j) cycle
-                    pose(:, c%variable + merge(0, 3, model%joint(j)%kind == measured_position)) = state%q(:, k)
+                    pose(:, c%variable + merge(0, 3, model%joint(j)%kind == pose_position)) = state%q(:, k)
                 end associate
             end do
         end do

@@ -1,18 +1,18 @@
 !> Constraints of any planar Assur group (triads and larger, joints with given variables), for Newton's method.
 !>
 !> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it, a weld two
-!> gaps and the angle; a joint whose variable is a coordinate one more, and so does each coordinate at a measure. Velocities and accelerations obey the Jacobian of the same gaps.
+!> gaps and the angle; a joint whose variable is a coordinate one more, and so does each coordinate at a part of a pose. Velocities and accelerations obey the Jacobian of the same gaps.
 module linkdyn_planar_group
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_motion, only: size_of_rows
-    use linkdyn_joint_table, only: most_slides, is_measure
+    use linkdyn_joint_table, only: most_slides, is_pose_part
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, group_type, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
-    use linkdyn_scene, only: joint_prismatic, joint_fixed, measured_position, measured_attitude
+    use linkdyn_scene, only: joint_prismatic, joint_fixed, pose_position, pose_attitude
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), perp, rot2, rot2_by_angle, zero_vec2, vec2_of
     implicit none (type, external)
@@ -23,12 +23,12 @@ module linkdyn_planar_group
     type :: joint_view
         logical :: slides = .false.
         logical :: is_fixed = .false.
-        logical :: is_position = .false., is_attitude = .false.    !! measures: nothing but coordinates
+        logical :: is_position = .false., is_attitude = .false.    !! parts of a pose: nothing but coordinates
         integer :: link(2) = 0, o(2) = 0
         integer :: place(2) = 0            !! of its links among the group's; 0: known
         type(vec2) :: arm(2)               !! origins to where the gap is measured
         type(vec2) :: gap                  !! second less first marker
-        type(vec2) :: u                    !! along the slide; of a measure: x of the first marker
+        type(vec2) :: u                    !! along the slide; of a part of a pose: x of the first marker
         real(wp) :: turn(lanes)            !! second less first marker's direction [rad]
     end type joint_view
 
@@ -63,8 +63,8 @@ contains
         associate (joint => model%joint(j))
             view%slides = joint%kind == joint_prismatic
             view%is_fixed = joint%kind == joint_fixed
-            view%is_position = joint%kind == measured_position
-            view%is_attitude = joint%kind == measured_attitude
+            view%is_position = joint%kind == pose_position
+            view%is_attitude = joint%kind == pose_attitude
             axis = merge(3, 1, view%slides)
             do side = 1, 2
                 view%link(side) = joint%link(side)
@@ -96,7 +96,7 @@ contains
         do i = 1, size(group%joint)
             view = view_of(model, group, group%joint(i), state%plane)
             if (view%is_position .or. view%is_attitude) then
-                call put_measure(group%coordinate(:, i))
+                call put_part(group%coordinate(:, i))
                 cycle
             end if
             c = group%coordinate(1, i)
@@ -132,7 +132,7 @@ contains
     contains
 
         !> Position along x and y, or the angle.
-        subroutine put_measure(coordinate)
+        subroutine put_part(coordinate)
             integer, intent(in) :: coordinate(3)
             type(vec2) :: u
             integer :: k
@@ -144,23 +144,23 @@ contains
                     call put_turn_row(view, row, matrix)
                     right(:, row) = least_turn(view%turn - state%q(:, coordinate(k)))
                 else
-                    u = measured_axis(view, k)
+                    u = part_axis(view, k)
                     call put_row(view, u, row, matrix)
                     right(:, row) = (u.dot.view%gap) - state%q(:, coordinate(k))
                 end if
             end do
-        end subroutine put_measure
+        end subroutine put_part
     end subroutine assemble_gaps
 
     !> Along which the position is measured: x or y of the first marker.
-    pure function measured_axis(view, k) result(u)
+    pure function part_axis(view, k) result(u)
         type(joint_view), intent(in) :: view
         integer, intent(in) :: k           !! 1, 2
         type(vec2) :: u
 
         u = view%u
         if (k == 2) u = perp(view%u)
-    end function measured_axis
+    end function part_axis
 
     !> Which of the rows of `assemble_gaps` are distances.
     pure function is_planar_length(model, group) result(is_length)
@@ -172,10 +172,10 @@ contains
 
         row = 0
         do i = 1, size(group%joint)
-            if (is_measure(model%joint(group%joint(i))%kind)) then
+            if (is_pose_part(model%joint(group%joint(i))%kind)) then
                 do k = 1, count(group%coordinate(:, i) > 0)
                     row = row + 1
-                    is_length(row) = model%joint(group%joint(i))%kind == measured_position
+                    is_length(row) = model%joint(group%joint(i))%kind == pose_position
                 end do
                 cycle
             end if
@@ -352,7 +352,7 @@ contains
                     if (group%coordinate(k, i) == 0) cycle
                     row = row + 1
                     right(:, row) = turning - given_rate(group%coordinate(k, i))
-                    if (view%is_position) right(:, row) = (measured_axis(view, k).dot.opening) &
+                    if (view%is_position) right(:, row) = (part_axis(view, k).dot.opening) &
                                                           - given_rate(group%coordinate(k, i))
                 end do
                 cycle

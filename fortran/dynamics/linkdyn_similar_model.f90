@@ -30,6 +30,7 @@ contains
         similar = model
         similar%gravity = scale*model%gravity
         similar%scene%gravity = scale*model%scene%gravity
+        similar%scene%laws%scale = scale*model%scene%laws%scale
         do i = 1, model%n_link
             similar%link(i)%cog = scale*model%link(i)%cog
             similar%link(i)%inertia = scale**2*model%link(i)%inertia

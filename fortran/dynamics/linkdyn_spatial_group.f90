@@ -11,7 +11,7 @@ module linkdyn_spatial_group
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, marker_axis
     use linkdyn_joint_table, only: is_slide, is_threaded, variable_axis, most_slides, slide_axis, n_slide, joint_universal, &
         along_z, force_directions, moment_directions, n_along, along_axes, &
-        along_x_and_y, along_normal, measured_attitude
+        along_x_and_y, along_normal, pose_attitude
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -219,7 +219,7 @@ contains
             call variables_of_relative(view%kind, first, second, view%gap, zero_vec3(), zero_vec3(), variable, rate, view%pitch)
             do k = 1, 3
                 if (coordinate(k) == 0) cycle
-                if (view%kind == measured_attitude) then
+                if (view%kind == pose_attitude) then
                     call add_attitude_angle(k)
                 else if (is_slide(view%kind, k)) then
                     call add_distance_along(marker_axis(first, variable_axis(k, view%kind)))

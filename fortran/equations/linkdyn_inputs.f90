@@ -8,12 +8,13 @@ module linkdyn_inputs
     use linkdyn_model, only: model_type, place_size
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_record, only: new_input
+    use linkdyn_scene, only: law_over
     use linkdyn_value, only: value, constant, zero
     implicit none (type, external)
     private
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
-    public :: in_found
+    public :: in_found, in_pull
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -27,7 +28,8 @@ module linkdyn_inputs
     integer, parameter :: in_place = 9          !! of links placed by iteration: x, y, angle, or x y z and quaternion (place_size n_link)
     integer, parameter :: in_number = 10        !! numbers of the scene that vary
     integer, parameter :: in_found = 11         !! what another program of the same record has found
-    integer, parameter :: n_block = 11
+    integer, parameter :: in_pull = 12          !! of springs' own laws over the state (n_spring) [N, N m]
+    integer, parameter :: n_block = 12
 
     !> What is wanted of a trace.
     type :: trace_request
@@ -85,6 +87,7 @@ contains
         call add(in_target, [((follows_target(model%scene%actuator(k)%drive) .and. is_known(k), i=1, 2), k=1, model%n_actuator)])
         call add(in_effort, [(is_given(model%scene%actuator(k)%drive) .and. is_known(k), k=1, model%n_actuator)])
         call add(in_branch, [(any(model%step%has_branches .and. model%step%first == k), k=1, model%n_branch)])
+        call add(in_pull, [(model%scene%spring(k)%force%kind == law_over, k=1, size(model%scene%spring))])
         is_input = .false.
         do k = 1, size(model%group)
             is_input(:, model%group(k)%link) = .true.

@@ -3,7 +3,7 @@ module linkdyn_trace
     use linkdyn_acting, only: acting_type
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
-    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, &
+    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, &
         in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     use linkdyn_layout, only: layout_type
     use linkdyn_loads, only: apply_load
@@ -51,6 +51,7 @@ contains
                 end do
             end if
             call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
+            traced%mechanism%pull = in(in_pull)%v
             if (request%by_quaternion) traced%mechanism%quaternion = reshape(in(in_quaternion)%v, [4, model%n_attitude])
             traced%place = reshape(in(in_place)%v, [place_size(model), model%n_link])
         end associate

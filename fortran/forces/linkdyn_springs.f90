@@ -25,7 +25,7 @@ contains
         associate (spring => mechanism%model%scene%spring(i))
             call measure_spring(mechanism, i, length, rate, line)
             associate (k => spring_numbers(mechanism, i))
-                tension = k(1)*(length - k(3)) + k(2)*rate
+                tension = k(1)*(length - k(3)) + k(2)*rate + mechanism%pull(i)
             end associate
             if (spring%joint > 0) then
                 acting = [at_joint_variable(mechanism, spring%joint, spring%variable, -tension)]

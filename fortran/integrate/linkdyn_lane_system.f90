@@ -17,6 +17,9 @@ module linkdyn_lane_system
                                                           !! (lane, n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
+        real(wp) :: mode = 0                              !! of the first lane at the last `evaluate`: changes where f jumps
+        logical :: has_jumped = .false.                   !! it has, since the caller looked
+        integer :: n_jump = 0                             !! how often, in all
     contains
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
@@ -24,6 +27,7 @@ module linkdyn_lane_system
         procedure :: leads_too_far
         procedure :: accept
         procedure :: note_turns
+        procedure, non_overridable :: note_mode
     end type lane_system
 
     abstract interface
@@ -82,6 +86,18 @@ contains
         real(wp), intent(in) :: y(:, :)                   !! (lane, n)
         logical, intent(in) :: is_accepted(lanes)         !! other lanes have stopped
     end subroutine accept
+
+    !> What an evaluation tells of jumps of f.
+    subroutine note_mode(self, mode)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: mode
+
+        if (abs(mode - self%mode) > 0) then
+            self%has_jumped = .true.
+            self%n_jump = self%n_jump + 1
+        end if
+        self%mode = mode
+    end subroutine note_mode
 
     !> Turns have been taken out of the accepted y: for systems that remember where they are.
     subroutine note_turns(self, turns)

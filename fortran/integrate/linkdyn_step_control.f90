@@ -223,6 +223,7 @@ contains
         ! What the clock makes of the step: it would lose time otherwise.
         trial%step = t_next - self%t
         call take_room(trial, size(self%y))
+        system%has_jumped = .false.
         call self%method%try_step(system, self%t, trial%step, self%y, self%rate, trial%way, trial%error, trial%has_failed, &
                                   .false.)
         trial%has_failed = trial%has_failed .or. .not. all(abs(trial%way) <= huge(1.0_wp))
@@ -367,6 +368,8 @@ contains
                 .and. (trial%step > self%last .or. max(self%rtol, self%atol) > nearly_rounding)) return
             if (.not. trial%has_failed) then
                 self%is_rough = is_rounding(trial, rounding_of(self, system, trial))
+                ! A jump of the rates: shorter steps come up to it, however much it looks like rounding.
+                if (system%has_jumped) self%is_rough = .false.
                 if (.not. self%is_rough) return
             end if
             self%best_score = huge(1.0_wp)
@@ -399,7 +402,7 @@ contains
 
         if (trial%has_failed) return
         rough = rounding_of(self, system, trial)
-        self%is_rough = self%is_rough .or. is_rounding(trial, rough)
+        self%is_rough = self%is_rough .or. (is_rounding(trial, rough) .and. .not. system%has_jumped)
         score = max(trial%part, maxval(rough/trial%allowed))
         if (.not. score < self%best_score) return
         call look_at_end(self, system, trial)

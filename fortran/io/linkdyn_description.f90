@@ -5,8 +5,9 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: scene_type, link_spec, joint_spec, coordinate_spec, load_spec, marker_spec, frame_link, axes_link, &
-        joint_kind_name, joint_n_variable, joint_screw, variable_name, idle_spins, n_holding, coordinate_joint, is_measure
+    use linkdyn_scene, only: scene_type, link_spec, joint_spec, coordinate_spec, load_spec, marker_spec, law_over, frame_link, &
+        axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, idle_spins, n_holding, coordinate_joint, &
+        is_pose_part
     implicit none (type, external)
     private
     public :: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
@@ -161,11 +162,11 @@ contains
 
         text = named(coordinate%name, coordinate%unit)
         if (coordinate%kind /= coordinate_joint) return
-        associate (measure => scene%joint(coordinate%joint))
-            if (.not. is_measure(measure%kind)) return
-            text = text(:len(text) - 1)//","//pair("component", string(variable_name(coordinate%variable, measure%kind)))// &
-                ',"links":['//integer_value(measure%link(1))//","//integer_value(measure%link(2))//'],'// &
-                pair("marker", string(marker_name(scene, measure%link(2), measure%marker(2))))//"}"
+        associate (part => scene%joint(coordinate%joint))
+            if (.not. is_pose_part(part%kind)) return
+            text = text(:len(text) - 1)//","//pair("component", string(variable_name(coordinate%variable, part%kind)))// &
+                ',"links":['//integer_value(part%link(1))//","//integer_value(part%link(2))//'],'// &
+                pair("marker", string(marker_name(scene, part%link(2), part%marker(2))))//"}"
         end associate
     end function coordinate_object
 
@@ -176,7 +177,8 @@ contains
 
         text = "{"//pair("name", string(load%name))//","//pair("link", integer_value(load%link))//","// &
             pair("marker", string(marker_name(scene, load%link, load%marker)))//","// &
-            pair("axes", string(merge("link ", "world", load%axes == axes_link)))//"}"
+            pair("axes", string(merge("link ", "world", load%axes == axes_link)))//","// &
+            pair("follows_state", trim(merge("true ", "false", any([load%force%kind, load%moment%kind] == law_over))))//"}"
     end function load_object
 
     function marker_name(scene, link, marker) result(name)

@@ -8,10 +8,14 @@
 !>
 !> A number and its unit are one: "1/2 mm" is one divided by two millimetres. Behind a unit, names of units go on the unit, also
 !> after "*" and "/"; behind a plain number and "*", a variable goes before a unit: "0.5*m*v^2". Each value carries its
-!> dimension; a sum wants equal ones. What has met no unit counts like a number in the file: it is in SI, whatever is wanted.
+!> dimension; a sum wants equal ones. Where names stand for what the mechanism does (symbols), what is found is no number but a
+!> formula, with a dimension all the same. What has met no unit counts like a number in the file: it is in SI, whatever is wanted.
 module linkdyn_expression
     use linkdyn_kinds, only: wp
     use linkdyn_constants, only: pi
+    use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol, node_add, node_subtract, &
+        node_multiply, node_divide, node_negate, node_power, node_whole_power, node_sqrt, node_sin, node_cos, node_tan, &
+        node_asin, node_acos, node_atan2, node_abs, node_min, node_max, node_sign, node_step, node_exp, node_log, node_tanh, node_if
     use linkdyn_input, only: parse_number
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: quoted, to_text
@@ -29,6 +33,8 @@ module linkdyn_expression
     character(len=*), parameter :: name_letters = letters//figures//"_"
     character(len=5), parameter :: function_name(*) = [character(len=5) :: "sqrt", "sin", "cos", "tan", "asin", "acos", "atan2", &
         "abs", "min", "max"]
+    !> Functions that came later: variables may be called so, and a bracket tells the function.
+    character(len=4), parameter :: late_function_name(*) = [character(len=4) :: "sign", "step", "exp", "log", "tanh", "if"]
     integer, parameter :: is_angle(n_dimension) = [0, 0, 0, 0, 1]
 
     !> A number with its dimension.
@@ -36,6 +42,8 @@ module linkdyn_expression
         real(wp) :: value = 0                           !! SI
         integer :: power(n_dimension) = 0               !! of kg m s A rad
         logical :: has_unit = .false.                   !! a unit was met on the way
+        integer :: symbol = 0                           !! no number, but this symbol of formulas
+        integer :: node = 0                             !! no number, but this node of the formula
     end type measured_value
 
     !> Names that stand for values.
@@ -74,17 +82,19 @@ module linkdyn_expression
         character(len=:), allocatable :: text
         integer :: next = 1
         character(len=:), allocatable :: problem        !! empty while all is well
+        type(formula_type) :: formula                   !! what hangs on symbols
     end type reader_type
 
 contains
 
     !> The value of a text. `problem` is empty if all is well.
-    recursive subroutine evaluate_expression(text, names, depth, found, problem)
+    recursive subroutine evaluate_expression(text, names, depth, found, problem, formula)
         character(len=*), intent(in) :: text
         class(name_source), intent(inout) :: names
         integer, intent(in) :: depth                    !! how deep inside others it stands: 0 for a text of the file
         type(measured_value), intent(out) :: found
         character(len=:), allocatable, intent(out) :: problem
+        type(formula_type), intent(out), optional :: formula    !! if symbols are met; its last node is the value
         type(reader_type) :: reader
 
         if (len(text) > longest) then
@@ -96,6 +106,7 @@ contains
         call read_sum(reader, names, depth, found)
         if (reader%problem == "" .and. next_letter(reader) /= "") call refuse_rest(reader)
         problem = reader%problem
+        if (present(formula)) formula = reader%formula
     end subroutine evaluate_expression
 
     !> Names that mean something already.
@@ -137,7 +148,11 @@ contains
                 end if
                 return
             end if
-            found%value = found%value + merge(other%value, -other%value, operator == "+")
+            if (found%node > 0 .or. other%node > 0) then
+                call join(reader, merge(node_add, node_subtract, operator == "+"), found, other)
+            else
+                found%value = found%value + merge(other%value, -other%value, operator == "+")
+            end if
             found%has_unit = found%has_unit .or. other%has_unit
             call require_finite(reader, found)
         end do
@@ -158,7 +173,14 @@ contains
             reader%next = reader%next + 1
             call read_signed(reader, names, depth, other)
             if (reader%problem /= "") return
-            if (operator == "*") then
+            if (found%node > 0 .or. other%node > 0) then
+                if (operator == "/" .and. other%node == 0 .and. .not. abs(other%value) > 0) then
+                    call fail(reader, "divides by zero")
+                    return
+                end if
+                call join(reader, merge(node_multiply, node_divide, operator == "*"), found, other)
+                found%power = found%power + merge(other%power, -other%power, operator == "*")
+            else if (operator == "*") then
                 found%value = found%value*other%value
                 found%power = found%power + other%power
             else if (abs(other%value) > 0) then
@@ -192,7 +214,13 @@ contains
         end if
         reader%next = reader%next + 1
         call read_signed(reader, names, depth + 1, found)
-        if (letter == "-") found%value = -found%value
+        if (letter /= "-" .or. reader%problem /= "") return
+        if (found%node > 0) then
+            call add_node(reader%formula, formula_node(node_negate, a=found%node))
+            found%node = reader%formula%n
+        else
+            found%value = -found%value
+        end if
     end subroutine read_signed
 
     recursive subroutine read_power(reader, names, depth, found)
@@ -238,7 +266,7 @@ contains
         class(name_source), intent(inout) :: names
         integer, intent(in) :: depth
         type(measured_value), intent(out) :: found
-        type(measured_value) :: argument(2)
+        type(measured_value) :: argument(3)
         character(len=:), allocatable :: name, problem
         character(len=64), allocatable :: known(:)
         integer :: i, n
@@ -247,8 +275,9 @@ contains
         reader%next = reader%next + len(name)
         if (name == "pi") then
             found%value = pi
-        else if (any(function_name == name)) then
+        else if (is_function(reader, name)) then
             n = merge(2, 1, any([character(len=5) :: "atan2", "min", "max"] == name))
+            if (name == "if") n = 3
             call require_letter(reader, "(")
             do i = 1, n
                 if (i > 1) call require_letter(reader, ",")
@@ -256,11 +285,21 @@ contains
                 call read_sum(reader, names, depth + 1, argument(i))
             end do
             call require_letter(reader, ")")
-            if (reader%problem == "") call apply(reader, name, argument(1), argument(n), found)
+            if (reader%problem /= "") return
+            if (name == "if") then
+                call choose_between(reader, argument, found)
+            else
+                call apply(reader, name, argument(1), argument(n), found)
+            end if
         else if (names%has(name)) then
             problem = ""
             call names%find(name, depth + 1, found, problem)
             if (problem /= "") reader%problem = problem
+            if (found%symbol /= 0) then
+                call add_node(reader%formula, formula_node(node_symbol, a=found%symbol))
+                found%node = reader%formula%n
+                found%symbol = 0
+            end if
         else if (any([character(len=8) :: "nan", "inf", "infinity"] == lower(name))) then
             call fail(reader, "is not a finite number")
         else
@@ -327,7 +366,8 @@ contains
             behind = reader%next + len(name)
             behind = behind + max(0, verify(reader%text(behind:)//".", " ") - 1)
             if (behind <= len(reader%text)) &
-                is_variable = is_variable .or. (any(function_name == name) .and. reader%text(behind:behind) == "(")
+                is_variable = is_variable .or. ((any(function_name == name) .or. any(late_function_name == name)) .and. &
+                                                reader%text(behind:behind) == "(")
         end function is_variable
     end subroutine read_quantity
 
@@ -388,12 +428,24 @@ contains
         type(measured_value), intent(in) :: exponent
         real(wp) :: power(n_dimension)
 
+        if (exponent%node > 0) then
+            call raise_to_formula(reader, base, exponent)
+            return
+        end if
         power = base%power*exponent%value
         if (any(exponent%power /= 0)) then
             call fail(reader, "raises to "//dimension_text(exponent%power)//" (expected a plain number as exponent)")
         else if (any(abs(power) > largest_power) .or. any(abs(power - anint(power)) > largest_power*epsilon(1.0_wp))) then
             call fail(reader, "raises "//dimension_text(base%power)//" to "//to_text(exponent%value)// &
                 ", which leaves no dimension of whole powers")
+        else if (base%node > 0) then
+            if (abs(exponent%value - anint(exponent%value)) > 0 .or. abs(exponent%value) > largest_power) then
+                call join(reader, node_power, base, measured_value(exponent%value))
+            else
+                call add_node(reader%formula, formula_node(node_whole_power, a=base%node, b=nint(exponent%value)))
+                base%node = reader%formula%n
+            end if
+            base%power = nint(power)
         else if (exponent%value < 0 .and. .not. abs(base%value) > 0) then
             call fail(reader, "divides by zero")
         else if (base%value < 0 .and. abs(exponent%value - anint(exponent%value)) > 0) then
@@ -411,12 +463,109 @@ contains
         end if
     end subroutine raise
 
+    !> Only plain numbers go with an exponent that is not known yet.
+    subroutine raise_to_formula(reader, base, exponent)
+        type(reader_type), intent(inout) :: reader
+        type(measured_value), intent(inout) :: base
+        type(measured_value), intent(in) :: exponent
+
+        if (any(exponent%power /= 0)) then
+            call fail(reader, "raises to "//dimension_text(exponent%power)//" (expected a plain number as exponent)")
+        else if (any(base%power /= 0)) then
+            call fail(reader, "raises "//dimension_text(base%power)//" to what varies, which leaves no dimension "// &
+                "(expected a plain number, or a fixed exponent)")
+        else
+            call join(reader, node_power, base, exponent)
+        end if
+    end subroutine raise_to_formula
+
+    !> An operation of which one side at least is a formula.
+    subroutine join(reader, op, x, y)
+        type(reader_type), intent(inout) :: reader
+        integer, intent(in) :: op
+        type(measured_value), intent(inout) :: x        !! and what comes out; of its dimension the caller takes care
+        type(measured_value), intent(in) :: y
+        integer :: first, second
+
+        first = node_of(reader, x)
+        second = node_of(reader, y)
+        call add_node(reader%formula, formula_node(op, a=first, b=second))
+        x%node = reader%formula%n
+    end subroutine join
+
+    !> The node of a value; one is made for a number.
+    integer function node_of(reader, x) result(node)
+        type(reader_type), intent(inout) :: reader
+        type(measured_value), intent(in) :: x
+
+        node = x%node
+        if (node > 0) return
+        call add_node(reader%formula, formula_node(node_number, number=x%value))
+        node = reader%formula%n
+    end function node_of
+
+    !> if(x, a, b): a where x is above zero, else b.
+    subroutine choose_between(reader, argument, found)
+        type(reader_type), intent(inout) :: reader
+        type(measured_value), intent(in) :: argument(3)
+        type(measured_value), intent(out) :: found
+        integer :: node(3), i
+
+        found = argument(2)
+        if (any(argument(2)%power /= argument(3)%power)) then
+            call fail(reader, "has if between "//dimension_text(argument(2)%power)//" and "// &
+                dimension_text(argument(3)%power)//" (expected two of a kind)")
+            return
+        end if
+        found%has_unit = argument(2)%has_unit .or. argument(3)%has_unit
+        if (argument(1)%node == 0) then
+            if (.not. argument(1)%value > 0) found = argument(3)
+        else
+            do i = 1, 3
+                node(i) = node_of(reader, argument(i))
+            end do
+            call add_node(reader%formula, formula_node(node_if, a=node(1), b=node(2), c=node(3)))
+            found%node = reader%formula%n
+        end if
+    end subroutine choose_between
+
+    !> Is a name that was just read that of a function?
+    logical function is_function(reader, name)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: name
+
+        is_function = any(function_name == name)
+        if (any(late_function_name == name)) is_function = next_letter(reader) == "("
+    end function is_function
+
+    !> A function of a formula.
+    subroutine apply_to_formula(reader, name, x, y, found)
+        type(reader_type), intent(inout) :: reader
+        character(len=*), intent(in) :: name
+        type(measured_value), intent(in) :: x, y        !! arguments; the same if the function has one
+        type(measured_value), intent(inout) :: found    !! with its dimension
+        integer, parameter :: op(*) = [node_sqrt, node_sin, node_cos, node_tan, node_asin, node_acos, node_atan2, node_abs, &
+            node_min, node_max, node_sign, node_step, node_exp, node_log, node_tanh]
+        character(len=5), parameter :: of_op(*) = [character(len=5) :: "sqrt", "sin", "cos", "tan", "asin", "acos", "atan2", &
+            "abs", "min", "max", "sign", "step", "exp", "log", "tanh"]
+        integer :: first, second
+
+        first = node_of(reader, x)
+        second = first
+        if (any([character(len=5) :: "atan2", "min", "max"] == name)) second = node_of(reader, y)
+        call add_node(reader%formula, formula_node(op(findloc(of_op == name, .true., dim=1)), a=first, b=second))
+        found%node = reader%formula%n
+    end subroutine apply_to_formula
+
     subroutine apply(reader, name, x, y, found)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: name
         type(measured_value), intent(in) :: x, y        !! arguments; the same if the function has one
         type(measured_value), intent(out) :: found
 
+        logical :: is_formula
+
+        is_formula = x%node > 0 .or. y%node > 0
         found = x
         found%has_unit = x%has_unit .or. y%has_unit
         if (any(x%power /= y%power)) then
@@ -426,8 +575,13 @@ contains
         end if
         select case (name)
         case ("sqrt")
-            call raise(reader, found, measured_value(0.5_wp))
-            if (reader%problem == "") found%value = sqrt(x%value)
+            if (any(modulo(x%power, 2) /= 0)) then
+                call raise(reader, found, measured_value(0.5_wp))
+            else if (.not. is_formula) then
+                call raise(reader, found, measured_value(0.5_wp))
+                if (reader%problem == "") found%value = sqrt(x%value)
+            end if
+            if (is_formula) found%power = x%power/2
         case ("sin", "cos", "tan")
             if (any(x%power /= 0) .and. any(x%power /= is_angle)) then
                 call fail(reader, "has "//name//" of "//dimension_text(x%power)//" (expected an angle)")
@@ -438,14 +592,17 @@ contains
             if (name == "cos") found%value = cos(x%value)
             if (name == "tan") found%value = tan(x%value)
         case ("asin", "acos")
-            if (any(x%power /= 0) .or. abs(x%value) > 1) then
+            if (any(x%power /= 0) .or. (abs(x%value) > 1 .and. .not. is_formula)) then
                 call fail(reader, "has "//name//" of what is no number from -1 to 1")
                 return
             end if
             found = measured_value(power=is_angle, has_unit=.true.)
-            found%value = merge(asin(x%value), acos(x%value), name == "asin")
+            if (.not. is_formula) then
+                if (name == "asin") found%value = asin(x%value)
+                if (name == "acos") found%value = acos(x%value)
+            end if
         case ("atan2")
-            if (.not. (abs(x%value) > 0 .or. abs(y%value) > 0)) then
+            if (.not. (is_formula .or. abs(x%value) > 0 .or. abs(y%value) > 0)) then
                 call fail(reader, "has atan2 of two zeros")
                 return
             end if
@@ -456,7 +613,29 @@ contains
             found%value = min(x%value, y%value)
         case ("max")
             found%value = max(x%value, y%value)
+        case ("sign", "step")
+            found = measured_value()
+            found%value = merge(1.0_wp, 0.0_wp, x%value > 0)
+            if (name == "sign" .and. x%value < 0) found%value = -1
+        case ("exp", "log", "tanh")
+            if (any(x%power /= 0)) then
+                call fail(reader, "has "//name//" of "//dimension_text(x%power)//" (expected a plain number)")
+                return
+            else if (name == "log" .and. .not. (is_formula .or. x%value > 0)) then
+                call fail(reader, "has log of a number that is not above zero")
+                return
+            end if
+            found = measured_value()
+            if (.not. is_formula) then
+                if (name == "exp") found%value = exp(x%value)
+                if (name == "log") found%value = log(x%value)
+                if (name == "tanh") found%value = tanh(x%value)
+            end if
         end select
+        if (is_formula .and. reader%problem == "") then
+            found%value = 0
+            call apply_to_formula(reader, name, x, y, found)
+        end if
         call require_finite(reader, found)
     end subroutine apply
 

@@ -5,7 +5,7 @@ module linkdyn_scene_forces
     use linkdyn_text, only: to_text, quoted
     use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
         joint_cylindrical, joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
-        drive_spring_damper, drive_dc_motor, drive_pd, law_table
+        drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
         damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
@@ -15,14 +15,15 @@ module linkdyn_scene_forces
     use linkdyn_scene_joints, only: require_two_links, variable_quantity
     use linkdyn_scene_motion, only: joint_variable_name
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
+    use linkdyn_scene_state_laws, only: read_force_law, read_spring_law
     use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, law_of_column, &
         has_column, constant_law, spline, straight_lines, require_positive
     implicit none (type, external)
     private
     public :: read_actuators, read_loads, read_springs
 
-    character(len=13), parameter :: drive_name(6) = [character(len=13) :: "inverse", "constant", "table", &
-        "spring-damper", "dc-motor", "pd"]
+    character(len=13), parameter :: drive_name(7) = [character(len=13) :: "inverse", "constant", "table", &
+        "spring-damper", "dc-motor", "pd", "formula"]
 
 contains
 
@@ -117,8 +118,10 @@ contains
                 call allow_keys(inner, [character(len=5) :: "type", "value"], status)
                 call get_quantity(inner, "value", effort, drive%value(1), status)
             case (drive_table)
-                call allow_keys(inner, [character(len=13) :: "type", "table", "column", "time", "interpolation"], status)
-                call read_force_table(inner, effort, actuator%name, shelf, drive%target, status)
+                call read_driving_table(place, node, inner, effort, actuator%name, shelf, drive, status)
+            case (drive_over)
+                call allow_keys(inner, [character(len=5) :: "type", "value"], status)
+                call read_driving_formula(inner, effort, shelf, drive, status)
             case (drive_spring_damper)
                 call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "rest"], status)
                 call read_stiffness(inner, is_angle, drive%value(1:2), status)
@@ -134,6 +137,53 @@ contains
             end select
         end associate
     end subroutine read_drive
+
+    !> A driving force from a table over time, or over the state.
+    subroutine read_driving_table(place, node, inner, effort, usual_column, shelf, drive, status)
+        type(scene_place), intent(in) :: place         !! of the actuator
+        type(toml_node), intent(in) :: node            !! the law
+        type(scene_place), intent(in) :: inner         !! its place
+        type(quantity_type), intent(in) :: effort
+        character(len=*), intent(in) :: usual_column
+        type(table_shelf), intent(inout) :: shelf
+        type(drive_spec), intent(inout) :: drive
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: over
+
+        over = node%get("over")
+        if (over%is_present()) then
+            drive%kind = drive_over
+            call allow_keys(inner, [character(len=13) :: "type", "table", "column", "over", "argument", "interpolation", &
+                "period"], status)
+            call read_force_law(place, "law", node, effort, usual_column, shelf, drive%target, status)
+        else
+            call allow_keys(inner, [character(len=13) :: "type", "table", "column", "time", "interpolation"], status)
+            call read_force_table(inner, effort, usual_column, shelf, drive%target, status)
+        end if
+    end subroutine read_driving_table
+
+    !> A driving force by a formula; one that nothing varies in is constant.
+    subroutine read_driving_formula(place, effort, shelf, drive, status)
+        type(scene_place), intent(in) :: place
+        type(quantity_type), intent(in) :: effort
+        type(table_shelf), intent(inout) :: shelf
+        type(drive_spec), intent(inout) :: drive
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("value")
+        if (.not. node%is_present()) call refuse_missing(place, "value", "a formula of measures and laws", status)
+        if (.not. status%is_ok()) return
+        call read_force_law(place, "value", node, effort, "", shelf, drive%target, status)
+        if (.not. status%is_ok() .or. drive%target%kind == law_over) return
+        if (drive%target%kind == law_constant) then
+            drive%kind = drive_constant
+            drive%value(1) = drive%target%value(1)
+        else
+            drive%kind = drive_table
+        end if
+    end subroutine read_driving_formula
 
     !> Driving force from a column of a table.
     subroutine read_force_table(place, effort, usual_column, shelf, law, status)
@@ -181,12 +231,13 @@ contains
         call require_positive(place, "R_a", value(6), "ohm", status)
     end subroutine read_motor
 
-    !> stiffness and damping, each zero if left out, but not both.
-    subroutine read_stiffness(place, is_angle, value, status)
+    !> stiffness and damping, each zero if left out, but not both unless there is another force.
+    subroutine read_stiffness(place, is_angle, value, status, has_other)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: is_angle
         real(wp), intent(inout) :: value(2)
         type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: has_other
         logical :: has_stiffness, has_damping
 
         if (is_angle) then
@@ -196,6 +247,7 @@ contains
             call get_quantity(place, "stiffness", stiffness, value(1), status, has_stiffness)
             call get_quantity(place, "damping", damping, value(2), status, has_damping)
         end if
+        if (present(has_other)) has_damping = has_damping .or. has_other
         if (status%is_ok() .and. .not. (has_stiffness .or. has_damping)) &
             call refuse(place, "missing key 'stiffness' or 'damping' (expected at least one)", status)
     end subroutine read_stiffness
@@ -301,7 +353,7 @@ contains
         node = place%node%get(key)
         if (.not. node%is_present()) return
         if (planar .and. key == "moment" .and. node%kind() /= toml_array) then
-            call read_law(place, key, node, quantity, 0.0_wp, "", straight_lines, shelf, law(3), status)
+            call read_force_law(place, key, node, quantity, "", shelf, law(3), status)
             return
         end if
         n = merge(2, 3, planar)
@@ -314,16 +366,15 @@ contains
                 return
             end if
             do i = 1, n
-                call read_law(place, key, node%at(i), quantity, 0.0_wp, "", straight_lines, shelf, &
-                    law(merge(3, i, n == 1)), status)
+                call read_force_law(place, key, node%at(i), quantity, "", shelf, law(merge(3, i, n == 1)), status)
             end do
         case (toml_table)
             inner = place_at(place, node, trim(place%what)//", "//key)
             call allow_keys(inner, axis_name(:n), status)
             do i = 1, n
                 item = node%get(axis_name(i))
-                if (item%is_present()) call read_law(inner, axis_name(i), item, quantity, 0.0_wp, "", &
-                    straight_lines, shelf, law(i), status)
+                if (item%is_present()) call read_force_law(inner, axis_name(i), item, quantity, "", shelf, &
+                    law(i), status)
             end do
         case default
             call refuse_value(place, key, node, "is "//node%kind_text()//" (expected a list of "//to_text(n)// &
@@ -361,8 +412,9 @@ contains
     end subroutine read_load_table
 
     !> The tables [[spring]]: springs and dampers that nothing drives.
-    subroutine read_springs(root, scene, status)
+    subroutine read_springs(root, shelf, scene, status)
         type(scene_place), intent(in) :: root
+        type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(repeated_tables) :: tables
@@ -375,19 +427,21 @@ contains
         allocate (scene%spring(n))
         do i = 1, n
             place = repeated_at(root, tables, i, "spring")
-            call read_spring(place, scene, scene%spring(i), status)
+            call read_spring(place, i, shelf, scene, scene%spring(i), status)
             if (.not. status%is_ok()) return
         end do
     end subroutine read_springs
 
-    subroutine read_spring(place, scene, spring, status)
+    subroutine read_spring(place, number, shelf, scene, spring, status)
         type(scene_place), intent(inout) :: place
+        integer, intent(in) :: number
+        type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(in) :: scene
         type(spring_spec), intent(inout) :: spring
         type(status_type), intent(inout) :: status
         character(len=*), parameter :: expected = "two markers, [""link1.marker"", ""link2.marker""]"
-        type(toml_node) :: joint, between
-        type(quantity_type) :: position
+        type(toml_node) :: joint, between, node
+        type(quantity_type) :: position, effort
         real(wp) :: value(2)
         logical :: found
         integer :: i
@@ -397,7 +451,7 @@ contains
         if (.not. status%is_ok()) return
         place%what = "spring "//quoted(spring%name)
         call allow_keys(place, [character(len=9) :: "name", "joint", "variable", "between", "stiffness", "damping", &
-            "rest"], status)
+            "rest", "force"], status)
         joint = place%node%get("joint")
         between = place%node%get("between")
         position = length
@@ -417,10 +471,14 @@ contains
             call require_two_links(place, "between", between, scene, spring%link, status)
         end if
         value = 0
-        call read_stiffness(place, position%unit == "rad", value, status)
+        node = place%node%get("force")
+        call read_stiffness(place, position%unit == "rad", value, status, node%is_present())
         spring%stiffness = value(1)
         spring%damping = value(2)
         call get_quantity(place, "rest", position, spring%rest, status, found)
+        effort = force
+        if (position%unit == "rad") effort = moment
+        if (node%is_present()) call read_spring_law(place, node, position, effort, number, shelf, spring%force, status)
     end subroutine read_spring
 
     !> Force at a slide, moment at an angle.

@@ -3,7 +3,7 @@ module linkdyn_scene_laws
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_scene, only: law_spec, table_spec, path_len, law_constant, law_constant_rate, &
+    use linkdyn_scene, only: law_spec, table_spec, law_book, path_len, law_constant, law_constant_rate, &
         law_cycloidal_start, law_cycloidal, law_polynomial_345, law_harmonic, law_table
     use linkdyn_table, only: fit_spline
     use linkdyn_toml, only: toml_node, toml_table
@@ -33,6 +33,7 @@ module linkdyn_scene_laws
     type :: table_shelf
         character(len=path_len) :: folder = ""         !! of the scene file, where names of tables start
         type(shelf_place), allocatable :: place(:)
+        type(law_book) :: book                         !! laws over the state that were read
     end type table_shelf
 
     !> How to read columns of a table.
@@ -266,23 +267,27 @@ contains
     end subroutine law_of_column
 
     !> The law that goes through the values of a table's rows.
-    subroutine table_law(table, time_column, time, knot, interpolation, law, status)
+    subroutine table_law(table, time_column, time, knot, interpolation, law, status, unit)
         type(table_spec), intent(in) :: table          !! for messages
         character(len=*), intent(in) :: time_column
         real(wp), intent(in) :: time(:), knot(:)       !! [s], SI
         integer, intent(in) :: interpolation           !! `spline` or `straight_lines`
         type(law_spec), intent(out) :: law
         type(status_type), intent(inout) :: status
+        character(len=*), intent(in), optional :: unit !! of what the table is over; absent: s
+        character(len=:), allocatable :: s
         integer :: i
 
+        s = "s"
+        if (present(unit)) s = unit
         law%kind = law_table
         law%time = time
         law%knot = knot
         do i = 2, size(time)
             if (time(i) > time(i - 1)) cycle
             call fail(status, status_bad_input, trim(table%file)//":"//to_text(table%line(i))//": column "// &
-                quoted(time_column)//" does not increase: "//to_text(time(i))//" s follows "// &
-                to_text(time(i - 1))//" s (expected increasing times)")
+                quoted(time_column)//" does not increase: "//to_text(time(i))//" "//s//" follows "// &
+                to_text(time(i - 1))//" "//s//" (expected increasing "//trim(merge("values", "times ", present(unit)))//")")
             return
         end do
         if (interpolation /= spline) return

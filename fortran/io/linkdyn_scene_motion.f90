@@ -4,7 +4,7 @@ module linkdyn_scene_motion
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
     use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, joint_spec, name_len, frame_link, coordinate_joint, &
-        measured_position, measured_attitude, n_holding, coordinate_pose, pose_component_name, joint_n_variable, &
+        pose_position, pose_attitude, n_holding, coordinate_pose, pose_component_name, joint_n_variable, &
         variable_name, joint_revolute, law_none, law_constant
     use linkdyn_toml, only: toml_node, toml_table, toml_array
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
@@ -188,7 +188,7 @@ contains
             "names the frame: the frame does not move (expected a moving link)", status)
     end subroutine refuse_frame
 
-    !> Some components of a link's pose, of one of its points, or as another link sees them: variables of measures, which are
+    !> Some components of a link's pose, of one of its points, or as another link sees them: variables of parts of poses, which are
     !> added to the joints. The rest of the pose follows from the loops.
     subroutine read_part_of_pose(place, possible, shelf, scene, coordinate, n, status)
         type(scene_place), intent(inout) :: place
@@ -198,7 +198,7 @@ contains
         type(coordinate_spec), intent(inout) :: coordinate(:)
         integer, intent(out) :: n                      !! coordinates read
         type(status_type), intent(inout) :: status
-        type(joint_spec) :: measure
+        type(joint_spec) :: part
         type(quantity_type) :: quantity
         type(toml_node) :: node, start
         type(scene_place) :: inner
@@ -230,17 +230,17 @@ contains
         call read_components(place, possible, components, status)
         if (.not. status%is_ok()) return
         place%what = "coordinate "//quoted(name)
-        measure%link = [reference, link]
-        measure%line = place%line
+        part%link = [reference, link]
+        part%line = place%line
         n = size(components)
         do i = 1, n
             associate (c => coordinate(i), is_position => components(i) <= 3)
                 quantity = component_quantity(components(i))
-                measure%kind = merge(measured_position, measured_attitude, is_position)
-                measure%name = name//trim(merge(" position", " attitude", is_position))
-                measure%marker = [0, merge(marker, 0, is_position)]
+                part%kind = merge(pose_position, pose_attitude, is_position)
+                part%name = name//trim(merge(" position", " attitude", is_position))
+                part%marker = [0, merge(marker, 0, is_position)]
                 c%kind = coordinate_joint
-                call place_of_measure(scene, measure, c%joint)
+                call place_of_part(scene, part, c%joint)
                 c%variable = components(i) - merge(0, 3, is_position)
                 c%unit = quantity%unit(:4)
                 c%name = name//"."//pose_component_name(components(i))
@@ -306,21 +306,21 @@ contains
         components = pack(possible, is_named(possible))
     end subroutine read_components
 
-    !> The number of a measure among the joints; it is added if it is not there.
-    subroutine place_of_measure(scene, measure, place)
+    !> The number of a part of a pose among the joints; it is added if it is not there.
+    subroutine place_of_part(scene, part, place)
         type(scene_type), intent(inout) :: scene
-        type(joint_spec), intent(in) :: measure
+        type(joint_spec), intent(in) :: part
         integer, intent(out) :: place
 
         do place = n_holding(scene) + 1, size(scene%joint)
             associate (other => scene%joint(place))
-                if (other%kind == measure%kind .and. all(other%link == measure%link) &
-                    .and. all(other%marker == measure%marker)) return
+                if (other%kind == part%kind .and. all(other%link == part%link) &
+                    .and. all(other%marker == part%marker)) return
             end associate
         end do
-        scene%joint = [scene%joint, measure]
+        scene%joint = [scene%joint, part]
         place = size(scene%joint)
-    end subroutine place_of_measure
+    end subroutine place_of_part
 
     !> position, angles and their rates at the start.
     subroutine read_pose_start(place, planar, coordinate, status)

@@ -2,7 +2,7 @@
 module linkdyn_scene_sweep
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, path_len
+    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, path_len, law_over
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         table_list, get_quantity, quantity_of, direction_of, get_text, get_word, get_flag, get_integer
     use linkdyn_scene_names, only: find_marker
@@ -223,6 +223,12 @@ contains
             if (axis%target > 0) call refuse_value(place, "load", place%node%get("load"), "= "//quoted(name)// &
                 ": there are several loads on that marker (expected one)", status)
             axis%target = i
+            associate (component => merge(scene%load(i)%force(1 + modulo(axis%component - 1, 3))%kind, &
+                                          scene%load(i)%moment(1 + modulo(axis%component - 1, 3))%kind, axis%component <= 3))
+                if (component == law_over) call refuse_value(place, "component", place%node%get("component"), &
+                    "= "//quoted(component_name(axis%component))//" follows a law over the state, which an axis cannot replace "// &
+                    "(expected another component, or an axis over a number of that law)", status)
+            end associate
         end do
         if (axis%target == 0) then
             load%name = name

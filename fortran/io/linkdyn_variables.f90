@@ -1,13 +1,14 @@
 !> Named values of a scene, and numbers that may refer to them.
 module linkdyn_variables
     use linkdyn_kinds, only: wp
-    use linkdyn_expression, only: measured_value, name_source, evaluate_expression, is_unit_name
+    use linkdyn_expression, only: measured_value, name_source, evaluate_expression, is_unit_name, name_letters
+    use linkdyn_formula, only: formula_type
     use linkdyn_scene, only: name_len
     use linkdyn_text, only: quoted
     use linkdyn_units, only: quantity_type, n_dimension, read_value, misfit
     implicit none (type, external)
     private
-    public :: variable_table, variable_entry, quantity_of_text, measured_of_text
+    public :: variable_table, variable_entry, symbol_entry, quantity_of_text, measured_of_text, formula_of_text
 
     integer, parameter :: unknown = 0, in_progress = 1, known = 2
 
@@ -20,11 +21,21 @@ module linkdyn_variables
         integer :: state = unknown
     end type variable_entry
 
+    !> A name for what the mechanism does, or for a law: formulas know it, numbers do not.
+    type :: symbol_entry
+        character(len=name_len) :: name = ""
+        integer :: symbol = 0                           !! above zero a measure, below a law
+        integer :: power(n_dimension) = 0
+        logical :: has_unit = .true.                    !! false: a law of numbers without unit
+    end type symbol_entry
+
     !> The variables of a scene.
     type, extends(name_source) :: variable_table
         type(variable_entry), allocatable :: entry(:)
         integer :: culprit = 0                          !! the one in which the last problem lies; 0: in what refers to it
         logical :: has_unit_names = .false.             !! some are called as a unit is
+        type(symbol_entry), allocatable :: symbol(:)
+        logical :: sees_symbols = .false.               !! a formula is being read
     contains
         procedure :: has => has_variable
         procedure :: find => find_variable_value
@@ -32,6 +43,9 @@ module linkdyn_variables
         procedure :: forget => forget_values
         procedure :: is_used
         procedure :: set_entries
+        procedure :: add_symbol
+        procedure :: drop_symbols
+        procedure :: mentions_symbol
     end type variable_table
 
 contains
@@ -49,11 +63,60 @@ contains
         end do
     end subroutine set_entries
 
+    !> One more symbol.
+    subroutine add_symbol(self, entry)
+        class(variable_table), intent(inout) :: self
+        type(symbol_entry), intent(in) :: entry
+
+        if (.not. allocated(self%symbol)) allocate (self%symbol(0))
+        self%symbol = [self%symbol, entry]
+    end subroutine add_symbol
+
+    !> Forget all symbols but the first ones.
+    subroutine drop_symbols(self, n_left)
+        class(variable_table), intent(inout) :: self
+        integer, intent(in) :: n_left
+
+        self%symbol = self%symbol(:n_left)
+    end subroutine drop_symbols
+
+    !> Does any name in a text stand for a symbol?
+    pure logical function mentions_symbol(self, text)
+        class(variable_table), intent(in) :: self
+        character(len=*), intent(in) :: text
+        integer :: first, n
+
+        mentions_symbol = .false.
+        first = 1
+        do while (first <= len(text))
+            n = verify(text(first:)//" ", name_letters) - 1
+            if (n > 0) then
+                if (scan(text(first:first), "0123456789") == 0) mentions_symbol = symbol_index(self, text(first:first + n - 1)) > 0
+                if (mentions_symbol) return
+            end if
+            first = first + max(1, n)
+        end do
+    end function mentions_symbol
+
+    !> Variables go before symbols.
+    pure integer function symbol_index(self, name)
+        class(variable_table), intent(in) :: self
+        character(len=*), intent(in) :: name
+        integer :: i
+
+        symbol_index = 0
+        if (.not. allocated(self%symbol) .or. index_of(self, name) > 0) return
+        do i = 1, size(self%symbol)
+            if (self%symbol(i)%name == name) symbol_index = i
+        end do
+    end function symbol_index
+
     logical function has_variable(self, name) result(has)
         class(variable_table), intent(in) :: self
         character(len=*), intent(in) :: name
 
         has = index_of(self, name) > 0
+        if (self%sees_symbols) has = has .or. symbol_index(self, name) > 0
     end function has_variable
 
     !> The value of a variable, found when it is first asked for.
@@ -66,6 +129,13 @@ contains
         integer :: i
 
         i = index_of(self, name)
+        if (i == 0) then
+            i = symbol_index(self, name)
+            associate (entry => self%symbol(i))
+                found = measured_value(power=entry%power, has_unit=entry%has_unit, symbol=entry%symbol)
+            end associate
+            return
+        end if
         self%culprit = 0
         if (self%entry(i)%state == in_progress) then
             self%culprit = i
@@ -93,7 +163,12 @@ contains
 
         n = 0
         if (allocated(self%entry)) n = size(self%entry)
-        allocate (names(n))
+        if (self%sees_symbols) then
+            allocate (names(n + size(self%symbol)))
+            names(n + 1:) = self%symbol%name
+        else
+            allocate (names(n))
+        end if
         do i = 1, n
             names(i) = self%entry(i)%name
         end do
@@ -154,6 +229,20 @@ contains
 
         call value_of_text(text, variables, 0, found, problem)
     end subroutine measured_of_text
+
+    !> A text that mentions symbols. `problem` is empty if all is well.
+    subroutine formula_of_text(text, variables, found, formula, problem)
+        character(len=*), intent(in) :: text
+        class(variable_table), intent(inout) :: variables
+        type(measured_value), intent(out) :: found      !! its node is 0 if no symbol is left: `if(1, 2, x)`
+        type(formula_type), intent(out) :: formula
+        character(len=:), allocatable, intent(out) :: problem
+
+        variables%sees_symbols = .true.
+        variables%culprit = 0
+        call evaluate_expression(text, variables, 0, found, problem, formula)
+        variables%sees_symbols = .false.
+    end subroutine formula_of_text
 
     !> The value of a text, be it a number with its unit or arithmetic.
     recursive subroutine value_of_text(text, variables, depth, found, problem)

@@ -4,8 +4,8 @@ module linkdyn_joint_kinds
     use linkdyn_fixed, only: fixed
     use linkdyn_joint_kind, only: joint_kind
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar, joint_screw, measured_position
-    use linkdyn_measures, only: position_measure, attitude_measure
+        joint_fixed, joint_planar, joint_screw, pose_position
+    use linkdyn_pose_parts, only: position_part, attitude_part
     use linkdyn_planar, only: planar
     use linkdyn_prismatic, only: prismatic
     use linkdyn_revolute, only: revolute
@@ -44,10 +44,10 @@ contains
             allocate (planar :: box%is)
         case (joint_screw)
             allocate (screw :: box%is)
-        case (measured_position)
-            allocate (position_measure :: box%is)
+        case (pose_position)
+            allocate (position_part :: box%is)
         case default
-            allocate (attitude_measure :: box%is)
+            allocate (attitude_part :: box%is)
         end select
         call box%is%describe(kind)
     end subroutine make_joint_kind

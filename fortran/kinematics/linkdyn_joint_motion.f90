@@ -9,7 +9,7 @@
 module linkdyn_joint_motion
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
         joint_fixed, &
-        joint_planar, joint_screw, measured_position, measured_attitude, variable_axis
+        joint_planar, joint_screw, pose_position, pose_attitude, variable_axis
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy, rates_of_rpy, rotation_about_z
@@ -217,14 +217,14 @@ contains
         case (joint_screw)
             q(:, 1) = (slide.dot.first%z)/pitch
             qd(:, 1) = omega.dot.first%z
-        case (measured_position)
+        case (pose_position)
             q(:, 1) = slide.dot.first%x
             q(:, 2) = slide.dot.first%y
             q(:, 3) = slide.dot.first%z
             qd(:, 1) = slide_rate.dot.first%x
             qd(:, 2) = slide_rate.dot.first%y
             qd(:, 3) = slide_rate.dot.first%z
-        case (joint_spherical, measured_attitude)
+        case (joint_spherical, pose_attitude)
             q(:, 1) = atan2(-(second%z.dot.first%y), second%z.dot.first%z)
             q(:, 2) = atan2(second%z.dot.first%x, sqrt((second%z.dot.first%y)**2 + (second%z.dot.first%z)**2))
             q(:, 3) = atan2(-(second%y.dot.first%x), second%x.dot.first%x)

@@ -34,6 +34,7 @@ module linkdyn_kinematic_state
                                                               !! of qd and qdd they are angular rates, of a pose in world axes,
                                                               !! of a joint in those of its first marker (n_attitude)
         real(wp), allocatable :: quaternion(:, :, :)          !! w x y z of such an attitude          (lane, 4, n_attitude)
+        real(wp) :: time(lanes) = 0                           !! the instant [s]
         real(wp), allocatable :: branch(:, :)                 !! of the closed forms, +1 or -1        (lane, n_branch)
         ! ---- POSITION
         type(mat3), allocatable :: rotation(:)                !! link axes to world                   (0:n_orientation)
@@ -51,7 +52,10 @@ module linkdyn_kinematic_state
         type(planar_motion) :: plane
         type(group_motion) :: group                           !! closed by Newton's method
         type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)
-        ! ---- APPLIED by springs and given drives, link axes, about the origin
+        ! ---- LAWS over the state
+        real(wp), allocatable :: law(:, :)                    !! their values                         (lane, n_law)
+        real(wp) :: mode(lanes) = 0                           !! changes where a law jumps
+        ! ---- APPLIED by springs, laws and given drives, link axes, about the origin
         logical :: has_applied = .false.
         type(vec3), allocatable :: applied_force(:), applied_moment(:)  !! [N, N m]                   (n_link)
         ! ---- VELOCITY, world and link axes
@@ -78,6 +82,8 @@ contains
                       state%turns(lanes, n_q), state%counted(lanes, n_q))
             allocate (state%by_quaternion(model%n_attitude), state%quaternion(lanes, 4, model%n_attitude), &
                       state%branch(lanes, model%n_branch))
+            allocate (state%law(lanes, size(model%scene%laws%law)))
+            state%law = 0
             state%by_quaternion = .false.
             state%q = 0
             state%qd = 0

@@ -5,8 +5,9 @@
 !> is SI and radians here. Planar scenes use the x, y components and leave z zero.
 module linkdyn_scene
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar, joint_screw, joint_kind_name, joint_n_variable, variable_name, is_measure, &
-        measured_position, measured_attitude
+        joint_fixed, joint_planar, joint_screw, joint_kind_name, joint_n_variable, variable_name, is_pose_part, &
+        pose_position, pose_attitude
+    use linkdyn_formula, only: formula_type, node_symbol
     use linkdyn_kinds, only: wp
     use linkdyn_sweep_spec, only: sweep_spec
     implicit none (type, external)
@@ -19,10 +20,12 @@ module linkdyn_scene
     public :: joint_kind_name, joint_n_variable, variable_name
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
-    public :: law_polynomial_345, law_harmonic, law_table
+    public :: law_polynomial_345, law_harmonic, law_table, law_over
+    public :: measure_spec, state_law, law_book, takes_time
+    public :: measure_time, measure_joint, measure_marker, measure_spring
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
-    public :: measured_position, measured_attitude, is_measure
-    public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd
+    public :: pose_position, pose_attitude, is_pose_part
+    public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, drive_over
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
     integer, parameter :: path_len = 1024   !! longest file name
@@ -43,6 +46,13 @@ module linkdyn_scene
     integer, parameter :: law_polynomial_345 = 5   !! rest to rest through knots, 3-4-5 polynomial between them
     integer, parameter :: law_harmonic = 6         !! value(1) + value(2) sin(value(3) t + value(4))
     integer, parameter :: law_table = 7            !! knots (time, value), spline or straight lines between them
+    integer, parameter :: law_over = 8             !! over the state of the mechanism: `law` of the scene's law book; zero as a law of time
+
+    ! ---- what laws over the state depend on
+    integer, parameter :: measure_time = 1         !! the instant
+    integer, parameter :: measure_joint = 2        !! a variable of a joint
+    integer, parameter :: measure_marker = 3       !! a coordinate of a marker, world axes
+    integer, parameter :: measure_spring = 4       !! of a spring: by how much it is longer than at rest
 
     ! ---- axes in which a load's components are given
     integer, parameter :: axes_world = 1
@@ -55,6 +65,7 @@ module linkdyn_scene
     integer, parameter :: drive_spring_damper = 4
     integer, parameter :: drive_dc_motor = 5
     integer, parameter :: drive_pd = 6
+    integer, parameter :: drive_over = 7           !! a law over the state of the mechanism
 
     !> A point with an axis, fixed to a link. Its frame has z along `axis`.
     type :: marker_spec
@@ -98,11 +109,47 @@ module linkdyn_scene
     type :: law_spec
         integer :: kind = law_none
         real(wp) :: value(4) = 0                  !! see the `law_*` constants
+        integer :: law = 0                        !! of the scene's law book (law_over)
         integer :: table = 0                      !! laws of a model with the same number have the same knots; 0: nobody has looked
         real(wp), allocatable :: time(:)          !! knots [s] (n), increasing
         real(wp), allocatable :: knot(:)          !! value at the knots (n)
         real(wp), allocatable :: curvature(:)     !! second derivative at the knots (n); absent: straight lines
     end type law_spec
+
+    !> A number that the mechanism has in a state of motion. Nothing that takes accelerations: forces would then depend on themselves.
+    type :: measure_spec
+        character(len=name_len) :: name = ""
+        integer :: kind = 0                       !! one of `measure_*`
+        logical :: is_rate = .false.              !! not the number itself, but how fast it changes
+        integer :: joint = 0
+        integer :: variable = 1                   !! of the joint
+        real(wp) :: near = 0                      !! an angle that is no coordinate is taken within half a turn of this [rad]
+        logical :: wraps = .false.                !! it is an angle that counts no turns
+        integer :: link = 0
+        integer :: marker = 0                     !! of the link; 0: its origin
+        integer :: component = 0                  !! 1 2 3: x y z
+        integer :: spring = 0
+        integer :: length_power = 0               !! of its dimension
+    end type measure_spec
+
+    !> A law over the state: a table over a measure or another law, or a formula.
+    type :: state_law
+        character(len=2*name_len) :: name = ""    !! "law 'gas'", "load on 'ram.tool', force"
+        integer :: over = 0                       !! argument of the table: a measure; below zero another law; 0: a formula
+        character(len=name_len) :: over_name = "" !! what messages call it
+        character(len=16) :: over_unit = ""       !! its SI unit
+        type(law_spec) :: table                   !! knots over that
+        real(wp) :: period = 0                    !! after which the table begins anew; 0: never
+        type(formula_type) :: formula
+        logical :: wraps = .false.                !! it comes from an angle that counts no turns
+    end type state_law
+
+    !> All laws over the state, each behind those that it takes.
+    type :: law_book
+        type(measure_spec), allocatable :: measure(:)
+        type(state_law), allocatable :: law(:)
+        real(wp) :: scale = 1                     !! of a similar mechanism: its lengths over those that the laws mean
+    end type law_book
 
     !> One generalized coordinate.
     type :: coordinate_spec
@@ -126,7 +173,7 @@ module linkdyn_scene
     type :: drive_spec
         integer :: kind = drive_inverse
         real(wp) :: value(8) = 0                  !! constant: force. spring-damper: stiffness, damping, rest. dc-motor: n eta K_T K_E K_P R_a. pd: stiffness, damping
-        type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table)
+        type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table, over)
     end type drive_spec
 
     !> A driven joint variable: in inverse dynamics its force or torque is an unknown.
@@ -162,6 +209,7 @@ module linkdyn_scene
         real(wp) :: stiffness = 0                 !! [N/m], [N m/rad] at an angle
         real(wp) :: damping = 0                   !! [N s/m], [N m s/rad]
         real(wp) :: rest = 0                      !! length or joint variable without force [m, rad]
+        type(law_spec) :: force                   !! beside stiffness and damping [N, N m]; law_none: nothing
         integer :: line = 0
     end type spring_spec
 
@@ -223,17 +271,37 @@ module linkdyn_scene
         type(variable_spec), allocatable :: variable(:)
         type(link_spec) :: frame
         type(link_spec), allocatable :: link(:)
-        type(joint_spec), allocatable :: joint(:)    !! those that hold something, then measures by which coordinates lead links
+        type(joint_spec), allocatable :: joint(:)    !! those that hold something, then parts of poses by which coordinates lead links
         type(coordinate_spec), allocatable :: coordinate(:)
         type(actuator_spec), allocatable :: actuator(:)
         type(load_spec), allocatable :: load(:)
         type(spring_spec), allocatable :: spring(:)
+        type(law_book) :: laws
         type(hold_spec), allocatable :: hold(:)   !! how idle spins are settled; absent: nobody has looked, no file says it
         type(time_spec) :: time
         type(sweep_spec) :: sweep
     end type scene_type
 
 contains
+
+    !> Does any law over the state ask for the instant, too?
+    pure logical function takes_time(scene)
+        type(scene_type), intent(in) :: scene
+        integer :: i, k
+
+        takes_time = .false.
+        do i = 1, size(scene%laws%law)
+            associate (law => scene%laws%law(i))
+                if (law%over > 0) takes_time = takes_time .or. scene%laws%measure(law%over)%kind == measure_time
+                do k = 1, law%formula%n
+                    associate (node => law%formula%node(k))
+                        if (node%op == node_symbol .and. node%a > 0) takes_time = takes_time .or. &
+                            scene%laws%measure(max(1, node%a))%kind == measure_time
+                    end associate
+                end do
+            end associate
+        end do
+    end function takes_time
 
     !> Links whose idle spins are settled, with blanks between them; those that spin as one are joined by "+".
     pure function idle_spins(scene) result(text)
@@ -253,7 +321,7 @@ contains
     pure integer function n_holding(scene)
         type(scene_type), intent(in) :: scene
 
-        n_holding = count(.not. is_measure(scene%joint%kind))
+        n_holding = count(.not. is_pose_part(scene%joint%kind))
     end function n_holding
 
     !> The file in front of a message, unless it begins with one of the scene's already.

@@ -6,7 +6,7 @@ module linkdyn_table
     use linkdyn_scene, only: law_spec
     implicit none (type, external)
     private
-    public :: table_place, find_places, evaluate_table, interval_of, fit_spline
+    public :: table_place, find_places, evaluate_table, interval_of, fit_spline, fit_periodic_spline, lies_within
 
     !> Where an instant lies.
     type :: table_place
@@ -196,4 +196,64 @@ contains
         curvature(1) = curvature(2) + (curvature(2) - curvature(3))*h(1)/h(2)
         curvature(n) = curvature(n - 1) + (curvature(n - 1) - curvature(n - 2))*h(n - 1)/h(n - 2)
     end subroutine fit_spline
+
+    !> Does an argument lie among the knots, to some roundings?
+    pure elemental logical function lies_within(first, last, t)
+        real(wp), intent(in) :: first, last    !! knots at both ends
+        real(wp), intent(in) :: t
+
+        lies_within = t >= first - slack([first, last]) .and. t <= last + slack([first, last])
+    end function lies_within
+
+    !> Second derivatives of the periodic C2 cubic spline: the last knot is the first one after a period, and has its value.
+    !>
+    !> The corners of the cyclic matrix are a correction of rank one (Sherman and Morrison).
+    pure subroutine fit_periodic_spline(time, knot, curvature)
+        real(wp), intent(in) :: time(:)        !! knots (n), increasing
+        real(wp), intent(in) :: knot(:)        !! values (n), the last equal to the first
+        real(wp), intent(out) :: curvature(:)  !! second derivatives (n)
+        real(wp), allocatable :: h(:), slope(:), diagonal(:), right(:, :)
+        real(wp) :: corner, factor
+        integer :: i, m
+
+        m = size(time) - 1                     ! different knots
+        curvature = 0
+        if (m < 2) return
+        h = time(2:) - time(:m)
+        slope = (knot(2:) - knot(:m))/h
+        allocate (diagonal(m), right(m, 2))
+        right = 0
+        do i = 1, m
+            associate (before => merge(m, i - 1, i == 1))
+                diagonal(i) = 2*(h(before) + h(i))
+                right(i, 1) = 6*(slope(i) - slope(before))
+            end associate
+        end do
+        if (m == 2) then
+            ! both neighbours of a knot are the other one
+            associate (a => diagonal(1), b => h(1) + h(2))
+                curvature(1) = (a*right(1, 1) - b*right(2, 1))/(a**2 - b**2)
+                curvature(2) = (a*right(2, 1) - b*right(1, 1))/(a**2 - b**2)
+            end associate
+            curvature(3) = curvature(1)
+            return
+        end if
+        corner = h(m)
+        diagonal(1) = diagonal(1) - corner
+        diagonal(m) = diagonal(m) - corner
+        right(1, 2) = corner
+        right(m, 2) = corner
+        do i = 2, m
+            factor = h(i - 1)/diagonal(i - 1)
+            diagonal(i) = diagonal(i) - factor*h(i - 1)
+            right(i, :) = right(i, :) - factor*right(i - 1, :)
+        end do
+        right(m, :) = right(m, :)/diagonal(m)
+        do i = m - 1, 1, -1
+            right(i, :) = (right(i, :) - h(i)*right(i + 1, :))/diagonal(i)
+        end do
+        factor = (right(1, 1) + right(m, 1))/(1 + right(1, 2) + right(m, 2))
+        curvature(:m) = right(:, 1) - factor*right(:, 2)
+        curvature(m + 1) = curvature(1)
+    end subroutine fit_periodic_spline
 end module linkdyn_table

@@ -7,7 +7,7 @@ module linkdyn_recorded_forces
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_block, only: block_lanes
     use linkdyn_force_program, only: make_force_program, out_alarm, out_reach
-    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_branch, in_place
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_finite, only: all_are_finite
     use linkdyn_kinds, only: wp
@@ -271,6 +271,10 @@ contains
         call leave_what_is_no_number(in_q)
         call leave_what_is_no_number(in_qd)
         call leave_what_is_no_number(in_qdd)
+        if (size(recorded%model%scene%laws%law) > 0) then      ! which have no value everywhere
+            call leave_what_is_no_number(in_load)
+            call leave_what_is_no_number(in_pull)
+        end if
         if (all(is_left)) return
         call load_samples(recorded%program, arrays, first, count, space%slots)
         call run_samples(recorded%program, space%slots, first, count, to, is_left)

@@ -252,6 +252,19 @@ def keep_memory(n_bytes: int) -> None:
         np.empty(n_bytes, dtype=np.uint8)
 
 
+def state_loads(handle: int, in_order: bool, q: Floats, qd: Floats, t: Floats, n_load: int) -> Floats:
+    """The scene's own loads (n, n_load, 6) [N, N m] at states (n, n_q), those that follow the state too.
+
+    Parameters
+    ----------
+    in_order
+        The states follow each other along a motion, and so does the assembly.
+    """
+    load = np.empty((len(t), n_load, LOAD_WIDTH))
+    check(*_api.api_state_loads(handle, int(in_order), _flat(q), _flat(qd), t, _flat(load)))
+    return load
+
+
 class Inverse:
     """Inverse dynamics of one kind: made ready once, run for many batches.
 
@@ -274,7 +287,7 @@ class Inverse:
         threads: int,
         first: int,
         in_order: bool,
-        inputs: tuple[Floats, Floats, Floats, Floats],
+        inputs: tuple[Floats, Floats, Floats, Floats, Floats],
         outputs: dict[str, NDArray[Any]],
     ) -> tuple[NDArray[np.intc], int, str]:
         """Some samples, into the arrays given.
@@ -286,7 +299,7 @@ class Inverse:
         in_order
             The samples follow each other: the assembly is followed by continuity.
         inputs
-            q, qd, qdd (n, n_q) and load (n, n_load, 6).
+            q, qd, qdd (n, n_q), load (n, n_load, 6) and t (n or 1).
         outputs
             Arrays of the results wanted by name, C-ordered, sample first, and "status".
 

@@ -104,7 +104,8 @@ def _loads(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors
     n, scene = len(motion.position), motion.scene
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
     links = scene.description["links"]
-    values = scene.load_values(run.time.values if "time" in run.coords else np.zeros(1))
+    has_time = "time" in run.coords
+    values = scene.load_values(run.time.values if has_time else np.zeros(1), run.q.values, run.qd.values, in_order=has_time)
     given: list[tuple[int, str, Vectors]] = []
     for i, load in enumerate(scene.description["loads"]):
         wrench = np.broadcast_to(values[:, i], (n, 6))

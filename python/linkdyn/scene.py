@@ -296,16 +296,39 @@ class Scene:
         instants = self.times() if t is None else self._instants(t)
         return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[:3]
 
-    def load_values(self, t: ArrayLike | None = None) -> NDArray[np.float64]:
+    def load_values(
+        self,
+        t: ArrayLike | None = None,
+        q: ArrayLike | None = None,
+        qd: ArrayLike | None = None,
+        *,
+        in_order: bool | None = None,
+    ) -> NDArray[np.float64]:
         """The scene's own loads: (N, number of loads, 6) Fx Fy Fz [N] Mx My Mz [N m], in the axes of each load.
 
         Parameters
         ----------
         t
-            (N,) instants [s]; default: `times`.
+            (N,) instants [s]; default: `times`, or 0 if there are states.
+        q, qd
+            (N, n) states of the mechanism, for loads that follow it; default: the scene's motion at ``t``.
+        in_order
+            The states follow each other along a motion, and so does the assembly; default: without ``q``.
         """
-        instants = self.times() if t is None else self._instants(t)
-        return _bind.loads(self._handle, instants, len(self.loads))
+        if q is None and t is None:
+            instants = self.times()
+        else:
+            instants = self._instant_or_0(t)
+        if not any(load["follows_state"] for load in self.description["loads"]):
+            return _bind.loads(self._handle, instants, len(self.loads))
+        follows = q is None if in_order is None else as_flag("in_order", in_order)
+        if q is None:
+            q, qd, _ = self.motion(instants)
+        given = self._given(q, qd, None)
+        n = len(given["q"])
+        if len(instants) not in (1, n):
+            raise InputError(f"t: expected one instant or shape ({n},), got ({len(instants)},)")
+        return _bind.state_loads(self._handle, follows, given["q"], given["qd"], np.array(np.broadcast_to(instants, n)), len(self.loads))
 
     def poses(
         self,
@@ -406,7 +429,7 @@ class Scene:
             given = self._given(q, qd, qdd)
             load = self._loads_at(job, t, len(given["q"]))
         extra = self._wrenches(wrench, len(given["q"]))
-        outputs, roads, failure = self._run(job, threads, given, load, extra)
+        outputs, roads, failure = self._run(job, threads, given, load, extra, self._instant_or_0(t))
         told = self._told(extra, len(given["q"]))
         data = job.template().fill(given | outputs, roads, told)
         data.encoding[FOLDER] = self.folder
@@ -787,7 +810,8 @@ class Scene:
         job = self._job(want, solver, wrench, False, error)
         given = self._given(q, qd, qdd)
         n = len(given["q"])
-        return self._run(job, threads, given, self._loads_at(job, t, n), self._wrenches(wrench, n))[0]
+        loads = self._loads_at(job, t, n)
+        return self._run(job, threads, given, loads, self._wrenches(wrench, n), self._instant_or_0(t))[0]
 
     def _job(
         self,
@@ -838,6 +862,7 @@ class Scene:
         given: dict[str, NDArray[np.float64]],
         load: NDArray[np.float64],
         wrench: dict[str, NDArray[np.float64]],
+        t: NDArray[np.float64],
     ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], str]:
         """Blocks of samples through the engine; loads are spread over the samples block by block.
 
@@ -847,12 +872,14 @@ class Scene:
         _bind.keep_memory(n * job.sample_bytes)
         outputs: dict[str, NDArray[Any]] = {name: np.empty((n, *shape), dtype) for name, (shape, dtype) in job.shapes.items()}
         in_order = "time" in given
+        t = given["time"] if in_order else t
         # A motion that may change its assembly on the way is one piece.
         length = max(1, n) if in_order else BLOCK
         failure = ""
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
-            inputs = (given["q"][block], given["qd"][block], given["qdd"][block], _spread(load, list(wrench.values()), block, n))
+            loads = _spread(load, list(wrench.values()), block, n)
+            inputs = (given["q"][block], given["qd"][block], given["qdd"][block], loads, t if len(t) == 1 else t[block])
             places = outputs if n <= length else {name: values[block] for name, values in outputs.items()}
             taken, lost, why = job.engine.run(threads, first, in_order, inputs, places)
             roads += taken
@@ -868,6 +895,10 @@ class Scene:
         if len(instants) not in (1, n):
             raise InputError(f"t: expected one instant or shape ({n},), got ({len(instants)},)")
         return _bind.loads(job.handle, instants, job.n_load)
+
+    def _instant_or_0(self, t: ArrayLike | None) -> NDArray[np.float64]:
+        """Instants of a batch: (N,) or (1,)."""
+        return np.zeros(1) if t is None else self._instants(t)
 
     def _batch(self, name: str, values: ArrayLike, n: int | None, one: bool = False) -> NDArray[np.float64]:
         """Values of the coordinates (N, n), or of one sample (n,) where that will do."""

@@ -1,0 +1,124 @@
+!> What laws over the state depend on, measured: joint variables, markers, springs, their rates, and the instant.
+!>
+!> Needs positions and velocities, angular rates in world axes, and the instant of the state.
+module linkdyn_measures
+    use linkdyn_joint_rates, only: measure_variable
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_law_values, only: evaluate_laws
+    use linkdyn_marker_motion, only: locate_marker
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_marker, measure_spring
+    use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
+    implicit none (type, external)
+    private
+    public :: find_laws, find_measures, measure_distance
+
+contains
+
+    !> Values of all laws into the state.
+    subroutine find_laws(model, state)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: measure(lanes, size(model%scene%laws%measure))
+
+        if (size(model%scene%laws%law) == 0) return
+        call find_measures(model, state, measure)
+        call evaluate_laws(model%scene%laws, measure, state%law, state%mode)
+    end subroutine find_laws
+
+    !> All measures, as the laws mean them: those of a similar mechanism at the size of the scene.
+    subroutine find_measures(model, state, measure)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: measure(:, :)         !! (lane, measure)
+        integer :: k
+
+        associate (book => model%scene%laws)
+            do k = 1, size(book%measure)
+                call find_measure(model, book%measure(k), state, measure(:, k))
+                if (book%measure(k)%length_power /= 0) measure(:, k) = measure(:, k)/book%scale**book%measure(k)%length_power
+            end do
+        end associate
+    end subroutine find_measures
+
+    subroutine find_measure(model, spec, state, number)
+        type(model_type), intent(in) :: model
+        type(measure_spec), intent(in) :: spec
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: number(lanes)
+        real(wp) :: value(lanes), rate(lanes)
+        type(vec3) :: point, velocity
+
+        select case (spec%kind)
+        case (measure_joint)
+            call measure_variable(model, state, spec%joint, spec%variable, spread(spec%near, 1, lanes), value, rate)
+        case (measure_marker)
+            call locate_marker(model, spec%link, spec%marker, state, point, velocity)
+            value = component_of(point, spec%component)
+            rate = component_of(velocity, spec%component)
+        case (measure_spring)
+            call measure_spring_length(model, model%scene%spring(spec%spring), state, value, rate)
+            value = value - model%scene%spring(spec%spring)%rest
+        case default
+            value = state%time
+            rate = 1
+        end select
+        number = value
+        if (spec%is_rate) number = rate
+    end subroutine find_measure
+
+    pure function component_of(v, component) result(number)
+        type(vec3), intent(in) :: v
+        integer, intent(in) :: component
+        real(wp) :: number(lanes)
+
+        number = v%z
+        if (component == 1) number = v%x
+        if (component == 2) number = v%y
+    end function component_of
+
+    !> Distance or joint variable of a spring, and its rate.
+    subroutine measure_spring_length(model, spring, state, value, rate)
+        type(model_type), intent(in) :: model
+        type(spring_spec), intent(in) :: spring
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: value(lanes), rate(lanes)
+        type(vec3) :: point(2), line
+        logical :: ignored(lanes)
+
+        if (spring%joint > 0) then
+            call measure_variable(model, state, spring%joint, spring%variable, spread(spring%rest, 1, lanes), value, rate)
+        else
+            call measure_distance(model, spring, state, point, line, value, rate, ignored)
+        end if
+    end subroutine measure_spring_length
+
+    !> Distance of a spring's two markers and how it changes.
+    subroutine measure_distance(model, spring, state, point, line, distance, rate, is_lost)
+        type(model_type), intent(in) :: model
+        type(spring_spec), intent(in) :: spring
+        type(kinematic_state), intent(in) :: state
+        type(vec3), intent(out) :: point(2)            !! markers, world axes [m]
+        type(vec3), intent(out) :: line                !! unit vector from the first to the second; zero where it is lost
+        real(wp), intent(out) :: distance(lanes), rate(lanes)
+        logical, intent(out) :: is_lost(lanes)         !! the direction: the markers coincide
+        ! Rounding leaves the markers uncertain by a few eps of their distance from the origin. So close to each other half
+        ! of the digits of their direction are gone.
+        real(wp), parameter :: close = sqrt(epsilon(1.0_wp))
+        type(vec3) :: velocity(2)
+        real(wp) :: reach(lanes)
+        integer :: side
+
+        do side = 1, 2
+            call locate_marker(model, spring%link(side), spring%marker(side), state, point(side), velocity(side))
+        end do
+        line = point(2) - point(1)
+        distance = sqrt(line.dot.line)
+        reach = sqrt(point(1).dot.point(1)) + sqrt(point(2).dot.point(2))
+        is_lost = .not. distance > close*reach
+        line = merge(0.0_wp, 1/max(distance, tiny(1.0_wp)), is_lost)*line
+        rate = line.dot.(velocity(2) - velocity(1))
+    end subroutine measure_distance
+end module linkdyn_measures

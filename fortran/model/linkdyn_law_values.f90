@@ -1,0 +1,77 @@
+!> Values of laws over the state, given what they depend on.
+module linkdyn_law_values
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_formula, only: evaluate_formula
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: law_book, state_law
+    use linkdyn_table, only: table_place, find_places, evaluate_table, lies_within
+    implicit none (type, external)
+    private
+    public :: evaluate_laws, law_argument, is_outside
+
+contains
+
+    !> All laws at all samples. One that has no value there is not a number: a table beyond its rows, a division by zero.
+    pure subroutine evaluate_laws(book, measure, value, mode)
+        type(law_book), intent(in) :: book
+        real(wp), intent(in) :: measure(:, :)      !! (n, measure)
+        real(wp), intent(out) :: value(:, :)       !! (n, law)
+        real(wp), intent(out) :: mode(:)           !! (n) on one side of all jumps it stays the same
+        real(wp) :: argument(size(value, 1)), found(size(value, 1))
+        integer :: k
+
+        mode = 0
+        do k = 1, size(book%law)
+            if (book%law(k)%over /= 0) then
+                argument = law_argument(book%law(k), measure, value)
+                call look_up(book%law(k), argument, found)
+            else
+                call evaluate_formula(book%law(k)%formula, measure, value, found, mode)
+            end if
+            value(:, k) = found
+        end do
+    end subroutine evaluate_laws
+
+    !> What the table of a law is read at.
+    pure function law_argument(law, measure, value) result(argument)
+        type(state_law), intent(in) :: law         !! one with a table
+        real(wp), intent(in) :: measure(:, :)      !! (n, measure)
+        real(wp), intent(in) :: value(:, :)        !! (n, law): laws before this one
+        real(wp) :: argument(size(value, 1))
+
+        if (law%over > 0) then
+            argument = measure(:, law%over)
+        else
+            argument = value(:, -law%over)
+        end if
+    end function law_argument
+
+    !> Has a table no row for an argument?
+    pure elemental logical function is_outside(law, argument)
+        type(state_law), intent(in) :: law
+        real(wp), intent(in) :: argument
+
+        associate (knot => law%table%time)
+            is_outside = .not. (law%period > 0 .or. lies_within(knot(1), knot(size(knot)), argument))
+        end associate
+    end function is_outside
+
+    pure subroutine look_up(law, argument, value)
+        type(state_law), intent(in) :: law
+        real(wp), intent(in) :: argument(:)        !! (n)
+        real(wp), intent(out) :: value(:)          !! (n)
+        type(table_place) :: place(size(argument))
+        real(wp) :: at(size(argument))
+        logical :: is_lost(size(argument))
+        integer :: near
+
+        at = argument
+        if (law%period > 0) at = law%table%time(1) + modulo(argument - law%table%time(1), law%period)
+        is_lost = is_outside(law, argument) .or. .not. abs(argument) <= huge(1.0_wp)
+        where (is_lost) at = law%table%time(1)
+        near = 1
+        call find_places(law%table%time, at, near, place)
+        call evaluate_table(law%table, place, value)
+        where (is_lost) value = ieee_value(1.0_wp, ieee_quiet_nan)
+    end subroutine look_up
+end module linkdyn_law_values

@@ -1,0 +1,451 @@
+"""Forces that depend on the state of the mechanism, each against a road of its own: closed forms, virtual power by hand, mpmath."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import linkdyn
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+SLIDE = """
+space = "planar"
+gravity = [0, {gravity}]
+
+[frame]
+markers = {{ O = {{ at = [0, 0], axis = {axis} }} }}
+
+[[link]]
+name = "mass"
+mass = {mass}
+inertia = 0.001
+markers = {{ C = {{ at = [0, 0], axis = {axis} }} }}
+
+[[joint]]
+name = "x"
+type = "prismatic"
+between = ["frame.O", "mass.C"]
+
+[[coordinate]]
+joint = "x"
+start = {{ position = {start}, velocity = {velocity} }}
+
+[measures]
+x = {{ joint = "x" }}
+u = {{ joint = "x", rate = true }}
+w = {{ marker = "mass.C", component = "y", rate = true }}
+
+{forces}
+
+[time]
+end = {end}
+samples = {samples}
+"""
+
+
+def slide(forces: str, *, mass: float = 1, start: float = 0, velocity: float = 0, gravity: float = 0, axis: str = "[1, 0]",
+          end: float = 2, samples: int = 5) -> linkdyn.Scene:
+    """A mass on a rail."""
+    return linkdyn.Scene(SLIDE.format(forces=forces, mass=mass, start=start, velocity=velocity, gravity=gravity, axis=axis,
+                                      end=end, samples=samples))
+
+
+# ---------------------------------------------------------------- forward runs against closed forms
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex", "msbdf"])
+def test_fall_through_air(method: str) -> None:
+    """Quadratic drag: w = -vt tanh(g t/vt), y = -vt^2/g log cosh(g t/vt)."""
+    scene = slide('[[load]]\non = "mass.C"\nforce = [0, "-0.01 N*s^2/m^2*w*abs(w)"]', mass=0.2, gravity=-9.81, axis="[0, 1]", end=4)
+    try:
+        run = scene.forward(method=method)
+    except linkdyn.UnavailableError:
+        pytest.skip("built without GSL")
+    t, vt = run.time.values, math.sqrt(0.2 * 9.81 / 0.01)
+    loose = 1e-5 if method == "msbdf" else 2e-8
+    np.testing.assert_allclose(run.qd[:, 0], -vt * np.tanh(9.81 * t / vt), rtol=loose, atol=loose)
+    np.testing.assert_allclose(run.q[:, 0], -(vt**2) / 9.81 * np.log(np.cosh(9.81 * t / vt)), rtol=loose, atol=loose)
+
+
+def test_fall_in_space_is_that_in_a_plane() -> None:
+    """The same fall of a spatial body, measured in z."""
+    scene = linkdyn.Scene("""
+space = "spatial"
+gravity = [0, 0, -9.81]
+[[link]]
+name = "ball"
+mass = 0.2
+inertia = [0.001, 0.001, 0.001, 0, 0, 0]
+markers = { C = [0, 0, 0] }
+[[coordinate]]
+link = "ball"
+[measures]
+w = { coordinate = "ball.z", rate = true }
+[[load]]
+on = "ball.C"
+force = [0, 0, "-0.01 N*s^2/m^2*w*abs(w)"]
+[time]
+end = 4
+samples = 5
+""")
+    run = scene.forward()
+    vt = math.sqrt(0.2 * 9.81 / 0.01)
+    np.testing.assert_allclose(run.qd[:, 2], -vt * np.tanh(9.81 * run.time / vt), rtol=1e-8, atol=1e-9)
+
+
+def test_load_that_turns_with_its_link() -> None:
+    """A moment on a turning disk, -c omega, and a force in the disk's axes that adds c r: spin fades as exp(-c t/J)."""
+    scene = linkdyn.Scene("""
+space = "spatial"
+[frame]
+markers = { O = [0, 0, 0] }
+[[link]]
+name = "disk"
+mass = 1
+inertia = [0.3, 0.3, 0.5, 0, 0, 0]
+markers = { O = [0, 0, 0], rim = ["0.4 m", 0, 0] }
+[[joint]]
+name = "J"
+type = "revolute"
+between = ["frame.O", "disk.O"]
+[[coordinate]]
+joint = "J"
+start = { position = 1, velocity = 3 }
+[measures]
+omega = { joint = "J", rate = true }
+[[load]]
+on = "disk.rim"
+axes = "link"
+force = [0, "-0.1 N*s*omega/(1 rad)", 0]
+moment = [0, 0, "-0.2 N*m*s/rad*omega"]
+[time]
+end = 2
+samples = 5
+""")
+    run = scene.forward()
+    np.testing.assert_allclose(run.qd[:, 0], 3 * np.exp(-(0.2 + 0.1 * 0.4) / 0.5 * run.time), rtol=1e-8)
+
+
+def test_cubic_spring() -> None:
+    """Duffing's oscillator against 30 digits of mpmath's Taylor series."""
+    mp = pytest.importorskip("mpmath")
+    with mp.workdps(30):
+        solve = mp.odefun(lambda _, y: [y[1], -10 * y[0] - 1000 * y[0] ** 3], 0, [mp.mpf("0.3"), 0])
+        wanted = [[float(c) for c in solve(t)] for t in (0.5, 1)]
+    scene = slide('[[spring]]\nname = "k"\njoint = "x"\nstiffness = 10\nforce = "1000 N/m^3*stretch^3"', start=0.3, end=1, samples=3)
+    run = scene.forward(rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(np.column_stack([run.q[1:, 0], run.qd[1:, 0]]), wanted, rtol=1e-8)
+
+
+def test_spring_between_markers_by_table(tmp_path: Path) -> None:
+    """A characteristic in two straight pieces: half swings of two stiffnesses, one after the other."""
+    (tmp_path / "k.csv").write_text("stretch [m], F [N]\n-1, -40\n0, 0\n1, 90\n")
+    text = SLIDE.format(mass=1, gravity=0, axis="[1, 0]", start=0, velocity=2, end=1, samples=41, forces="""
+[[spring]]
+name = "k"
+between = ["frame.base", "mass.C"]
+rest = "3 m"
+force = { table = "k.csv", column = "F", over = "stretch" }
+""").replace("markers = { O = {", "markers = { base = [-3, 0], O = {", 1)
+    run = linkdyn.Scene(text, folder=tmp_path).forward()
+    first, second = math.sqrt(90), math.sqrt(40)
+    t = run.time.values
+    back = t - math.pi / first
+    wanted = np.where(back < 0, 2 / first * np.sin(first * t), -2 / second * np.sin(second * back))
+    assert math.pi / first + math.pi / second > 0.8
+    np.testing.assert_allclose(run.q[t < 0.8, 0], wanted[t < 0.8], atol=3e-8)
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs"])
+def test_sliding_friction_by_sign(method: str) -> None:
+    """A spring and dry friction: half cosines about +-0.05 m, each 0.1 m shorter; the force jumps wherever the mass turns."""
+    scene = slide('[[actuator]]\njoint = "x"\nlaw = { type = "formula", value = "-0.5 N*sign(u)" }\n'
+                  '[[spring]]\nname = "k"\njoint = "x"\nstiffness = 10', start=1, end=4, samples=41)
+    try:
+        run = scene.forward(method=method)
+    except linkdyn.UnavailableError:
+        pytest.skip("built without GSL")
+    assert run.attrs["stopped"] == ""
+    w = math.sqrt(10)
+    n = np.floor(run.time.values * w / math.pi)
+    wanted = (-1) ** n * ((1 - 0.1 * n - 0.05) * np.cos(w * run.time.values - n * math.pi) + 0.05)
+    np.testing.assert_allclose(run.q[:, 0], wanted, atol=1e-7)
+
+
+def test_law_that_jumps_to_and_fro_is_told() -> None:
+    """Friction that holds: a sign() cannot, and the run says so instead of creeping."""
+    scene = slide('[[load]]\non = "mass.C"\nforce = ["1 N - 3 N*sign(u)", 0]', velocity=1, end=1)
+    run = scene.forward()
+    assert "jumps to and fro" in run.attrs["stopped"] and "tanh" in run.attrs["stopped"]
+    np.testing.assert_allclose(run.q[1, 0], 0.25 - 0.0625, rtol=1e-8)
+    assert np.isnan(run.q[-1, 0])
+
+
+def test_drive_by_table_over_its_joint(tmp_path: Path) -> None:
+    """Driving force -4 x from a table over x: a harmonic motion."""
+    (tmp_path / "f.csv").write_text("x [mm], push [N]\n-2000, 8\n2000, -8\n")
+    scene = linkdyn.Scene(slide("").text.replace("[time]", """[[actuator]]
+joint = "x"
+law = { type = "table", table = "f.csv", column = "push", over = "x" }
+[time]""").replace("position = 0", "position = 0.5"), folder=tmp_path)
+    run = scene.forward()
+    np.testing.assert_allclose(run.q[:, 0], 0.5 * np.cos(2 * run.time), atol=1e-8)
+    np.testing.assert_allclose(run.driving_force[:, 0], -4 * run.q[:, 0], rtol=1e-12, atol=1e-12)
+
+
+# ---------------------------------------------------------------- inverse dynamics by virtual power
+
+
+def ram_way(crank: np.ndarray) -> np.ndarray:
+    """Of the shaper's ram pin over its crank angle, from the drawing alone."""
+    pin = np.array([0.11 * np.cos(crank), 0.32 + 0.11 * np.sin(crank)])
+    lever = np.arctan2(pin[1], pin[0])
+    return 0.6 * np.cos(lever) + np.sqrt(0.18**2 - (0.64 - 0.6 * np.sin(lever)) ** 2)
+
+
+def test_shaper_cuts_one_way_only() -> None:
+    """What the cut and the friction ask of the drive, times its speed, is their power; on the way back the cut asks nothing."""
+    scene = linkdyn.load(EXAMPLES / "shaper" / "scene.toml")
+    run = scene.inverse(want="all")
+    bare = scene.with_({"variables.cut": 0, "variables.rub": 0}).inverse()
+    crank, h = run.q.values[:, 0], 1e-6
+    x = ram_way(crank)
+    v = (ram_way(crank + h) - ram_way(crank - h)) / (2 * h) * run.qd.values[:, 0]
+    way = x - 0.175
+    chip = np.clip((way + 0.12) / 0.004, 0, 1) * (way < 0.15)
+    force = -3500 * chip * (v > 0) - 90 * np.tanh(v / 0.005)
+    torque = (run.driving_force - bare.driving_force).values[:, 0]
+    np.testing.assert_allclose(torque * run.qd.values[:, 0], -force * v, rtol=1e-6, atol=1e-4)
+    assert (chip * (v > 0) > 0.5).sum() > 100 and (chip * (v < 0) > 0.5).sum() > 50    # metal on both ways
+    assert abs(run.power_imbalance).max() < 1e-12
+
+
+@pytest.mark.parametrize("solver", ["lapack", "gauss-jordan", "reduced"])
+def test_solvers_agree(solver: str) -> None:
+    scene = linkdyn.load(EXAMPLES / "shaper" / "scene.toml")
+    np.testing.assert_allclose(scene.inverse(solver=solver).driving_force, scene.inverse().driving_force, rtol=1e-10, atol=1e-8)
+
+
+def test_gas_over_two_turns() -> None:
+    """Torque of the gas by its pressure, read from the file by numpy, and the lever arm of the crank drive by differences."""
+    scene = linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml").with_({"variables.viscous": 0})
+    scene = linkdyn.Scene(scene.text.replace('interpolation = "spline"', 'interpolation = "linear"'), folder=scene.folder)
+    q = np.linspace(-20, 40, 601)[:, np.newaxis] + 0.003        # ten turns; 0.003 keeps off the rows
+    qd = np.full(q.shape, 100.0)
+    table = np.loadtxt(EXAMPLES / "four_stroke" / "pressure.csv", delimiter=",", skiprows=2)
+    phi = np.degrees(q[:, 0]) - 90
+    pressure = np.interp(phi % 720, np.append(table[:, 0], 720), np.append(table[:, 1], table[0, 1]))
+    bare = scene.with_({"variables.bore": 1e-9})
+
+    def height(angle: np.ndarray) -> np.ndarray:
+        return 0.043 * np.sin(angle) + np.sqrt(0.143**2 - (0.043 * np.cos(angle)) ** 2)
+
+    slope = (height(q[:, 0] + 1e-6) - height(q[:, 0] - 1e-6)) / 2e-6
+    torque = (scene.inverse(q, qd).driving_force - bare.inverse(q, qd).driving_force).values[:, 0]
+    wanted = (pressure - 101.3) * 1e3 * math.pi / 4 * 0.086**2 * slope
+    np.testing.assert_allclose(torque, wanted, rtol=1e-6, atol=1e-3)
+
+
+def test_periodic_spline_goes_round(tmp_path: Path) -> None:
+    """A sine from 24 rows, smooth across the end of its period and turns away from it."""
+    rows = "\n".join(f"{a}, {math.sin(math.radians(a))!r}" for a in range(0, 360, 15))
+    (tmp_path / "s.csv").write_text("angle [deg], M [N*m]\n" + rows + "\n")
+    scene = linkdyn.Scene("""
+space = "planar"
+[frame]
+markers = { O = [0, 0] }
+[[link]]
+name = "disk"
+mass = 1
+inertia = 1
+markers = { O = [0, 0] }
+[[joint]]
+name = "J"
+type = "revolute"
+between = ["frame.O", "disk.O"]
+[[coordinate]]
+joint = "J"
+[[actuator]]
+joint = "J"
+[measures]
+phi = { joint = "J" }
+[[load]]
+on = "disk.O"
+moment = { table = "s.csv", column = "M", argument = "angle", over = "phi", period = "1 rev", interpolation = "spline" }
+""", folder=tmp_path)
+    q = np.linspace(-30, 30, 977)[:, np.newaxis]
+    np.testing.assert_allclose(scene.inverse(q).driving_force[:, 0], -np.sin(q[:, 0]), atol=1.5e-5)
+    near = np.array([[2 * math.pi - 1e-7], [2 * math.pi + 1e-7]])
+    found = scene.inverse(near).driving_force.values[:, 0]
+    np.testing.assert_allclose(np.diff(found), -2e-7 * np.cos(0), rtol=1e-2)
+
+
+def test_press_over_its_slide(tmp_path: Path) -> None:
+    """Stamping force over the way of the ram: the torque of an eccentric press is force times dx/dphi."""
+    (tmp_path / "stamp.csv").write_text("x [mm], F [kN]\n0, 0\n240, 0\n255, 60\n258, 150\n262, 20\n270, 20\n")
+    scene = linkdyn.Scene("""
+space = "planar"
+[frame]
+markers = { O = [0, 0], rail = { at = [0, 0], axis = [1, 0] } }
+[[link]]
+name = "crank"
+markers = { O = [0, 0], A = { at = [0.06, 0], axis = [1, 0] } }
+mass = 0
+[[link]]
+name = "rod"
+markers = { A = [0, 0], B = [0.2, 0] }
+mass = 0
+[[link]]
+name = "ram"
+markers = { B = { at = [0, 0], axis = [1, 0] } }
+mass = 0
+start = { position = [0.2, 0] }
+[[joint]]
+name = "O"
+type = "revolute"
+between = ["frame.O", "crank.O"]
+[[joint]]
+name = "A"
+type = "revolute"
+between = ["crank.A", "rod.A"]
+[[joint]]
+name = "B"
+type = "revolute"
+between = ["rod.B", "ram.B"]
+[[joint]]
+name = "rail"
+type = "prismatic"
+between = ["frame.rail", "ram.B"]
+[[coordinate]]
+joint = "O"
+[[actuator]]
+joint = "O"
+[measures]
+x = { joint = "rail" }
+v = { joint = "rail", rate = true }
+[laws]
+stamp = { table = "stamp.csv", column = "F", over = "x" }
+[[load]]
+on = "ram.B"
+force = ["if(v, -stamp, 0 N)", 0]
+""", folder=tmp_path)
+    q = np.linspace(0.01, 6.2, 400)[:, np.newaxis]
+    for sense in (1.0, -1.0):
+        force = scene.inverse(q, np.full(q.shape, sense)).driving_force.values[:, 0]
+        x = 0.06 * np.cos(q[:, 0]) + np.sqrt(0.04 - (0.06 * np.sin(q[:, 0])) ** 2)
+        slope = -0.06 * np.sin(q[:, 0]) * (1 + 0.06 * np.cos(q[:, 0]) / np.sqrt(0.04 - (0.06 * np.sin(q[:, 0])) ** 2))
+        stamp = np.interp(x * 1e3, [0, 240, 255, 258, 262, 270], [0, 0, 60, 150, 20, 20]) * 1e3
+        np.testing.assert_allclose(force, np.where(slope * sense > 0, stamp, 0) * slope, rtol=1e-9, atol=1e-6)
+
+
+def test_forward_follows_inverse() -> None:
+    """The engine driven by what inverse dynamics found turns as it was told to."""
+    scene = linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml")
+    text = scene.text[: scene.text.index("law = { type = \"formula\"")] + 'law = { type = "inverse" }\n' \
+        + scene.text[scene.text.index("\n[measures]"):]
+    scene = linkdyn.Scene(text, folder=scene.folder)
+    run = scene.forward(0.02, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(run.q[:, 0], math.pi / 2 + 100 * math.pi * run.time, rtol=1e-7)
+    wanted = scene.inverse(t=run.time.values)
+    np.testing.assert_allclose(run.driving_force, wanted.driving_force, atol=1e-4)
+
+
+def test_forward_run_keeps_its_energy_books() -> None:
+    """What the engine's brake takes out, the gas puts in: kinetic energy changes by the work of all forces."""
+    scene = linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml")
+    run = scene.forward(want="all")
+    assert run.attrs["stopped"] == "" and (run.status == 0).all()
+    assert abs(run.power_imbalance).max() < 1e-9
+    speed = run.qd.values[:, 0]
+    assert 290 < speed.min() < speed.max() < 340
+    assert np.ptp(speed) > 5                                            # one power stroke in four
+
+
+# ---------------------------------------------------------------- everywhere alike
+
+
+def test_time_beside_the_state() -> None:
+    """A law of time and place: `t` of a batch reaches it."""
+    scene = slide('[[actuator]]\njoint = "x"\n[[load]]\non = "mass.C"\nforce = ["3 N/(m*s)*x*time", 0]')
+    q = np.array([[0.5], [0.7], [0.9]])
+    t = np.array([1.0, 2.0, 4.0])
+    np.testing.assert_allclose(scene.inverse(q, t=t).driving_force[:, 0], -3 * q[:, 0] * t, rtol=1e-14)
+    np.testing.assert_allclose(scene.solve(q, t=t)["driving_force"][:, 0], -3 * q[:, 0] * t, rtol=1e-14)
+    np.testing.assert_allclose(scene.inverse(q).driving_force[:, 0], 0, atol=1e-300)
+    run = slide('[[load]]\non = "mass.C"\nforce = ["6 N/s*time", 0]').forward()
+    np.testing.assert_allclose(run.q[:, 0], run.time**3, atol=1e-9)
+
+
+def test_sweep_is_the_batch() -> None:
+    """Torques of the shaper over crank angles, speeds and cuts: those of a sweep are those of batches, design by design."""
+    scene = linkdyn.load(EXAMPLES / "shaper" / "scene.toml")
+    found = scene.sweep({
+        "reduce": ["driving_force"],
+        "axis": [
+            {"parameter": "variables.cut", "values": [1000.0, 3500.0]},
+            {"rate": "crank", "values": [-6.0, 3.0]},
+            {"coordinate": "crank", "linspace": [0.0, 6.0, 61]},
+        ],
+    }, keep="driving_force")
+    kept = found["driving_force_kept"] if "driving_force_kept" in found else found["driving_force"]
+    kept = np.asarray(kept).reshape(2, 2, 61)
+    q = np.linspace(0, 6, 61)[:, np.newaxis]
+    for i, cut in enumerate((1000.0, 3500.0)):
+        for k, rate in enumerate((-6.0, 3.0)):
+            wanted = scene.with_({"variables.cut": cut}).inverse(q, np.full(q.shape, rate)).driving_force.values[:, 0]
+            np.testing.assert_allclose(kept[i, k], wanted, rtol=1e-12)
+    assert np.ptp(kept[1, 0] - kept[0, 0]) > 100
+
+
+def test_sweep_over_time() -> None:
+    """Along the motion laws have its instants."""
+    scene = slide('[[actuator]]\njoint = "x"\n[[load]]\non = "mass.C"\nforce = ["3 N/s*time", 0]')
+    found = scene.sweep({"reduce": ["driving_force"], "axis": [{"time": True, "linspace": [0, 2, 5]}]})
+    assert float(np.min(found["driving_force_min"] if "driving_force_min" in found else -6)) == -6
+
+
+def test_errors_are_estimated() -> None:
+    """Estimates are small, and no smaller than the difference of two solvers; loads scale as they ought to in similar copies."""
+    scene = linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml")
+    run, other = scene.inverse(error=True), scene.inverse(solver="lapack")
+    assert run.error.quantile(0.98) < 1e-10         # at dead points all moments are zero
+    assert (abs(run.driving_force - other.driving_force) <= 4 * run.driving_force_error + 1e-12).all()
+    shaper = linkdyn.load(EXAMPLES / "shaper" / "scene.toml").inverse(error=True)
+    assert np.median(shaper.error) < 1e-10
+    forward = scene.forward(0.01, error=True)
+    assert forward.qd_error.max() < 1e-3
+
+
+def test_table_left_is_flagged(tmp_path: Path) -> None:
+    """Beyond its rows a table says nothing: the sample is undefined, its neighbours are not; a forward run names the law."""
+    (tmp_path / "f.csv").write_text("x [m], F [N]\n0, 5\n1, 5\n")
+    forces = '[[load]]\non = "mass.C"\nforce = [{ table = "f.csv", column = "F", over = "x" }, 0]'
+    text = SLIDE.format(forces=forces + '\n[[actuator]]\njoint = "x"\nlaw = { type = "constant", value = 0 }', mass=1, start=0.5,
+                        velocity=0, gravity=0, axis="[1, 0]", end=2, samples=21)
+    scene = linkdyn.Scene(text, folder=tmp_path)
+    run = scene.inverse(np.array([[0.0], [0.5], [1.0], [1.0000001], [-3.0], [0.2]]))
+    assert list(run.status.values) == [0, 0, 0, 4, 4, 0]
+    assert np.isnan(run.driving_force[3, 0]) and run.driving_force[5, 0] == -5
+    forward = scene.forward()
+    assert "is outside its table, 0 to 1" in forward.attrs["stopped"] and "mass.C" in forward.attrs["stopped"]
+    good = forward.time.values < 0.447
+    np.testing.assert_allclose(forward.q[good, 0], 0.5 + 2.5 * forward.time[good] ** 2, atol=1e-9)
+
+
+def test_formula_without_value_is_flagged() -> None:
+    scene = slide('[[actuator]]\njoint = "x"\n[[load]]\non = "mass.C"\nforce = ["1 N*m/x + 1 N*sqrt(1 - (x/(1 m))^2)", 0]')
+    run = scene.inverse(np.array([[0.5], [0.0], [2.0], [-1.0]]))
+    assert list(run.status.values) == [0, 4, 4, 0]
+
+
+def test_ensemble_feels_laws() -> None:
+    """Members of an ensemble, each the drag of its own speed."""
+    scene = slide('[[load]]\non = "mass.C"\nforce = ["-2 N*s/m*u", 0]', end=1)
+    u0 = np.linspace(-1, 1, 9)
+    runs = scene.ensemble(np.zeros((9, 1)), u0[:, np.newaxis], [0.0, 0.5, 1.0])
+    last = runs.qd.isel(time=-1).values[:, 0]
+    np.testing.assert_allclose(last, u0 * math.exp(-2), rtol=1e-6, atol=1e-12)
