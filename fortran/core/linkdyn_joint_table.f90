@@ -7,9 +7,10 @@ module linkdyn_joint_table
     implicit none (type, external)
     private
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_fixed, &
-        joint_planar, joint_screw
+        joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
-    public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions, is_threaded
+    public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions
+    public :: is_threaded, is_geared
     public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps
 
     integer, parameter :: joint_revolute = 1     !! angle about the axis
@@ -20,7 +21,10 @@ module linkdyn_joint_table
     integer, parameter :: joint_fixed = 6        !! nothing
     integer, parameter :: joint_planar = 7       !! slides along x and y of the first marker, angle about the common z
     integer, parameter :: joint_screw = 8        !! angle about the axis, the slide along it in proportion
-    integer, parameter :: n_joint_kind = 8
+    integer, parameter :: joint_gear = 9         !! two wheels that mesh
+    integer, parameter :: joint_rack = 10        !! a wheel and a rack
+    integer, parameter :: joint_belt = 11        !! two wheels with a belt or chain round both
+    integer, parameter :: n_joint_kind = 11
 
     ! ---- directions of the forces or moments that a joint transmits
     integer, parameter :: along_nothing = 0    !! none
@@ -32,8 +36,8 @@ module linkdyn_joint_table
 
     integer, parameter :: variable_len = 7
     character(len=11), parameter :: joint_kind_name(n_joint_kind) = [character(len=11) :: &
-        "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw"]
-    integer, parameter :: joint_n_variable(n_joint_kind) = [1, 1, 2, 2, 3, 0, 3, 1]
+        "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw", "gear", "rack", "belt"]
+    integer, parameter :: joint_n_variable(n_joint_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0]
     character(len=variable_len), parameter :: variable_name(3, n_joint_kind) = reshape([character(len=variable_len) :: &
         "angle", "", "", &
         "slide", "", "", &
@@ -42,7 +46,10 @@ module linkdyn_joint_table
         "roll", "pitch", "yaw", &
         "", "", "", &
         "x", "y", "angle", &
-        "angle", "", ""], [3, n_joint_kind])
+        "angle", "", "", &
+        "", "", "", &
+        "", "", "", &
+        "", "", ""], [3, n_joint_kind])
     logical, parameter :: variable_is_slide(3, n_joint_kind) = &                             !! else an angle
         variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y"
     !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second.
@@ -51,15 +58,22 @@ module linkdyn_joint_table
     integer, parameter :: most_slides = 2
     !> Along which axes of the first marker the second moves away from it; 0: no more.
     integer, parameter :: slide_axis(most_slides, n_joint_kind) = &
-        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0], [most_slides, n_joint_kind])
+        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_joint_kind])
     integer, parameter :: force_directions(n_joint_kind) = &
-        [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y]
+        [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y, &
+         along_nothing, along_nothing, along_nothing]
     integer, parameter :: moment_directions(n_joint_kind) = &
-        [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y]
+        [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y, &
+         along_nothing, along_nothing, along_nothing]
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
     logical, parameter :: is_threaded(n_joint_kind) = joint_kind_name == "screw"
+    !> Holds no marker, but ties the angles of two wheels that other joints hold (see `linkdyn_gearing`): it transmits one force,
+    !> with a moment on each of both links.
+    logical, parameter :: is_geared(n_joint_kind) = &
+        joint_kind_name == "gear" .or. joint_kind_name == "rack" .or. joint_kind_name == "belt"
     !> Exists in planar scenes.
-    logical, parameter :: joint_in_plane(n_joint_kind) = [.true., .true., .false., .false., .false., .true., .false., .false.]
+    logical, parameter :: joint_in_plane(n_joint_kind) = &
+        [.true., .true., .false., .false., .false., .true., .false., .false., .true., .true., .true.]
 
 contains
 
@@ -91,6 +105,10 @@ contains
         integer :: n(2)
 
         n = [n_along(force_directions(kind)) + merge(1, 0, is_threaded(kind)), n_along(moment_directions(kind))]
-        if (is_planar) n = n - [1, 2]
+        if (is_geared(kind)) then
+            n = [1, 0]
+        else if (is_planar) then
+            n = n - [1, 2]
+        end if
     end function n_transmitted
 end module linkdyn_joint_table

@@ -4,6 +4,7 @@
 !> are computed only if the state was prepared for them.
 module linkdyn_kinematic_pass
     use linkdyn_csp_step, only: close_csp
+    use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column
     use linkdyn_kinds, only: wp
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, relative_by_quaternion, marker_axis, turn_frame, &
         turn_frame_back
@@ -166,7 +167,7 @@ contains
         type(mat3) :: first
         type(vec3) :: arm, point, slide
         real(wp), dimension(lanes, 3) :: q, qd, qdd
-        real(wp) :: sense
+        real(wp) :: sense, part
         integer :: from, to, known, link, o_known, o, i, k
 
         associate (joint => model%joint(step%joint(1)))
@@ -183,9 +184,9 @@ contains
             qdd = 0
             do i = 1, 3
                 if (step%coordinate(i) == 0) exit
-                q(:, i) = sense*state%q(:, step%coordinate(i))
-                qd(:, i) = sense*state%qd(:, step%coordinate(i))
-                qdd(:, i) = sense*state%qdd(:, step%coordinate(i))
+                q(:, i) = sense*given_position(model, state, step%coordinate(i))
+                qd(:, i) = sense*given_rate(model, state, step%coordinate(i))
+                qdd(:, i) = sense*given_acceleration(model, state, step%coordinate(i))
             end do
             first = turn_frame(state%rotation(o_known), joint%frame(:, :, from))
             if (is_by_quaternion(state, step)) then
@@ -222,14 +223,16 @@ contains
                 if (o /= o_known) state%alpha(k, o) = state%alpha(k, o_known)
                 point = point_column(state%acceleration(k, known), state%alpha(k, o_known), slide)
                 do i = 1, 3
-                    if (step%coordinate(i) /= k) cycle
+                    if (step%coordinate(i) == 0) exit
+                    part = sense*given_column(model, step%coordinate(i), k)
+                    if (part == 0) cycle
                     if (is_slide(joint%kind, i)) then
-                        point = point + sense*motion%axis(i)
+                        point = point + part*motion%axis(i)
                     else if (is_threaded(joint%kind)) then
-                        point = point + (sense*joint%pitch)*motion%axis(i)
-                        state%alpha(k, o) = state%alpha(k, o) + sense*motion%axis(i)
+                        point = point + (part*joint%pitch)*motion%axis(i)
+                        state%alpha(k, o) = state%alpha(k, o) + part*motion%axis(i)
                     else
-                        state%alpha(k, o) = state%alpha(k, o) + sense*motion%axis(i)
+                        state%alpha(k, o) = state%alpha(k, o) + part*motion%axis(i)
                     end if
                 end do
                 state%acceleration(k, link) = point_column(point, state%alpha(k, o), arm)

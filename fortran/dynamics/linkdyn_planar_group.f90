@@ -3,6 +3,7 @@
 !> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it, a weld two
 !> gaps and the angle; a joint whose variable is a coordinate one more. Velocities and accelerations obey the Jacobian of the same gaps.
 module linkdyn_planar_group
+    use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_motion, only: size_of_rows
     use linkdyn_joint_table, only: most_slides
@@ -115,10 +116,10 @@ contains
             row = row + 1
             if (view%slides) then
                 call put_row(view, view%u, row, matrix)
-                right(:, row) = (view%u.dot.view%gap) - state%q(:, c)
+                right(:, row) = (view%u.dot.view%gap) - given_position(model, state, c)
             else
                 call put_turn_row(view, row, matrix)
-                right(:, row) = least_turn(view%turn - state%q(:, c))
+                right(:, row) = least_turn(view%turn - given_position(model, state, c))
             end if
         end do
     end subroutine assemble_gaps
@@ -320,11 +321,11 @@ contains
             row = row + 1
             select case (level)
             case (level_velocity)
-                given = state%qd(:, c)
+                given = given_rate(model, state, c)
             case (level_given)
-                given = state%qdd(:, c)
+                given = given_acceleration(model, state, c)
             case default
-                given = merge(1, 0, level == c)
+                given = given_column(model, c, level)
             end select
             right(:, row) = merge(view%u.dot.opening, turning, view%slides) - given
         end do

@@ -4,13 +4,14 @@ module linkdyn_joint_kinds
     use linkdyn_fixed, only: fixed
     use linkdyn_joint_kind, only: joint_kind
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar
+        joint_fixed, joint_planar, joint_screw
     use linkdyn_planar, only: planar
     use linkdyn_prismatic, only: prismatic
     use linkdyn_revolute, only: revolute
     use linkdyn_screw, only: screw
     use linkdyn_spherical, only: spherical
     use linkdyn_universal, only: universal
+    use linkdyn_wheels, only: wheels
     implicit none (type, external)
     private
     public :: joint_kind_box, make_joint_kind
@@ -41,8 +42,10 @@ contains
             allocate (fixed :: box%is)
         case (joint_planar)
             allocate (planar :: box%is)
-        case default
+        case (joint_screw)
             allocate (screw :: box%is)
+        case default
+            allocate (wheels :: box%is)
         end select
         call box%is%describe(kind)
     end subroutine make_joint_kind

@@ -5,7 +5,7 @@ module linkdyn_model
     use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical
     implicit none (type, external)
     private
-    public :: model_type, link_type, joint_type, step_type, leg_type, group_type
+    public :: model_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing
     public :: gives_attitude, attitude_angles, number_attitudes
@@ -65,7 +65,28 @@ module linkdyn_model
         real(wp) :: pitch = 0                 !! of a screw: slide per angle [m/rad]
         integer :: leg = 0                    !! the leg whose length is its slide
         integer :: attitude = 0               !! that its three angles give
+        integer :: gear = 0                   !! number of a gear, rack or belt
     end type joint_type
+
+    !> Two wheels, or a wheel and a rack, whose joint variables are tied. See `linkdyn_gearing`.
+    type :: gear_type
+        integer :: joint = 0
+        integer :: carrier = 0                !! the link in which both turn or slide; 0 is the frame
+        real(wp) :: direction(3) = 0          !! of the force on the second link, for a unit of the unknown; carrier axes
+        real(wp) :: couple(3, 2) = 0          !! with it about the link's own marker; on the first both are reversed [m]
+        real(wp) :: radius(2) = 0             !! of both wheels; of a rack 0 [m]
+        real(wp) :: pitch(3) = 0              !! where they touch, of a belt the middle; carrier axes [m]
+        real(wp), allocatable :: weight(:)    !! of the joint variables in the sum that stays (n_variable)
+        real(wp) :: total = 0                 !! that sum [m]
+    end type gear_type
+
+    !> A joint variable that gears make a linear function of the coordinates: as good as one of them. Where coordinates are
+    !> numbered, such variables follow after the last.
+    type :: led_type
+        integer :: joint = 0, variable = 0
+        real(wp) :: offset = 0                !! [m, rad]
+        real(wp), allocatable :: weight(:)    !! (n_q)
+    end type led_type
 
     !> One step of the kinematic program.
     type :: step_type
@@ -131,6 +152,8 @@ module linkdyn_model
         type(joint_type), allocatable :: joint(:)
         type(step_type), allocatable :: step(:)
         type(leg_type), allocatable :: leg(:)
+        type(gear_type), allocatable :: gear(:)
+        type(led_type), allocatable :: led(:)
         type(group_type), allocatable :: group(:)
         logical, allocatable :: moves(:, :)   !! (n_q, n_link): the coordinate moves the link
         integer, allocatable :: first_at(:)   !! joints of link l: joint_at(first_at(l):first_at(l+1)-1)
@@ -207,12 +230,22 @@ contains
         end associate
     end function is_screw
 
-    !> Is a coordinate an angle after a whole turn of which the mechanism looks alike? With a screw in it a nut has gone on.
+    !> Is a coordinate an angle after a whole turn of which the mechanism looks alike? With a screw in it a nut has gone
+    !> on, with gears some wheel stands elsewhere.
     pure logical function repeats(model, k)
         type(model_type), intent(in) :: model
         integer, intent(in) :: k
+        integer :: i
 
         repeats = .not. (is_length(model, k) .or. any(is_threaded(model%joint%kind)))
+        do i = 1, size(model%led)
+            ! a wheel has turned by its part
+            associate (led => model%led(i))
+                if (led%weight(k) == 0) cycle
+                repeats = repeats .and. .not. is_slide(model%joint(led%joint)%kind, led%variable) &
+                          .and. led%weight(k) == anint(led%weight(k))
+            end associate
+        end do
     end function repeats
 
     !> A length typical of the mechanism [m].

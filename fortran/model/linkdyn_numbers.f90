@@ -12,6 +12,7 @@ module linkdyn_numbers
     integer, parameter :: of_marker = 21       !! point (3), frame (9: axes x, y, z), frame by which variables are told (9)
     integer, parameter :: of_spring = 9        !! stiffness, damping, rest, points (6)
     integer, parameter :: of_drive = 8
+    integer, parameter :: of_gear = 9          !! direction (3), couples (6)
 
     !> Where the numbers of each thing begin in the list.
     type :: number_places
@@ -20,6 +21,8 @@ module linkdyn_numbers
         integer, allocatable :: link(:)        !! mass; cog from +1, inertia from +4
         integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3, told frame from +12
         integer, allocatable :: pitch(:)       !! (joint) slide per angle of a screw; 0: the joint is none
+        integer, allocatable :: gear(:)        !! direction, couples of both sides from +3, +6
+        integer, allocatable :: led(:)         !! offset, weights of the coordinates from +1
         integer, allocatable :: load(:)        !! point
         integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
         integer, allocatable :: drive(:)
@@ -43,6 +46,10 @@ contains
             at%n = at%n + 1
             at%pitch(i) = at%n
         end do
+        at%gear = [(at%n + 1 + of_gear*(i - 1), i=1, size(model%gear))]
+        at%n = at%n + of_gear*size(model%gear)
+        at%led = [(at%n + 1 + (1 + model%n_q)*(i - 1), i=1, size(model%led))]
+        at%n = at%n + (1 + model%n_q)*size(model%led)
         at%load = [(at%n + 1 + 3*(i - 1), i=1, model%n_load)]
         at%n = at%n + 3*model%n_load
         at%spring = [(at%n + 1 + of_spring*(i - 1), i=1, size(model%scene%spring))]
@@ -74,6 +81,14 @@ contains
                 number(k + 12:k + 20) = reshape(model%joint(i)%told_frame(:, :, side), [9])
             end do
             if (at%pitch(i) > 0) number(at%pitch(i)) = model%joint(i)%pitch
+        end do
+        do i = 1, size(model%gear)
+            number(at%gear(i):at%gear(i) + 2) = model%gear(i)%direction
+            number(at%gear(i) + 3:at%gear(i) + 8) = reshape(model%gear(i)%couple, [6])
+        end do
+        do i = 1, size(model%led)
+            number(at%led(i)) = model%led(i)%offset
+            number(at%led(i) + 1:at%led(i) + model%n_q) = model%led(i)%weight
         end do
         do i = 1, model%n_load
             number(at%load(i):at%load(i) + 2) = marker_at(model%scene%load(i)%link, model%scene%load(i)%marker)

@@ -6,11 +6,12 @@
 !> planned is refused with the names of the links and joints concerned.
 module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups
-    use linkdyn_joint_table, only: n_transmitted
+    use linkdyn_given, only: giving_coordinates
+    use linkdyn_joint_table, only: n_transmitted, is_geared, variable_name
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
-    use linkdyn_model, only: model_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, &
-        step_rpr, step_prp, step_ppr, step_group, side_of, link_freedom, place_size
+    use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, side_of, link_freedom, place_size
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
     use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_prismatic, joint_cylindrical, &
         joint_universal, joint_spherical
@@ -31,7 +32,7 @@ module linkdyn_planner
         logical :: closed_forms = .true.        !! are to be used where there are some
         real(wp), allocatable :: stand(:, :, :) !! how legs stand that are closed in any axes; absent: none are
         logical, allocatable :: known(:)        !! (0:n_link)
-        integer, allocatable :: given(:, :)     !! coordinate that gives a joint variable; 0: none (3, n_joint)
+        integer, allocatable :: given(:, :)     !! coordinate, or what is led by some, that gives a joint variable; 0: none (3, n_joint)
     end type planning
 
 contains
@@ -133,14 +134,17 @@ contains
         type(model_type), intent(in) :: model
         type(planning), intent(inout) :: plan
         type(tie_type), allocatable, intent(out) :: tie(:)
-        integer, allocatable, intent(out) :: tie_coordinate(:)    !! 0: a joint
+        integer, allocatable, intent(out) :: tie_coordinate(:)    !! beyond the coordinates what they lead by gears; 0: a joint
         integer :: j, n
 
-        allocate (tie(model%n_joint + model%n_q), tie_coordinate(model%n_joint + model%n_q))
+        n = model%n_joint + model%n_q + size(model%led)
+        allocate (tie(n), tie_coordinate(n))
         tie_coordinate = 0
         plan%given = 0
         do j = 1, model%n_joint
             tie(j) = tie_type(unknown_links(j), joint_constraints(model, model%joint(j)%kind))
+            ! the ties of gears are in the variables that they lead
+            if (is_geared(model%joint(j)%kind)) tie(j) = tie_type()
         end do
         n = model%n_joint
         do j = 1, model%n_q
@@ -151,6 +155,12 @@ contains
                 tie_coordinate(n) = j
                 plan%given(c%variable, c%joint) = j
             end associate
+        end do
+        do j = 1, size(model%led)
+            n = n + 1
+            tie(n) = tie_type(unknown_links(model%led(j)%joint), 1)
+            tie_coordinate(n) = model%n_q + j
+            plan%given(model%led(j)%variable, model%led(j)%joint) = model%n_q + j
         end do
         tie = tie(:n)
         tie_coordinate = tie_coordinate(:n)
@@ -532,13 +542,20 @@ contains
         integer :: failed, i
         integer, allocatable :: joint(:), link(:)
         type(redundancy_type) :: redundancy
+        type(joint_type) :: led_joint
 
         failed = tie_coordinate(grouping%failed_tie)
+        if (failed > model%n_q) led_joint = model%joint(model%led(failed - model%n_q)%joint)
         joint = pack([(i, i=1, model%n_joint)], grouping%tie_at_fault(:model%n_joint))
         link = pack([(i, i=1, model%n_link)], grouping%link_at_fault)
         redundancy = find_redundancy(model, link, joint)
         if (redundancy%is_known .and. redundancy%count > 0) then
             call refuse_redundancy(model, joint, link, redundancy, status)
+        else if (failed > model%n_q) then
+            call fail(status, status_bad_input, "gears give the "//trim(variable_name(1, led_joint%kind))//" of joint " &
+                      //quoted(led_joint%name)//", which joints "//joint_names(model, joint) &
+                      //" and the coordinates determine without them (mobility is "//to_text(mobility_of(model))//", " &
+                      //to_text(model%n_q)//" coordinate(s) given)")
         else if (failed > 0) then
             call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(failed)%name) &
                       //" is one too many: joints "//joint_names(model, joint)//" and the other coordinates determine its links " &
@@ -679,11 +696,11 @@ contains
             associate (step => model%step(i))
                 if (step%kind == step_group) then
                     associate (group => model%group(step%first))
-                        call move_together(group%link, group%joint, pack(group%coordinate, group%coordinate > 0))
+                        call move_together(group%link, group%joint, moving(pack(group%coordinate, group%coordinate > 0)))
                     end associate
                 else
                     call move_together(step%link(:step%n_link), pack(step%joint, step%joint > 0), &
-                                       pack(step%coordinate, step%coordinate > 0))
+                                       moving(pack(step%coordinate, step%coordinate > 0)))
                 end if
             end associate
         end do
@@ -691,6 +708,18 @@ contains
         model%moves = moved(:, 1:)
 
     contains
+
+        !> Coordinates behind what is given.
+        function moving(given) result(coordinate)
+            integer, intent(in) :: given(:)
+            integer, allocatable :: coordinate(:)
+            integer :: k
+
+            coordinate = [integer ::]
+            do k = 1, size(given)
+                coordinate = [coordinate, giving_coordinates(model, given(k))]
+            end do
+        end function moving
 
         !> Links move with the step's coordinates and with whatever moves the links that the joints hold them to.
         subroutine move_together(link, joint, coordinate)
