@@ -37,8 +37,9 @@ module linkdyn_mechanism
         type(joint_kind_box), allocatable :: told_kind(:)  !! (joint) by which its variables are measured
         type(own_axes_type), allocatable :: own(:)         !! (0:link)
         type(bodies_type) :: bodies
-        type(value), allocatable :: q(:), qd(:), qdd(:)    !! coordinates, and what they lead by gears, and their derivatives [m, rad]
+        type(value), allocatable :: q(:), qd(:), qdd(:)    !! coordinates, what they lead by gears; derivatives [m, rad]
         type(value), allocatable :: quaternion(:, :)       !! (4, pose) of links whose pose is given; absent: angles give it
+        logical, allocatable :: is_led(:)                  !! what joints that are placed add to a led variable is in it (led)
         type(rate_map) :: rates                            !! of the coordinates
         type(vector), allocatable :: slide(:)              !! (joint) of the second marker, axes of the first [m]; see `has_slide`
         type(vector), allocatable :: universal_axis(:)     !! (joint) first axis of a leg's universal joint in leg axes
@@ -62,6 +63,7 @@ contains
         mechanism%number = number
         call make_kinds(mechanism)
         call choose_own_axes(mechanism)
+        allocate (mechanism%is_led(size(model%led)), source=.false.)
         mechanism%q = [q, led_values(mechanism, q, .true.)]
         mechanism%qd = [qd, led_values(mechanism, qd, .false.)]
         mechanism%qdd = [qdd, led_values(mechanism, qdd, .false.)]
@@ -72,7 +74,7 @@ contains
         call make_bodies(model%link%orientation, gravity_of(mechanism), mechanism%bodies)
     end subroutine begin_mechanism
 
-    !> Joint variables that gears make of the coordinates, or their rates.
+    !> Joint variables that gears make of the coordinates, or their rates; what placed joints add is not in these.
     function led_values(mechanism, q, with_offset) result(led)
         type(mechanism_type), intent(in) :: mechanism
         type(value), intent(in) :: q(:)

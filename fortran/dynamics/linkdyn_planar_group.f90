@@ -325,7 +325,7 @@ contains
             case (level_given)
                 given = given_acceleration(model, state, c)
             case default
-                given = given_column(model, c, level)
+                given = given_column(model, state, c, level)
             end select
             right(:, row) = merge(view%u.dot.opening, turning, view%slides) - given
         end do

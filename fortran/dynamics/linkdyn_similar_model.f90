@@ -124,6 +124,10 @@ contains
                 do k = 1, model%n_q
                     similar%led(i)%weight(k) = own_scale/coordinate_scale(model, k, scale)*led%weight(k)
                 end do
+                do k = 1, size(led%source)
+                    similar%led(i)%source_weight(k) = own_scale*led%source_weight(k) &
+                        /merge(scale, 1.0_wp, is_slide(model%joint(led%source(k))%kind, 1))
+                end do
             end associate
         end do
     end subroutine scale_gears

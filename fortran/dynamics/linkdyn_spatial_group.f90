@@ -511,7 +511,7 @@ contains
                     if (c == 0) cycle
                     if (level == level_velocity) rate = rate - row(k)%unit*given_rate(model, state, c)
                     if (level == level_given) rate = rate - row(k)%unit*given_acceleration(model, state, c)
-                    if (level > level_given) rate = rate - row(k)%unit*given_column(model, c, level)
+                    if (level > level_given) rate = rate - row(k)%unit*given_column(model, state, c, level)
                 end associate
             end do
             first = first + n

@@ -12,17 +12,18 @@
 module linkdyn_gearing
     use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_fixed, joint_gear, joint_rack, joint_belt, is_geared, &
-        joint_kind_name, joint_n_variable, variable_name
+        joint_kind_name, joint_n_variable
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, gear_type, led_type, side_of, scene_size
+    use linkdyn_model, only: model_type, gear_type, led_type, loose_type, scene_size
     use linkdyn_scene, only: name_len, coordinate_joint
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: plan_gears, led_name
+    public :: plan_gears, lead_by_loose, led_name
 
     real(wp), parameter :: alignment = 1.0e-9_wp   !! how far two axes that are one may be apart, by the mechanism's size
+    real(wp), parameter :: negligible = 1.0e-12_wp !! part of a sum's largest weight that is rounding
     real(wp), parameter :: fitting = 1.0e-6_wp     !! how far from the teeth's the markers' ratio may be
 
     !> Links in which a wheel turns, or a rack slides, and nothing else: the ways to them.
@@ -48,7 +49,7 @@ contains
         type(status_type), intent(inout) :: status
         integer :: j, n
 
-        allocate (model%gear(count(is_geared(model%joint%kind))), model%led(0))
+        allocate (model%gear(count(is_geared(model%joint%kind))), model%led(0), model%loose(0))
         n = 0
         do j = 1, model%n_joint
             if (.not. is_geared(model%joint(j)%kind)) cycle
@@ -371,7 +372,6 @@ contains
     subroutine lead_by_gears(model, status)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
-        real(wp), parameter :: negligible = 1.0e-12_wp
         real(wp) :: row(model%n_variable, size(model%gear)), right(0:model%n_q, size(model%gear)), scale
         integer :: pivot(size(model%gear)), given(model%n_variable), g, i, k, n
 
@@ -409,17 +409,11 @@ contains
                 call take_off(n, i)
             end do
         end do
-        deallocate (model%led)
-        allocate (model%led(n))
         do i = 1, n
-            row(pivot(i), i) = 0
-            if (any(abs(row(:, i)) > negligible)) then
-                call refuse_loose(i)
-                return
-            end if
-            model%led(i) = led_type(joint=joint_of(pivot(i)), offset=right(0, i), weight=right(1:, i))
-            model%led(i)%variable = pivot(i) - model%joint(model%led(i)%joint)%first_variable
+            if (count(abs(row(:, i)) > negligible) > 1) cycle
+            call append_led(model, joint_of(model, pivot(i)), right(0, i), right(1:, i), [integer ::], [real(wp) ::])
         end do
+        if (size(model%led) < n) call keep_loose(model, given)
 
     contains
 
@@ -434,16 +428,6 @@ contains
             right(:, k) = right(:, k) - part*right(:, i)
             row(pivot(i), k) = 0
         end subroutine take_off
-
-        pure integer function joint_of(variable)
-            integer, intent(in) :: variable
-            integer :: j
-
-            joint_of = 0
-            do j = 1, model%n_joint
-                if (joint_n_variable(model%joint(j)%kind) > 0 .and. model%joint(j)%first_variable < variable) joint_of = j
-            end do
-        end function joint_of
 
         subroutine refuse_excess(g, of_coordinates)
             integer, intent(in) :: g
@@ -460,24 +444,96 @@ contains
                           //"is not determined (expected one gear less; of several planets one that has their mass)")
             end if
         end subroutine refuse_excess
-
-        !> A variable of a sum that neither coordinates nor other gears give.
-        subroutine refuse_loose(i)
-            integer, intent(in) :: i
-            integer :: loose, g
-
-            loose = maxloc(abs(row(:, i)), dim=1)
-            do g = 1, size(model%gear)
-                if (model%gear(g)%weight(loose) /= 0) exit
-            end do
-            associate (joint => model%joint(joint_of(loose)), other => model%joint(joint_of(pivot(i))))
-                call fail(status, status_bad_input, what(model, model%gear(g)%joint)//" " &
-                          //quoted(model%joint(model%gear(g)%joint)%name)//": coordinates do not give the "//trim(variable_name( &
-                          loose - joint%first_variable, joint%kind))//" of joint "//quoted(joint%name)//", nor that of " &
-                          //quoted(other%name)//", and from loops gears do not take it (expected one of them as coordinate)")
-            end associate
-        end subroutine refuse_loose
     end subroutine lead_by_gears
+
+    !> Sums in which variables are left that neither coordinates nor gears give: as the gears have them, not mixed with each other, so
+    !> that whole ratios stay whole.
+    subroutine keep_loose(model, given)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: given(:)            !! coordinate that a variable is; 0: none (n_variable)
+        type(loose_type) :: loose(size(model%gear))
+        real(wp) :: row(model%n_variable), reduced(model%n_variable, size(model%gear)), rest(model%n_variable), scale
+        integer :: led(model%n_variable), pivot(size(model%gear)), g, i, n
+
+        led = 0
+        do i = 1, size(model%led)
+            led(model%joint(model%led(i)%joint)%first_variable + model%led(i)%variable) = i
+        end do
+        n = 0
+        do g = 1, size(model%gear)
+            scale = maxval(abs(model%gear(g)%weight))
+            row = model%gear(g)%weight/scale
+            rest = merge(row, 0.0_wp, given == 0 .and. led == 0)
+            do i = 1, n
+                rest = rest - rest(pivot(i))*reduced(:, i)
+            end do
+            if (all(abs(rest) <= negligible)) cycle
+            n = n + 1
+            pivot(n) = maxloc(abs(rest), dim=1)
+            reduced(:, n) = rest/rest(pivot(n))
+            loose(n)%gear = g
+            loose(n)%total = model%gear(g)%total/scale
+            allocate (loose(n)%weight(model%n_q), source=0.0_wp)
+            do i = 1, model%n_variable
+                if (given(i) > 0) then
+                    loose(n)%weight(given(i)) = loose(n)%weight(given(i)) - row(i)
+                else if (led(i) > 0) then
+                    loose(n)%total = loose(n)%total - row(i)*model%led(led(i))%offset
+                    loose(n)%weight = loose(n)%weight - row(i)*model%led(led(i))%weight
+                end if
+            end do
+            associate (variable => pack([(i, i=1, model%n_variable)], row /= 0 .and. given == 0 .and. led == 0))
+                loose(n)%joint = [(joint_of(model, variable(i)), i=1, size(variable))]
+                loose(n)%part = row(variable)
+            end associate
+        end do
+        model%loose = loose(:n)
+    end subroutine keep_loose
+
+    !> The joint that has a variable.
+    pure integer function joint_of(model, variable)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: variable
+        integer :: j
+
+        joint_of = 0
+        do j = 1, model%n_joint
+            if (joint_n_variable(model%joint(j)%kind) > 0 .and. model%joint(j)%first_variable < variable) joint_of = j
+        end do
+    end function joint_of
+
+    !> The variable of one of a sum's joints, from those of the others, whose links are placed.
+    subroutine lead_by_loose(model, i, joint)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i                   !! number of the sum
+        integer, intent(in) :: joint
+        real(wp) :: part
+
+        associate (loose => model%loose(i))
+            part = loose%part(findloc(loose%joint, joint, dim=1))
+            call append_led(model, joint, loose%total/part, loose%weight/part, pack(loose%joint, loose%joint /= joint), &
+                            -pack(loose%part, loose%joint /= joint)/part)
+        end associate
+    end subroutine lead_by_loose
+
+    subroutine append_led(model, joint, offset, weight, source, source_weight)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: joint, source(:)
+        real(wp), intent(in) :: offset, weight(:), source_weight(:)
+        type(led_type), allocatable :: longer(:)
+
+        allocate (longer(size(model%led) + 1))
+        longer(:size(model%led)) = model%led
+        associate (new => longer(size(longer)))
+            new%joint = joint
+            new%variable = 1
+            new%offset = offset
+            new%weight = weight
+            new%source = source
+            new%source_weight = source_weight
+        end associate
+        call move_alloc(longer, model%led)
+    end subroutine append_led
 
     !> What a joint variable that is given is called: a coordinate, or a variable that gears give.
     function led_name(model, c) result(name)
@@ -492,10 +548,20 @@ contains
         end if
         name = ""
         do k = 1, model%n_q
-            if (model%led(c - model%n_q)%weight(k) == 0) cycle
-            if (name /= "") name = name//" and "
-            name = name//trim(model%scene%coordinate(k)%name)
+            if (model%led(c - model%n_q)%weight(k) /= 0) call add(model%scene%coordinate(k)%name)
+        end do
+        do k = 1, size(model%led(c - model%n_q)%source)
+            call add(model%joint(model%led(c - model%n_q)%source(k))%name)
         end do
         name = name//" by gears"
+
+    contains
+
+        subroutine add(one)
+            character(len=*), intent(in) :: one
+
+            if (name /= "") name = name//" and "
+            name = name//trim(one)
+        end subroutine add
     end function led_name
 end module linkdyn_gearing

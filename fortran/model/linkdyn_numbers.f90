@@ -22,7 +22,7 @@ module linkdyn_numbers
         integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3, told frame from +12
         integer, allocatable :: pitch(:)       !! (joint) slide per angle of a screw; 0: the joint is none
         integer, allocatable :: gear(:)        !! direction, couples of both sides from +3, +6
-        integer, allocatable :: led(:)         !! offset, weights of the coordinates from +1
+        integer, allocatable :: led(:)         !! offset, weights of the coordinates from +1, then of other joints
         integer, allocatable :: load(:)        !! point
         integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
         integer, allocatable :: drive(:)
@@ -48,8 +48,11 @@ contains
         end do
         at%gear = [(at%n + 1 + of_gear*(i - 1), i=1, size(model%gear))]
         at%n = at%n + of_gear*size(model%gear)
-        at%led = [(at%n + 1 + (1 + model%n_q)*(i - 1), i=1, size(model%led))]
-        at%n = at%n + (1 + model%n_q)*size(model%led)
+        allocate (at%led(size(model%led)))
+        do i = 1, size(model%led)
+            at%led(i) = at%n + 1
+            at%n = at%n + 1 + model%n_q + size(model%led(i)%source)
+        end do
         at%load = [(at%n + 1 + 3*(i - 1), i=1, model%n_load)]
         at%n = at%n + 3*model%n_load
         at%spring = [(at%n + 1 + of_spring*(i - 1), i=1, size(model%scene%spring))]
@@ -88,7 +91,9 @@ contains
         end do
         do i = 1, size(model%led)
             number(at%led(i)) = model%led(i)%offset
-            number(at%led(i) + 1:at%led(i) + model%n_q) = model%led(i)%weight
+            k = at%led(i) + model%n_q
+            number(at%led(i) + 1:k) = model%led(i)%weight
+            number(k + 1:k + size(model%led(i)%source)) = model%led(i)%source_weight
         end do
         do i = 1, model%n_load
             number(at%load(i):at%load(i) + 2) = marker_at(model%scene%load(i)%link, model%scene%load(i)%marker)

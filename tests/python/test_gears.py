@@ -105,8 +105,36 @@ def driven_slider_crank() -> dict[str, Any]:
         coordinate=[along("M", {"law": "cycloidal-start", "speed": "40 rad/s", "duration": 1.0})], actuator=[{"joint": "M"}])
 
 
+def oscillating_pinion() -> dict[str, Any]:
+    """A slider-crank pushes a rack, which swings a pinion, and that by a second gear a flywheel: they follow from the loop."""
+    return planar(
+        frame={"markers": {"A": [0, 0], "R": {"at": [0, 0], "axis": [1, 0]}, "P": [0.45, 0.09], "F": [0.45, 0.24]}},
+        link=[disc("crank", {"A": [0, 0], "B": [0.08, 0]}, 2.0, 0.01, (0.03, 0.01)), disc("rod", {"B": [0, 0], "C": [0.3, 0]}, 1.0, 0.01, (0.15, 0.0)),
+              disc("slider", {"C": [0, 0], "T": {"at": [0.05, 0.03], "axis": [1, 0]}}, 3.0, 0.0), disc("pinion", {"P": [0, 0]}, 1.5, 0.004, (0.02, 0.0)),
+              disc("flywheel", {"F": [0, 0]}, 4.0, 0.05, (0.0, 0.04))],
+        joint=[hinge("A", "frame.A", "crank.A"), hinge("B", "crank.B", "rod.B"), hinge("C", "rod.C", "slider.C"),
+               {"name": "R", "type": "prismatic", "between": ["frame.R", "slider.C"]}, hinge("P", "frame.P", "pinion.P"), hinge("F", "frame.F", "flywheel.F"),
+               {"name": "G", "type": "rack", "between": ["pinion.P", "slider.T"], "phase": "0.3 m"}, gear("H", "pinion.P", "flywheel.F", [20, 30])],
+        load=[{"on": "flywheel.F", "moment": 3.0}],
+        coordinate=[along("A", STEADY)], actuator=[{"joint": "A"}])
+
+
+def sector() -> dict[str, Any]:
+    """A toothed sector on the rocker of a four-bar swings a pinion; on the coupler a planet turns on a sun that stands in the rocker."""
+    return planar(
+        frame={"markers": {"A": [0, 0], "D": [0.3, 0], "P": [0.3, 0.2]}},
+        link=[disc("crank", {"A": [0, 0], "B": [0.08, 0]}, 2.0, 0.01, (0.03, 0.01)), disc("rod", {"B": [0, 0], "C": [0.28, 0]}, 1.0, 0.01, (0.15, 0.0)),
+              disc("rocker", {"D": [0, 0], "C": [0.2, 0], "W": [0.05, 0.05]}, 3.0, 0.02), disc("pinion", {"P": [0, 0]}, 1.5, 0.004, (0.02, 0.0)),
+              disc("planet", {"W": [0, 0]}, 0.7, 0.002, (0.01, 0.01))],
+        joint=[hinge("A", "frame.A", "crank.A"), hinge("B", "crank.B", "rod.B"), hinge("C", "rod.C", "rocker.C", branch=1), hinge("D", "frame.D", "rocker.D", start=1.5),
+               hinge("P", "frame.P", "pinion.P"), hinge("W", "rocker.W", "planet.W"),
+               gear("G", "rocker.D", "pinion.P", [73, 20], phase="1 rad"), gear("K", "frame.D", "planet.W", [31, 17])],
+        load=[{"on": "pinion.P", "moment": 2.0}],
+        coordinate=[along("A", STEADY)], actuator=[{"joint": "A"}])
+
+
 PLANAR = {"pair": pair(), "internal": pair(mesh="internal", phase="40 deg"), "planetary": planetary(), "differential": planetary(ring_moves=True), "rack": rack_and_pinion(),
-          "belt": belt(), "crossed belt": belt("crossed"), "five-bar": five_bar(), "slider-crank": driven_slider_crank()}
+          "belt": belt(), "crossed belt": belt("crossed"), "five-bar": five_bar(), "slider-crank": driven_slider_crank(), "rack on a slider": oscillating_pinion(), "sector": sector()}
 
 
 # ---------------------------------------------------------------- in space
@@ -162,7 +190,9 @@ def bevel(ratio: float = 0.5) -> dict[str, Any]:
             "actuator": [{"joint": "tilt"}, {"joint": "L"}, {"joint": "I"}]}
 
 
-SPATIAL = {name: tilted(scene) for name, scene in PLANAR.items() if name not in ("five-bar", "slider-crank")} | {"bevel": bevel()}
+LOOPS = ("five-bar", "slider-crank", "rack on a slider", "sector")
+"""Rigid planes: in space their joints hold some directions twice."""
+SPATIAL = {name: tilted(scene) for name, scene in PLANAR.items() if name not in LOOPS} | {"bevel": bevel()}
 
 
 # ---------------------------------------------------------------- roads
@@ -188,7 +218,7 @@ def test_wheels_turn_with_their_teeth(name: str) -> None:
     variables = {variable.split(".")[0]: run.joint_variable.sel(variable=variable).values for variable in run.variable.values}
     sums = {"pair": (("A", 20), ("B", 40)), "internal": (("A", 20), ("B", -40)), "planetary": (("S", 24), ("C", -24), ("P", 18)),
             "differential": (("S", 24), ("C", -24), ("P", 18)), "rack": (("A", 0.08), ("R", -1)), "belt": (("A", 0.06), ("B", -0.15)), "crossed belt": (("A", 0.06), ("B", 0.15)),
-            "five-bar": (("A", 1), ("E", 1)), "slider-crank": (("M", 17 * 19), ("A", -45 * 53))}[name]
+            "five-bar": (("A", 1), ("E", 1)), "rack on a slider": (("R", 1), ("F", 0.06 * 1.5)), "sector": (("D", 73), ("P", 20)), "slider-crank": (("M", 17 * 19), ("A", -45 * 53))}[name]
     speed = sum(weight * rates[joint] for joint, weight in sums)
     place = sum(weight * variables[joint] for joint, weight in sums)
     scale = max(np.abs(weight * rates[joint]).max() for joint, weight in sums)
@@ -197,7 +227,7 @@ def test_wheels_turn_with_their_teeth(name: str) -> None:
 
 
 FREE = {"pair": pair(), "planetary": planetary(), "differential": planetary(ring_moves=True), "rack": rack_and_pinion(), "belt": belt("crossed"), "five-bar": five_bar(),
-        "slider-crank": driven_slider_crank(), "bevel": bevel(), "planetary in space": tilted(planetary())}
+        "slider-crank": driven_slider_crank(), "rack on a slider": oscillating_pinion(), "sector": sector(), "bevel": bevel(), "planetary in space": tilted(planetary())}
 
 
 @pytest.mark.parametrize("scene", FREE.values(), ids=FREE)
@@ -326,8 +356,8 @@ def test_many_turns() -> None:
     np.testing.assert_allclose(again.driving_force.values, run.driving_force.values[shuffled], rtol=1e-12)
 
 
-def test_loops_led_by_gears() -> None:
-    """A crank that gears turn leads a loop closed by iteration as a coordinate would."""
+def geared_loop() -> dict[str, Any]:
+    """A crank that gears turn leads a spatial loop closed by iteration; its rocker swings a wheel by a toothed sector."""
     scene = tilted(pair())
     markers = scene["link"][2]["markers"]
     assert scene["link"][2]["name"] == "wheel"
@@ -339,9 +369,50 @@ def test_loops_led_by_gears() -> None:
                        hinge("E", "base.D", "rocker.E")]
     scene["link"][-1]["markers"]["D"] = {"at": [0, 0, 0.3], "axis": [0, 1, 0]}
     scene["link"][-2]["markers"]["D"] = {"at": [0.5, 0, 0], "axis": [0, 0, 1]}
+    scene["link"][0]["markers"]["W"] = {"at": [1.05, 0.5, 0.05], "axis": [0.1, 1.0, 0.3]}
+    scene["link"].append({"name": "wheel2", "markers": {"W": {"at": [0, 0, 0], "axis": [0.1, 1.0, 0.3]}}, "mass": 0.5, "cog": [0.02, 0, 0.01], "inertia": [0.001, 0.001, 0.0015, 0, 0, 0]})
+    scene["joint"] += [hinge("W", "base.W", "wheel2.W"), gear("H", "rocker.E", "wheel2.W", [31, 12])]
+    return scene
+
+
+def test_loops_and_gears() -> None:
+    scene = geared_loop()
     mechanism = check_roads(scene)
-    assert "Newton" in mechanism.explain()
+    assert "Newton" in mechanism.explain() and "wheel2 by revolute joint W from coordinate E by gears" in mechanism.explain()
     check_balance(scene, 0.4, 1e-6)
+    free = copy.deepcopy(scene)
+    run = mechanism.forward(t=np.linspace(0, 0.5, 6), rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(run.q.values, mechanism.motion(run.time.values)[0], atol=1e-7)
+    keeps_energy(let_go(free), 0.5)
+
+
+def test_angles_whose_turns_matter() -> None:
+    """A crank that a loop turns all the way round: with a ratio of one the wheel follows, with another its turn cannot be told at half a turn."""
+    scene = sector()
+    scene["link"][0]["markers"]["B"] = [0.3, 0]      # drag link: both turn
+    scene["link"][1]["markers"]["C"] = [0.35, 0]
+    scene["link"][2]["markers"]["C"] = [0.32, 0]
+    scene["frame"]["markers"]["D"] = [0.1, 0]
+    scene["frame"]["markers"]["P"] = [0.1, 0.2]
+    del scene["joint"][3]["start"]
+    scene["coordinate"][0]["motion"] = {"law": "constant-rate", "rate": 2 * np.pi}
+    scene["time"] = {"end": 1.0, "samples": 201}
+    whole = copy.deepcopy(scene)
+    whole["joint"][6]["teeth"] = [20, 20]
+    whole["joint"][7]["teeth"] = [34, 17]
+    run = linkdyn.Scene(whole).inverse(want="all")
+    assert (run.status == 0).all()
+    assert np.ptp(run.joint_variable.sel(variable="D.angle").values) > 6.0
+    turned = linkdyn.Scene(scene).inverse(want="all")
+    angle = np.angle(np.exp(1j * run.joint_variable.sel(variable="D.angle").values))
+    lost = np.abs(angle) > 2.88
+    assert 5 < lost.sum() < 40
+    np.testing.assert_array_equal(turned.status.values, np.where(lost, 5, 0))
+    q, qd, qdd = linkdyn.Scene(scene).motion()
+    batch = linkdyn.Scene(scene).inverse(q=q[:200], qd=qd[:200], qdd=qdd[:200])
+    np.testing.assert_array_equal(batch.status.values, turned.status.values[:200])
+    dense = linkdyn.Scene(scene).inverse(q=q[:200], qd=qd[:200], qdd=qdd[:200], solver="lapack")
+    np.testing.assert_array_equal(dense.status.values, turned.status.values[:200])
 
 
 def test_teeth_are_a_parameter() -> None:
