@@ -20,7 +20,7 @@ module linkdyn_gearing
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: plan_gears, lead_by_loose, led_name
+    public :: plan_gears, lead_by_loose, forget_loose, led_name
 
     real(wp), parameter :: alignment = 1.0e-9_wp   !! how far two axes that are one may be apart, by the mechanism's size
     real(wp), parameter :: negligible = 1.0e-12_wp !! part of a sum's largest weight that is rounding
@@ -515,6 +515,22 @@ contains
                             -pack(loose%part, loose%joint /= joint)/part)
         end associate
     end subroutine lead_by_loose
+
+    !> Variables that an earlier plan has found from those of other joints.
+    subroutine forget_loose(model)
+        type(model_type), intent(inout) :: model
+        type(led_type), allocatable :: kept(:)
+        integer :: n
+
+        n = 0
+        do while (n < size(model%led))
+            if (size(model%led(n + 1)%source) > 0) exit
+            n = n + 1
+        end do
+        allocate (kept(n))
+        kept = model%led(:n)
+        call move_alloc(kept, model%led)
+    end subroutine forget_loose
 
     subroutine append_led(model, joint, offset, weight, source, source_weight)
         type(model_type), intent(inout) :: model

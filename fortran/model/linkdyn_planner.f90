@@ -6,7 +6,7 @@
 !> planned is refused with the names of the links and joints concerned.
 module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups, most_tied
-    use linkdyn_gearing, only: lead_by_loose
+    use linkdyn_gearing, only: lead_by_loose, forget_loose
     use linkdyn_joint_table, only: n_transmitted, is_geared, variable_name
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
@@ -73,6 +73,7 @@ contains
         if (.not. status%is_ok()) return
         if (present(closed_forms)) plan%closed_forms = closed_forms
         if (present(stand)) allocate (plan%stand, source=stand)
+        call forget_loose(model)
         allocate (plan%is_used(size(model%loose)), source=.false.)
         allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, model%n_joint), model%group(model%n_link))
         plan%known = .false.

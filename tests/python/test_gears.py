@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 from typing import Any
 
 import linkdyn
 import numpy as np
 import pytest
+from test_generate import Compiled
 from test_joint_kinds import GRAVITY, along, check_balance, check_roads, keeps_energy, let_go
 
 pytestmark = pytest.mark.accuracy
@@ -199,7 +201,8 @@ SPATIAL = {name: tilted(scene) for name, scene in PLANAR.items() if name not in 
 
 @pytest.mark.parametrize("scene", [*PLANAR.values(), *SPATIAL.values()], ids=[*PLANAR, *(f"{name} in space" for name in SPATIAL)])
 def test_every_road(scene: dict[str, Any]) -> None:
-    check_roads(scene)
+    mechanism = check_roads(scene)
+    assert "driving forces only" in mechanism.explain().partition("Record of inverse dynamics")[2]
 
 
 @pytest.mark.parametrize("scene", SPATIAL.values(), ids=SPATIAL)
@@ -207,6 +210,19 @@ def test_by_newton_and_euler(scene: dict[str, Any]) -> None:
     """What reactions and tooth forces give every link is what its motion needs."""
     check_balance(scene, 0.31)
     check_balance(scene, 1.37)
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_generated_code(name: str, tmp_path: Path) -> None:
+    scene = linkdyn.Scene(PLANAR[name])
+    code = Compiled(scene.generate(want="all", name="geared"), tmp_path)
+    run = scene.inverse()
+    q, qd, qdd = scene.motion()
+    loads = scene.load_values(scene.times()).reshape(len(q), -1, 6)[..., [0, 1, 5]]
+    for i in (0, 77, 150):
+        status, found = code(q=q[i], qd=qd[i], qdd=qdd[i], **({"load": loads[i]} if scene.loads else {}))
+        assert status == 0
+        np.testing.assert_allclose(found["reaction"], run.reaction.values[i], atol=1e-12 * np.abs(run.reaction.values).max())
 
 
 @pytest.mark.parametrize("name", PLANAR)
