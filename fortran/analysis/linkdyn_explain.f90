@@ -7,6 +7,7 @@ module linkdyn_explain
     use linkdyn_explain_record, only: explain_record
     use linkdyn_constants, only: pi
     use linkdyn_choice, only: has_choice, choice_in_words
+    use linkdyn_gearing, only: led_name
     use linkdyn_joint_table, only: n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
@@ -244,7 +245,7 @@ contains
                    //" joint "//trim(model%joint(step%joint(1))%name)
             do i = 1, joint_n_variable(model%joint(step%joint(1))%kind)
                 text = text//trim(merge(" from coordinate", ",               ", i == 1)) &
-                       //" "//trim(model%scene%coordinate(step%coordinate(i))%name)
+                       //" "//led_name(model, step%coordinate(i))
             end do
         case (step_ups)
             text = "UPS leg "//trim(model%link(step%link(1))%name)//", "//trim(model%link(step%link(2))%name) &

@@ -127,6 +127,8 @@ contains
                     if (column%is_drive) then
                         system%column(c) = trim(merge("tau ", "F   ", column%is_moment))//" " &
                                            //model%scene%actuator(findloc(formulation%drive_column, c, dim=1))%name
+                    else if (model%joint(column%joint)%gear > 0) then
+                        system%column(c) = trim(name)//" Ft"
                     else if (column%unit_axis > 0 .and. column%orientation == 0) then
                         system%column(c) = trim(name)//" "//component_name(column%unit_axis + merge(3, 0, column%is_moment))
                     else if (model%is_planar) then
@@ -141,7 +143,7 @@ contains
     end subroutine label_columns
 
     !> An entry in symbols: J the joint, G the link's centre of mass, n the direction of a force across a slide, h the slide per
-    !> angle of a thread.
+    !> angle of a thread, c the moment that comes with a tooth's force.
     function symbol_of(model, formulation, entry) result(symbol)
         type(model_type), intent(in) :: model
         type(formulation_type), intent(in) :: formulation
@@ -163,7 +165,8 @@ contains
                     symbol = merge("xG-xJ", "xJ-xG", is_first)
                 else
                     symbol = merge("-", " ", is_first)//"(J-G)xn"
-                    if (column%twist /= 0) symbol = merge("-(J-G)xn+hn", " (J-G)xn-hn", is_first)
+                    if (any(column%couple /= 0)) symbol = merge("-(J-G)xn+hn", " (J-G)xn-hn", is_first)
+                    if (model%joint(column%joint)%gear > 0) symbol = merge("-(J-G)xn-c", " (J-G)xn+c", is_first)
                 end if
             else if (entry%slot == 0 .and. abs(entry%value) == 1) then
                 symbol = merge(" 1", "-1", entry%value > 0)

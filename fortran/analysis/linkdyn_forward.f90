@@ -27,6 +27,7 @@ module linkdyn_forward
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
+    use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
@@ -197,7 +198,8 @@ contains
         end do
         if (.not. model%is_planar) return
         do j = 1, model%n_joint
-            if (all(model%joint(j)%link /= frame_link) .or. coordinate_of(model, j, 1) > 0) cycle
+            if (all(model%joint(j)%link /= frame_link) .or. coordinate_of(model, j, 1) > 0 &
+                .or. is_geared(model%joint(j)%kind)) cycle
             text = " (expected another coordinate, one that moves there, such as joint "//quoted(model%joint(j)%name)//")"
             return
         end do

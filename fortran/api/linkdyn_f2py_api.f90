@@ -170,7 +170,7 @@ contains
 
         length = 0
         call take_scene(handle, scene, status)
-        if (status%code == 0) call to_bytes(scene_as_json(scene%model%scene), text, length)
+        if (status%code == 0) call to_bytes(scene_as_json(scene%model), text, length)
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_describe_scene

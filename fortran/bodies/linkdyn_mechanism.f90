@@ -9,13 +9,13 @@ module linkdyn_mechanism
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value, zero
+    use linkdyn_value, only: value, zero, operator(+), operator(*)
     use linkdyn_vector, only: vector, rotation, vector_of, components, zero_vector, identity_rotation, operator(+), operator(-), &
         operator(*), operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
     public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, point_of_action, has_slide
-    public :: set_slide, pair_of, told_pair_of, gravity_of, in_own_axes
+    public :: set_slide, wheel_wrench, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, least_square
 
@@ -38,8 +38,9 @@ module linkdyn_mechanism
         type(joint_kind_box), allocatable :: told_kind(:)  !! (joint) by which its variables are measured
         type(own_axes_type), allocatable :: own(:)         !! (0:link)
         type(bodies_type) :: bodies
-        type(value), allocatable :: q(:), qd(:), qdd(:)    !! coordinates and their derivatives [m, rad]
+        type(value), allocatable :: q(:), qd(:), qdd(:)    !! coordinates, what they lead by gears; derivatives [m, rad]
         type(value), allocatable :: quaternion(:, :)       !! (4, pose) of links whose pose is given; absent: angles give it
+        logical, allocatable :: is_led(:)                  !! what joints that are placed add to a led variable is in it (led)
         type(rate_map) :: rates                            !! of the coordinates
         type(vector), allocatable :: slide(:)              !! (joint) of the second marker, axes of the first [m]; see `has_slide`
         type(vector), allocatable :: universal_axis(:)     !! (joint) first axis of a leg's universal joint in leg axes
@@ -63,15 +64,49 @@ contains
         mechanism%number = number
         call make_kinds(mechanism)
         call choose_own_axes(mechanism)
-        mechanism%q = q
-        mechanism%qd = qd
-        mechanism%qdd = qdd
+        allocate (mechanism%is_led(size(model%led)), source=.false.)
+        mechanism%q = [q, led_values(mechanism, q, .true.)]
+        mechanism%qd = [qd, led_values(mechanism, qd, .false.)]
+        mechanism%qdd = [qdd, led_values(mechanism, qdd, .false.)]
         call set_rate(mechanism%rates, q, qd)
         call set_rate(mechanism%rates, qd, qdd)
         allocate (mechanism%slide(size(model%joint)), mechanism%universal_axis(size(model%joint)), mechanism%watched(0), &
                   mechanism%positive(0), mechanism%ways(2, model%n_dyad))
         call make_bodies(model%link%orientation, gravity_of(mechanism), mechanism%bodies)
     end subroutine begin_mechanism
+
+    !> Joint variables that gears make of the coordinates, or their rates; what placed joints add is not in these.
+    function led_values(mechanism, q, with_offset) result(led)
+        type(mechanism_type), intent(in) :: mechanism
+        type(value), intent(in) :: q(:)
+        logical, intent(in) :: with_offset
+        type(value), allocatable :: led(:)
+        integer :: i, k
+
+        allocate (led(size(mechanism%at%led)))
+        do i = 1, size(led)
+            associate (at => mechanism%at%led(i))
+                led(i) = zero()
+                if (with_offset) led(i) = mechanism%number(at)
+                do k = 1, size(q)
+                    led(i) = led(i) + mechanism%number(at + k)*q(k)
+                end do
+            end associate
+        end do
+    end function led_values
+
+    !> Force between two wheels of a unit of its unknown, and the moment with it about a marker, in the axes of their carrier:
+    !> on the second link, on the first both reversed.
+    subroutine wheel_wrench(mechanism, g, side, force, couple)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: g, side
+        type(vector), intent(out) :: force, couple
+
+        associate (r => mechanism%own(mechanism%model%gear(g)%carrier)%r, at => mechanism%at%gear(g))
+            force = r.rotate.point_at(mechanism, at)
+            couple = r.rotate.point_at(mechanism, at + 3*side)
+        end associate
+    end subroutine wheel_wrench
 
     !> Each joint with its own numbers.
     subroutine make_kinds(mechanism)

@@ -7,9 +7,10 @@ module linkdyn_joint_table
     implicit none (type, external)
     private
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_fixed, &
-        joint_planar, joint_screw, pose_position, pose_attitude
+        joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, pose_position, pose_attitude
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
-    public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions, is_threaded
+    public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions
+    public :: is_threaded, is_geared
     public :: variable_axis, most_slides, slide_axis, n_slide, n_along, n_transmitted, is_slide, wraps, is_pose_part
 
     integer, parameter :: joint_revolute = 1     !! angle about the axis
@@ -20,12 +21,15 @@ module linkdyn_joint_table
     integer, parameter :: joint_fixed = 6        !! nothing
     integer, parameter :: joint_planar = 7       !! slides along x and y of the first marker, angle about the common z
     integer, parameter :: joint_screw = 8        !! angle about the axis, the slide along it in proportion
-    integer, parameter :: n_joint_kind = 8       !! that a scene may name
+    integer, parameter :: joint_gear = 9         !! two wheels that mesh
+    integer, parameter :: joint_rack = 10        !! a wheel and a rack
+    integer, parameter :: joint_belt = 11        !! two wheels with a belt or chain round both
+    integer, parameter :: n_joint_kind = 11      !! that a scene may name
 
     ! ---- where a link is, seen from another: variables that hold nothing, by which coordinates can lead it
-    integer, parameter :: pose_position = 9   !! of a point, along the axes of the first link
-    integer, parameter :: pose_attitude = 10  !! three angles
-    integer, parameter :: n_kind = 10
+    integer, parameter :: pose_position = 12     !! of a point, along the axes of the first link
+    integer, parameter :: pose_attitude = 13     !! three angles
+    integer, parameter :: n_kind = 13
 
     ! ---- directions of the forces or moments that a joint transmits
     integer, parameter :: along_nothing = 0    !! none
@@ -37,8 +41,9 @@ module linkdyn_joint_table
 
     integer, parameter :: variable_len = 7
     character(len=11), parameter :: joint_kind_name(n_kind) = [character(len=11) :: &
-        "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw", "position", "attitude"]
-    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 3, 3]
+        "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw", "gear", "rack", "belt", &
+        "position", "attitude"]
+    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0, 3, 3]
     character(len=variable_len), parameter :: variable_name(3, n_kind) = reshape([character(len=variable_len) :: &
         "angle", "", "", &
         "slide", "", "", &
@@ -48,6 +53,9 @@ module linkdyn_joint_table
         "", "", "", &
         "x", "y", "angle", &
         "angle", "", "", &
+        "", "", "", &
+        "", "", "", &
+        "", "", "", &
         "x", "y", "z", &
         "roll", "pitch", "yaw"], [3, n_kind])
     logical, parameter :: variable_is_slide(3, n_kind) = &                                   !! else an angle
@@ -58,17 +66,22 @@ module linkdyn_joint_table
     integer, parameter :: most_slides = 2
     !> Along which axes of the first marker the second moves away from it; 0: no more.
     integer, parameter :: slide_axis(most_slides, n_kind) = &
-        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, 0, 0, 0, 0], [most_slides, n_kind])
+        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_kind])
     integer, parameter :: force_directions(n_kind) = &
         [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y, &
-         along_nothing, along_nothing]
+         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing]
     integer, parameter :: moment_directions(n_kind) = &
         [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y, &
-         along_nothing, along_nothing]
+         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing]
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
     logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw"
+    !> Holds no marker, but ties the angles of two wheels that other joints hold (see `linkdyn_gearing`): it transmits one force,
+    !> with a moment on each of both links.
+    logical, parameter :: is_geared(n_kind) = &
+        joint_kind_name == "gear" .or. joint_kind_name == "rack" .or. joint_kind_name == "belt"
     !> Exists in planar scenes.
-    logical, parameter :: joint_in_plane(n_joint_kind) = [.true., .true., .false., .false., .false., .true., .false., .false.]
+    logical, parameter :: joint_in_plane(n_joint_kind) = &
+        [.true., .true., .false., .false., .false., .true., .false., .false., .true., .true., .true.]
 
 contains
 
@@ -107,6 +120,10 @@ contains
         integer :: n(2)
 
         n = [n_along(force_directions(kind)) + merge(1, 0, is_threaded(kind)), n_along(moment_directions(kind))]
-        if (is_planar) n = max(n - [1, 2], 0)
+        if (is_geared(kind)) then
+            n = [1, 0]
+        else if (is_planar) then
+            n = max(n - [1, 2], 0)
+        end if
     end function n_transmitted
 end module linkdyn_joint_table

@@ -57,9 +57,8 @@ contains
                         call put(group%force_slot, direction, slot)
                         if (.not. group%needs_arm) cycle
                         moment = arm.cross.direction
-                        associate (twist => formulation%column(group%column)%twist)
-                            if (twist /= 0) moment = moment + twist*direction
-                        end associate
+                        if (any(formulation%column(group%column)%couple /= 0)) moment = moment &
+                            + incidence%sign*couple_in_rows(model, formulation, incidence, formulation%column(group%column), state)
                         call put(group%moment_slot, moment, slot)
                     end associate
                 end do
@@ -93,6 +92,21 @@ contains
             end if
         end associate
     end function direction_in_rows
+
+    !> Moment that comes with a unit force about the link's own marker, in the axes of its equations; on the second link.
+    pure function couple_in_rows(model, formulation, incidence, column, state) result(couple)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(incidence_type), intent(in) :: incidence
+        type(wrench_column), intent(in) :: column
+        type(kinematic_state), intent(in) :: state
+        type(vec3) :: couple
+
+        couple = vec3_of(column%couple(:, merge(1, 2, incidence%sign < 0)))
+        if (column%orientation > 0) couple = state%rotation(column%orientation).rotate.couple
+        if (formulation%row_in_link(incidence%link)) &
+            couple = state%rotation(model%link(incidence%link)%orientation).unrotate.couple
+    end function couple_in_rows
 
     !> Direction of an unknown in world axes.
     pure function column_direction(model, column, state) result(direction)

@@ -4,8 +4,9 @@ module linkdyn_builder
     use linkdyn_code, only: check_code
     use linkdyn_constants, only: two_pi
     use linkdyn_cross, only: cross
+    use linkdyn_gearing, only: plan_gears
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
-    use linkdyn_joint_table, only: moment_directions, along_axes
+    use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -113,6 +114,7 @@ contains
         call list_joints_of_links(model)
         call settle_spins(model, status)
         call share_orientations(model)
+        call plan_gears(model, status)
         call plan_steps(model, status, closed_forms)
         if (status%is_ok()) call refuse_idle_branches(model, status)
         if (status%is_ok()) call plan_carried_legs(model)
@@ -250,7 +252,8 @@ contains
                 else
                     marker = scene%link(spec%link(side))%marker(spec%marker(side))
                 end if
-                if (scene%planar) call lay_in_plane(spec%kind, marker)
+                if (scene%planar) &
+                    call lay_in_plane(spec%kind == joint_prismatic .or. (spec%kind == joint_rack .and. side == 2), marker)
                 call take_marker(marker, joint%point(:, side), joint%frame(:, :, side))
                 joint%told_frame(:, :, side) = joint%frame(:, :, side)
             end do
@@ -258,11 +261,11 @@ contains
     end subroutine take_joint
 
     !> A planar marker as one in space: a revolute joint turns about z, a slide lies in the plane.
-    subroutine lay_in_plane(kind, marker)
-        integer, intent(in) :: kind
+    subroutine lay_in_plane(slides, marker)
+        logical, intent(in) :: slides
         type(marker_spec), intent(inout) :: marker
 
-        if (kind == joint_prismatic) then
+        if (slides) then
             marker%x_axis = [-marker%axis(2), marker%axis(1), 0.0_wp]
         else
             marker%axis = [0.0_wp, 0.0_wp, 1.0_wp]
@@ -280,14 +283,14 @@ contains
         frame(:, 3) = marker%axis
     end subroutine take_marker
 
-    !> Which joints a link has, so that nobody need search for them.
+    !> Which joints a link has, so that nobody need search for them. Gears hold nothing: they are not among them.
     subroutine list_joints_of_links(model)
         type(model_type), intent(inout) :: model
         integer :: place(0:model%n_link), i, j, side
 
         place = 0
         do j = 1, model%n_joint
-            place(model%joint(j)%link) = place(model%joint(j)%link) + 1
+            if (.not. is_geared(model%joint(j)%kind)) place(model%joint(j)%link) = place(model%joint(j)%link) + 1
         end do
         allocate (model%first_at(model%n_link + 1), model%joint_at(sum(place(1:))))
         model%first_at(1) = 1
@@ -296,6 +299,7 @@ contains
         end do
         place(1:) = model%first_at(:model%n_link)
         do j = 1, model%n_joint
+            if (is_geared(model%joint(j)%kind)) cycle
             do side = 1, 2
                 i = model%joint(j)%link(side)
                 if (i == frame_link) cycle

@@ -31,6 +31,11 @@ contains
         i = failing_step(model, state, lane)
         if (i > 0) then
             text = links_of(model, model%step(i))
+            if (state%branch_lost(lane)) then
+                text = text//" hang by gears on an angle that a loop gives and that is half a turn from its start: which turn " &
+                       //"it is cannot be told"
+                return
+            end if
             select case (status)
             case (sample_singular)
                 text = text//" at a dead point: their rates are not determined"
@@ -98,7 +103,8 @@ contains
         call clear_flags(state)
         do i = 1, size(model%step)
             call run_step(model, model%step(i), state)
-            if (state%unreachable(lane) .or. state%singular(lane) .or. state%not_converged(lane)) return
+            if (state%unreachable(lane) .or. state%singular(lane)) return
+            if (state%not_converged(lane) .or. state%branch_lost(lane)) return
         end do
         i = 0
     end function failing_step

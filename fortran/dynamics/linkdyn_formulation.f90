@@ -13,9 +13,9 @@
 module linkdyn_formulation
     use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: along_axes, along_normal, along_z, n_along, force_directions, moment_directions, is_slide, &
-        is_threaded, variable_axis, most_slides, slide_axis, n_slide, joint_universal
+        is_threaded, is_geared, variable_axis, most_slides, slide_axis, n_slide, joint_universal
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, orientation_of, side_of
+    use linkdyn_model, only: model_type, gear_type, orientation_of, side_of
     implicit none (type, external)
     private
     public :: formulation_type, wrench_column, entry_group, incidence_type, matrix_entry, reaction_part
@@ -40,7 +40,7 @@ module linkdyn_formulation
         integer :: orientation = 0             !! axes in which `direction` is fixed; 0: world
         real(wp) :: direction(3) = 0
         integer :: unit_axis = 0               !! k if `direction` is axis k itself
-        real(wp) :: twist = 0                  !! moment about `direction` that comes with a unit force: of a thread [m]
+        real(wp) :: couple(3, 2) = 0           !! moment with a unit force about the link's marker; reversed on the first [m]
     end type wrench_column
 
     !> A nonzero of the matrix.
@@ -82,7 +82,7 @@ module linkdyn_formulation
         integer :: unit_column(3) = 0
         integer :: orientation = 0
         integer :: normal_column = 0           !! unknown along the normal of a universal joint; 0: none
-        integer :: thread_column = 0           !! force of a thread, with which this moment comes; 0: none
+        integer :: couple_column = 0           !! force with which this moment comes; 0: none
     end type reaction_part
 
     !> The equations of a model in one style.
@@ -222,6 +222,7 @@ contains
         n = 0
         call add_columns(force_directions(model%joint(j)%kind), formulation%force_axes(j), .false.)
         if (is_threaded(model%joint(j)%kind)) call add_thread()
+        if (is_geared(model%joint(j)%kind)) call add_tooth(model%gear(model%joint(j)%gear))
         call add_columns(moment_directions(model%joint(j)%kind), formulation%moment_axes(j), .true.)
 
     contains
@@ -231,9 +232,17 @@ contains
             type(wrench_column) :: thread
 
             thread = along_marker_axis(model, j, formulation%force_axes(j), 3)
-            thread%twist = -model%joint(j)%pitch
+            thread%couple = spread(-model%joint(j)%pitch*thread%direction, 2, 2)
             call add_column(thread, .false.)
         end subroutine add_thread
+
+        !> One force between both links, in the carrier's axes.
+        subroutine add_tooth(gear)
+            type(gear_type), intent(in) :: gear
+
+            call add_column(wrench_column(joint=j, orientation=orientation_of(model, gear%carrier), direction=gear%direction, &
+                                          couple=gear%couple), .false.)
+        end subroutine add_tooth
 
         subroutine add_columns(directions, axes, is_moment)
             integer, intent(in) :: directions          !! one of `along_*`
@@ -329,7 +338,7 @@ contains
                         part%normal_column = c
                         cycle
                     end if
-                    if (column%twist /= 0) formulation%part(2, j)%thread_column = c
+                    if (any(column%couple /= 0)) formulation%part(2, j)%couple_column = c
                     part%orientation = column%orientation
                     if (column%unit_axis == 0) then
                         part%is_plain = .false.
@@ -417,6 +426,7 @@ contains
         type(entry_group), intent(out) :: group
         real(wp), intent(out) :: value(6)
         logical :: is_fixed, rows_turn, zero(3)
+        real(wp) :: couple(3)
         integer :: rows, k
 
         value = 0
@@ -441,13 +451,18 @@ contains
 
             if (is_fixed) then
                 value(1:3) = incidence%sign*column%direction
-            else
+            else if (any(column%direction /= 0) .or. column%is_normal) then
                 group%force_slot = 1
                 group%needs_direction = .true.
             end if
-            if (.not. incidence%has_arm .and. column%twist == 0) return
+            couple = column%couple(:, merge(1, 2, incidence%sign < 0))
+            if (.not. incidence%has_arm .and. (is_fixed .or. model%is_planar)) then
+                value(4:6) = incidence%sign*couple
+                return
+            end if
+            if (.not. incidence%has_arm .and. all(couple == 0)) return
             if (is_fixed .and. .not. rows_turn) then
-                group%slide_fixed = incidence%sign*(cross(incidence%arm, column%direction) + column%twist*column%direction)
+                group%slide_fixed = incidence%sign*(cross(incidence%arm, column%direction) + couple)
                 do k = 1, incidence%n_slide
                     group%slide_rate(:, k) = incidence%sign*cross(incidence%arm_slide(:, k), column%direction)
                 end do
@@ -461,9 +476,9 @@ contains
                 end do
             else
                 do k = 1, 3
-                    ! Component k of arm x direction needs the other two components of the direction, that of a thread its own.
+                    ! Component k of arm x direction needs the other two components of the direction, a couple its own.
                     if (is_fixed) then
-                        if (all(pack(column%direction, [1, 2, 3] /= k) == 0) .and. column%twist*column%direction(k) == 0) cycle
+                        if (all(pack(column%direction, [1, 2, 3] /= k) == 0) .and. couple(k) == 0) cycle
                     end if
                     group%moment_slot(k) = 1
                 end do

@@ -8,6 +8,7 @@ module linkdyn_group_start
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_constants, only: pi
     use linkdyn_cross, only: cross
+    use linkdyn_given, only: given_position
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
     use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part
     use linkdyn_kinds, only: wp
@@ -212,7 +213,7 @@ contains
             associate (spec => model%scene%joint(group%joint(i)))
                 do v = 1, joint_n_variable(spec%kind)
                     if (group%coordinate(v, i) > 0) then
-                        q(:, v) = state%q(:, group%coordinate(v, i))
+                        q(:, v) = given_position(model, state, group%coordinate(v, i))
                         cycle
                     end if
                     reach = merge(scene_size(model), pi, is_slide(spec%kind, v))

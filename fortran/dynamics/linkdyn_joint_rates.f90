@@ -46,6 +46,7 @@ contains
             return
         end if
         do j = 1, model%n_joint
+            if (joint_n_variable(model%joint(j)%told_kind) == 0) cycle
             call measure_one_joint(model, state, j, q, qd)
             associate (first => model%joint(j)%first_variable)
                 n = joint_n_variable(model%joint(j)%told_kind)

@@ -4,6 +4,8 @@
 !> are computed only if the state was prepared for them.
 module linkdyn_kinematic_pass
     use linkdyn_csp_step, only: close_csp
+    use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column, given_moves, &
+        has_lost_turns
     use linkdyn_kinds, only: wp
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, relative_by_quaternion, marker_axis, turn_frame, &
         turn_frame_back
@@ -63,7 +65,7 @@ contains
         state%unreachable = state%unreachable .or. state%way_status == sample_unreachable
         state%singular = state%singular .or. state%way_status == sample_singular
         state%not_converged = state%not_converged .or. state%way_status == sample_not_converged
-        state%branch_lost = state%way_status == sample_branch_lost
+        state%branch_lost = state%branch_lost .or. state%way_status == sample_branch_lost
     end subroutine flag_lost
 
     !> One step of the program; the steps before it have been run.
@@ -166,7 +168,7 @@ contains
         type(mat3) :: first
         type(vec3) :: arm, point, slide
         real(wp), dimension(lanes, 3) :: q, qd, qdd
-        real(wp) :: sense
+        real(wp) :: sense, part(lanes)
         integer :: from, to, known, link, o_known, o, i, k
 
         associate (joint => model%joint(step%joint(1)))
@@ -183,9 +185,10 @@ contains
             qdd = 0
             do i = 1, 3
                 if (step%coordinate(i) == 0) exit
-                q(:, i) = sense*state%q(:, step%coordinate(i))
-                qd(:, i) = sense*state%qd(:, step%coordinate(i))
-                qdd(:, i) = sense*state%qdd(:, step%coordinate(i))
+                q(:, i) = sense*given_position(model, state, step%coordinate(i))
+                state%branch_lost = state%branch_lost .or. has_lost_turns(model, state, step%coordinate(i))
+                qd(:, i) = sense*given_rate(model, state, step%coordinate(i))
+                qdd(:, i) = sense*given_acceleration(model, state, step%coordinate(i))
             end do
             first = turn_frame(state%rotation(o_known), joint%frame(:, :, from))
             if (is_by_quaternion(state, step)) then
@@ -222,14 +225,16 @@ contains
                 if (o /= o_known) state%alpha(k, o) = state%alpha(k, o_known)
                 point = point_column(state%acceleration(k, known), state%alpha(k, o_known), slide)
                 do i = 1, 3
-                    if (step%coordinate(i) /= k) cycle
+                    if (step%coordinate(i) == 0) exit
+                    if (.not. given_moves(model, step%coordinate(i), k)) cycle
+                    part = sense*given_column(model, state, step%coordinate(i), k)
                     if (is_slide(joint%kind, i)) then
-                        point = point + sense*motion%axis(i)
+                        point = point + part*motion%axis(i)
                     else if (is_threaded(joint%kind)) then
-                        point = point + (sense*joint%pitch)*motion%axis(i)
-                        state%alpha(k, o) = state%alpha(k, o) + sense*motion%axis(i)
+                        point = point + (part*joint%pitch)*motion%axis(i)
+                        state%alpha(k, o) = state%alpha(k, o) + part*motion%axis(i)
                     else
-                        state%alpha(k, o) = state%alpha(k, o) + sense*motion%axis(i)
+                        state%alpha(k, o) = state%alpha(k, o) + part*motion%axis(i)
                     end if
                 end do
                 state%acceleration(k, link) = point_column(point, state%alpha(k, o), arm)

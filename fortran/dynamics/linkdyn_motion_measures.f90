@@ -2,7 +2,8 @@
 module linkdyn_motion_measures
     use linkdyn_applied_wrenches, only: spring_energy
     use linkdyn_joint_rates, only: joint_view, view_joint
-    use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, along_z, along_axes, along_x_and_y, &
+    use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, is_geared, &
+        along_z, along_axes, along_x_and_y, &
         along_normal, joint_prismatic, &
         joint_fixed
     use linkdyn_kinds, only: wp
@@ -83,6 +84,7 @@ contains
             return
         end if
         do j = 1, model%n_joint
+            if (is_geared(model%joint(j)%kind)) cycle
             call view_joint(model, state, j, state%velocity, state%omega, view)
             apart = view%slide
             associate (kind => model%joint(j)%kind, first => view%frame(1), second => view%frame(2))
@@ -111,6 +113,7 @@ contains
         integer :: j, side, o
 
         do j = 1, model%n_joint
+            if (is_geared(model%joint(j)%kind)) cycle
             associate (joint => model%joint(j))
                 do side = 1, 2
                     o = orientation_of(model, joint%link(side))

@@ -48,7 +48,8 @@ contains
                                 direction = state%plane%rotation(column%orientation).rotate.column%direction(:2)
                             end if
                         end associate
-                        if (group%needs_arm) slot(:, group%moment_slot(3)) = arm.cross.direction
+                        if (group%needs_arm) slot(:, group%moment_slot(3)) = (arm.cross.direction) &
+                            + incidence%sign*formulation%column(group%column)%couple(3, merge(1, 2, incidence%sign < 0))
                         k = group%force_slot(1)
                         if (k > 0) slot(:, k) = incidence%sign*direction%x
                         k = group%force_slot(2)

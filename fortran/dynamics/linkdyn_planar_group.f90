@@ -1,8 +1,10 @@
 !> Constraints of any planar Assur group (triads and larger, joints with given variables), for Newton's method.
 !>
 !> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it, a weld two
-!> gaps and the angle; a joint whose variable is a coordinate one more, and so does each coordinate at a part of a pose. Velocities and accelerations obey the Jacobian of the same gaps.
+!> gaps and the angle; a joint whose variable is a coordinate one more, and so does each coordinate at a part of a pose.
+!> Velocities and accelerations obey the Jacobian of the same gaps.
 module linkdyn_planar_group
+    use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_motion, only: size_of_rows
     use linkdyn_joint_table, only: most_slides, is_pose_part
@@ -122,10 +124,10 @@ contains
             row = row + 1
             if (view%slides) then
                 call put_row(view, view%u, row, matrix)
-                right(:, row) = (view%u.dot.view%gap) - state%q(:, c)
+                right(:, row) = (view%u.dot.view%gap) - given_position(model, state, c)
             else
                 call put_turn_row(view, row, matrix)
-                right(:, row) = least_turn(view%turn - state%q(:, c))
+                right(:, row) = least_turn(view%turn - given_position(model, state, c))
             end if
         end do
 
@@ -351,9 +353,9 @@ contains
                 do k = 1, 3
                     if (group%coordinate(k, i) == 0) cycle
                     row = row + 1
-                    right(:, row) = turning - given_rate(group%coordinate(k, i))
+                    right(:, row) = turning - given_at_level(group%coordinate(k, i))
                     if (view%is_position) right(:, row) = (part_axis(view, k).dot.opening) &
-                                                          - given_rate(group%coordinate(k, i))
+                                                          - given_at_level(group%coordinate(k, i))
                 end do
                 cycle
             end if
@@ -372,25 +374,25 @@ contains
             c = group%coordinate(1, i)
             if (c == 0) cycle
             row = row + 1
-            right(:, row) = merge(view%u.dot.opening, turning, view%slides) - given_rate(c)
+            right(:, row) = merge(view%u.dot.opening, turning, view%slides) - given_at_level(c)
         end do
 
     contains
 
         !> What the level gives of a coordinate.
-        pure function given_rate(c) result(given)
+        function given_at_level(c) result(given)
             integer, intent(in) :: c
             real(wp) :: given(lanes)
 
             select case (level)
             case (level_velocity)
-                given = state%qd(:, c)
+                given = given_rate(model, state, c)
             case (level_given)
-                given = state%qdd(:, c)
+                given = given_acceleration(model, state, c)
             case default
-                given = merge(1, 0, level == c)
+                given = given_column(model, state, c, level)
             end select
-        end function given_rate
+        end function given_at_level
     end subroutine assemble_level
 
     pure function opening_of(plane, view, level) result(opening)

@@ -3,6 +3,7 @@
 !> Every moving link hangs on a joint, by a hinge whose angular rate is known or on a slide whose rate is known. An open
 !> chain gives that rate; a dyad's 2x2 map yields it for both its links; so one procedure moves any link.
 module linkdyn_planar_pass
+    use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column, has_lost_turns
     use linkdyn_dyad_map, only: dyad_map, solve_dyad, uncertainty_of_dyad_motion
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -90,13 +91,16 @@ contains
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state
         type(hanger) :: h
-        real(wp) :: variable(lanes), rate(lanes), one
+        real(wp) :: variable(lanes), rate(lanes)
         integer :: level, c
 
         c = step%coordinate(1)
         h = hanger_of(model, step%joint(1), step%link(1))
         variable = 0
-        if (c > 0) variable = h%sense*state%q(:, c)
+        if (c > 0) then
+            variable = h%sense*given_position(model, state, c)
+            state%branch_lost = state%branch_lost .or. has_lost_turns(model, state, c)
+        end if
         if (h%slides) then
             call turn_with_known(model, h, state%plane)
             call place_on_slide(model, h, variable, state)
@@ -109,12 +113,11 @@ contains
             if (c > 0) then
                 select case (level)
                 case (level_velocity)
-                    rate = h%sense*state%qd(:, c)
+                    rate = h%sense*given_rate(model, state, c)
                 case (level_given)
-                    rate = h%sense*state%qdd(:, c)
+                    rate = h%sense*given_acceleration(model, state, c)
                 case default
-                    one = merge(h%sense, 0.0_wp, level == c)
-                    rate = one
+                    rate = h%sense*given_column(model, state, c, level)
                 end select
             end if
             ! The coordinate is relative; a hinge is told the link's own angular rate.

@@ -1,13 +1,13 @@
 !> From the solved unknowns to joint reactions: world axes, at the joint point (the second link's marker).
 module linkdyn_reactions
     use linkdyn_assembly, only: column_direction
-    use linkdyn_formulation, only: formulation_type
+    use linkdyn_formulation, only: formulation_type, wrench_column
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, holds_spin
     use linkdyn_vec2, only: vec2, operator(.rotate.)
-    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.), zero_vec3
+    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.), zero_vec3, vec3_of
     implicit none (type, external)
     private
     public :: solution_type, collect_reactions, unknown
@@ -63,9 +63,8 @@ contains
                     if (part%normal_column > 0 .and. .not. holds_spin(model%joint(j))) &
                         total = total + unknown(solution, part%normal_column) &
                                 *column_direction(model, formulation%column(part%normal_column), state)
-                    if (part%thread_column > 0) total = total &
-                        + (formulation%column(part%thread_column)%twist*unknown(solution, part%thread_column)) &
-                        *column_direction(model, formulation%column(part%thread_column), state)
+                    if (part%couple_column > 0) total = total + unknown(solution, part%couple_column) &
+                        *couple_of(formulation%column(part%couple_column), state)
                 end associate
                 reaction(:, 3*half - 2, j) = total%x
                 reaction(:, 3*half - 1, j) = total%y
@@ -73,6 +72,16 @@ contains
             end do
         end do
     end subroutine collect_reactions
+
+    !> Moment that comes with a unit force, on the second link about its marker, world axes.
+    pure function couple_of(column, state) result(couple)
+        type(wrench_column), intent(in) :: column
+        type(kinematic_state), intent(in) :: state
+        type(vec3) :: couple
+
+        couple = vec3_of(column%couple(:, 2))
+        if (column%orientation > 0) couple = state%rotation(column%orientation).rotate.couple
+    end function couple_of
 
     !> The same for a planar mechanism: Fx, Fy, Mz.
     subroutine collect_planar_reactions(model, formulation, state, solution, reaction)
@@ -97,7 +106,11 @@ contains
             end associate
             reaction(:, 1, j) = force%x
             reaction(:, 2, j) = force%y
-            reaction(:, 3, j) = unknown(solution, formulation%part(2, j)%unit_column(3))
+            associate (part => formulation%part(2, j))
+                reaction(:, 3, j) = unknown(solution, part%unit_column(3))
+                if (part%couple_column > 0) reaction(:, 3, j) = reaction(:, 3, j) &
+                    + formulation%column(part%couple_column)%couple(3, 2)*unknown(solution, part%couple_column)
+            end associate
         end do
     end subroutine collect_planar_reactions
 

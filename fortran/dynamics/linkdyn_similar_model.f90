@@ -6,7 +6,7 @@
 !> round differently. Zeros stay zero and equal lengths stay equal, so the similar mechanism has the same equations.
 module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
-    use linkdyn_joint_table, only: is_slide
+    use linkdyn_joint_table, only: is_slide, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length
     use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
@@ -54,6 +54,7 @@ contains
                 if (is_slide(model%joint(i)%kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)
             end do
         end do
+        call scale_gears(model, scale, similar)
         do i = 1, size(model%scene%spring)
             associate (spring => similar%scene%spring(i))
                 if (is_angular(model, spring%joint, spring%variable)) then
@@ -98,6 +99,39 @@ contains
             similar%group(i)%start(:n_length, :) = scale*model%group(i)%start(:n_length, :)
         end do
     end subroutine make_similar
+
+    !> Radii and slides.
+    pure subroutine scale_gears(model, scale, similar)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: scale
+        type(model_type), intent(inout) :: similar
+        real(wp) :: own_scale
+        integer :: i, k
+
+        do i = 1, size(model%gear)
+            associate (spec => model%scene%joint(model%gear(i)%joint), scaled => similar%scene%joint(model%gear(i)%joint))
+                similar%gear(i)%couple = scale*model%gear(i)%couple
+                similar%gear(i)%total = scale*model%gear(i)%total
+                similar%gear(i)%radius = scale*model%gear(i)%radius
+                similar%gear(i)%pitch = scale*model%gear(i)%pitch
+                if (spec%kind == joint_belt) scaled%wheel = scale*spec%wheel
+                if (spec%kind == joint_rack) scaled%phase = scale*spec%phase
+            end associate
+        end do
+        do i = 1, size(model%led)
+            associate (led => model%led(i))
+                own_scale = merge(scale, 1.0_wp, is_slide(model%joint(led%joint)%kind, led%variable))
+                similar%led(i)%offset = own_scale*led%offset
+                do k = 1, model%n_q
+                    similar%led(i)%weight(k) = own_scale/coordinate_scale(model, k, scale)*led%weight(k)
+                end do
+                do k = 1, size(led%source)
+                    similar%led(i)%source_weight(k) = own_scale*led%source_weight(k) &
+                        /merge(scale, 1.0_wp, is_slide(model%joint(led%source(k))%kind, 1))
+                end do
+            end associate
+        end do
+    end subroutine scale_gears
 
     !> What a coordinate is multiplied by: angles stay.
     pure real(wp) function coordinate_scale(model, i, scale)

@@ -7,6 +7,7 @@
 module linkdyn_spatial_group
     use linkdyn_constants, only: two_pi
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column
     use linkdyn_group_motion, only: size_of_rows
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, marker_axis
     use linkdyn_joint_table, only: is_slide, is_threaded, variable_axis, most_slides, slide_axis, n_slide, joint_universal, &
@@ -184,7 +185,8 @@ contains
     end function view_of
 
     !> The constraints of a joint, and those of the coordinates that give its variables.
-    subroutine list_rows(view, coordinate, state, row, n)
+    subroutine list_rows(model, view, coordinate, state, row, n)
+        type(model_type), intent(in) :: model
         type(joint_view), intent(in) :: view
         integer, intent(in) :: coordinate(3)
         type(kinematic_state), intent(in) :: state
@@ -223,16 +225,16 @@ contains
                     call add_attitude_angle(k)
                 else if (is_slide(view%kind, k)) then
                     call add_distance_along(marker_axis(first, variable_axis(k, view%kind)))
-                    row(n)%error = variable(:, k) - state%q(:, coordinate(k))
+                    row(n)%error = variable(:, k) - given_position(model, state, coordinate(k))
                 else if (is_threaded(view%kind)) then
                     ! the slide tells a screw's angle, and its turns
                     call add_distance_along(first%z)
                     row(n)%unit = view%pitch
-                    row(n)%error = view%pitch*(variable(:, k) - state%q(:, coordinate(k)))
+                    row(n)%error = view%pitch*(variable(:, k) - given_position(model, state, coordinate(k)))
                 else if (view%kind == joint_universal .and. k == 2) then
-                    call add_angle(second%z, view%o(2), variable(:, k) - state%q(:, coordinate(k)))
+                    call add_angle(second%z, view%o(2), variable(:, k) - given_position(model, state, coordinate(k)))
                 else
-                    call add_angle(first%z, view%o(1), variable(:, k) - state%q(:, coordinate(k)))
+                    call add_angle(first%z, view%o(1), variable(:, k) - given_position(model, state, coordinate(k)))
                 end if
                 row(n)%coordinate = coordinate(k)
             end do
@@ -366,7 +368,7 @@ contains
             do k = 1, n_slide(view%kind)
                 state%slide(:, k, group%joint(i)) = view%gap.dot.marker_axis(view%frame(1), slide_axis(k, view%kind))
             end do
-            call list_rows(view, group%coordinate(:, i), state, row, n)
+            call list_rows(model, view, group%coordinate(:, i), state, row, n)
             do k = 1, n
                 call put_row(view, row(k), matrix(:, first + k, :))
                 right(:, first + k) = row(k)%error
@@ -527,7 +529,7 @@ contains
         first = 0
         do i = 1, size(group%joint)
             view = view_of(model, group, group%joint(i), state)
-            call list_rows(view, group%coordinate(:, i), state, row, n)
+            call list_rows(model, view, group%coordinate(:, i), state, row, n)
             do k = 1, n
                 associate (rate => right(:, first + k), c => row(k)%coordinate)
                     rate = 0
@@ -537,9 +539,9 @@ contains
                         rate = rate + merge(-1, 1, side == 1)*known_rate(side)
                     end do
                     if (c == 0) cycle
-                    if (level == level_velocity) rate = rate - row(k)%unit*state%qd(:, c)
-                    if (level == level_given) rate = rate - row(k)%unit*state%qdd(:, c)
-                    if (level == c) rate = rate - row(k)%unit
+                    if (level == level_velocity) rate = rate - row(k)%unit*given_rate(model, state, c)
+                    if (level == level_given) rate = rate - row(k)%unit*given_acceleration(model, state, c)
+                    if (level > level_given) rate = rate - row(k)%unit*given_column(model, state, c, level)
                 end associate
             end do
             first = first + n

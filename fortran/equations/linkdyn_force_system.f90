@@ -12,7 +12,7 @@ module linkdyn_force_system
     use linkdyn_inertia_wrench, only: inertia_wrench, mass_properties
     use linkdyn_joint_table, only: along_axes, along_x_and_y, along_z, along_normal
     use linkdyn_layout, only: layout_type, about_cog, about_origin
-    use linkdyn_mechanism, only: mechanism_type, properties_of, marker_point, marker_frame, point_of_action
+    use linkdyn_mechanism, only: mechanism_type, wheel_wrench, properties_of, marker_point, marker_frame, point_of_action
     use linkdyn_model, only: holds_spin
     use linkdyn_scene, only: name_len
     use linkdyn_system, only: system_type, unknown, require, solved
@@ -28,6 +28,7 @@ module linkdyn_force_system
 
     type :: force_unknowns
         type(acting_type), allocatable :: reaction(:)  !! (joint)
+        type(acting_type), allocatable :: tooth(:)     !! of gears, on each of both links by itself
         type(value), allocatable :: effort(:)          !! (actuator) driving force or torque, known or unknown [N, N m]
         logical :: wants_names = .false.               !! for a matrix that people read
         character(len=label_len), allocatable :: name(:)       !! of the unknowns, in their order
@@ -47,7 +48,7 @@ contains
         integer :: j
 
         allocate (unknowns%reaction(mechanism%model%n_joint), unknowns%effort(mechanism%model%n_actuator))
-        allocate (unknowns%name(0), unknowns%equation(0))
+        allocate (unknowns%name(0), unknowns%equation(0), unknowns%tooth(0))
         do j = 1, mechanism%model%n_joint
             call add_reaction(mechanism, layout%unknown_side(j), j, system, unknowns)
         end do
@@ -63,6 +64,10 @@ contains
 
         associate (joint => mechanism%model%joint(j), kind => mechanism%kind(j)%is)
             acting%joint = j
+            if (joint%gear > 0) then
+                call add_tooth(joint%gear)
+                return
+            end if
             if (side > 0) acting%turning = mechanism%bodies%body(joint%link(side))%turning
             acting%force = sum_along(kind%forces, is_force=.true.)
             acting%moment = zero_vector()
@@ -72,6 +77,37 @@ contains
         end associate
 
     contains
+
+        !> One force between two wheels, in the axes of their carrier. The moments of both links are about their own markers.
+        subroutine add_tooth(g)
+            integer, intent(in) :: g
+            type(acting_type) :: half
+            type(value) :: size
+            type(vector) :: force, couple
+            integer :: s
+
+            size = unknown(system)
+            if (unknowns%wants_names) unknowns%name = [character(len=label_len) :: unknowns%name, &
+                                                       trim(mechanism%model%joint(j)%name)//" Ft"]
+            do s = 1, 2
+                call wheel_wrench(mechanism, g, s, force, couple)
+                half%link = mechanism%model%joint(j)%link(s)
+                half%turning = mechanism%bodies%body(mechanism%model%gear(g)%carrier)%turning
+                half%point = marker_point(mechanism, j, s)
+                half%force = size*force
+                half%moment = size*couple
+                if (s == 2) then
+                    acting%turning = half%turning
+                    acting%force = half%force
+                    acting%moment = half%moment
+                    unknowns%reaction(j) = acting
+                else
+                    half%force = -half%force
+                    half%moment = -half%moment
+                end if
+                unknowns%tooth = [unknowns%tooth, half]
+            end do
+        end subroutine add_tooth
 
         !> A force along the axis and the moment about it that comes with it: together they have no power.
         subroutine add_thread(pitch)
@@ -196,9 +232,9 @@ contains
         integer :: i, l
 
         associate (model => mechanism%model)
-            all = [unknowns%reaction, (at_joint_variable(mechanism, model%scene%actuator(i)%joint, &
-                                                         model%scene%actuator(i)%variable, unknowns%effort(i)), &
-                                       i=1, model%n_actuator), acting]
+            all = [pack(unknowns%reaction, model%joint%gear == 0), unknowns%tooth, &
+                   (at_joint_variable(mechanism, model%scene%actuator(i)%joint, model%scene%actuator(i)%variable, &
+                                      unknowns%effort(i)), i=1, model%n_actuator), acting]
             call sort_by_links(mechanism, all, first, which)
             do l = 1, model%n_link
                 call balance_link(mechanism, layout, l, all(which(first(l):first(l + 1) - 1)), system, unknowns)

@@ -3,9 +3,9 @@ module linkdyn_description
     use linkdyn_assemblies, only: assembly_list
     use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, gear_type
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: scene_type, link_spec, joint_spec, coordinate_spec, load_spec, marker_spec, law_over, frame_link, &
+    use linkdyn_scene, only: scene_type, link_spec, coordinate_spec, load_spec, marker_spec, law_over, frame_link, &
         axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, idle_spins, n_holding, coordinate_joint, &
         is_pose_part
     implicit none (type, external)
@@ -15,8 +15,16 @@ module linkdyn_description
 contains
 
     !> What a drawing or a script needs to know of the scene. Link 0 is the frame.
-    function scene_as_json(scene) result(text)
+    function scene_as_json(model) result(text)
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+
+        text = parts_as_json(model%scene, model)
+    end function scene_as_json
+
+    function parts_as_json(scene, model) result(text)
         type(scene_type), intent(in) :: scene
+        type(model_type), intent(in) :: model
         character(len=:), allocatable :: text
         integer :: i
 
@@ -30,7 +38,7 @@ contains
         end do
         text = text//'],"joints":['
         do i = 1, n_holding(scene)
-            text = text//separator(i)//joint_object(scene, scene%joint(i))
+            text = text//separator(i)//joint_object(model, i)
         end do
         text = text//'],"coordinates":['
         do i = 1, size(scene%coordinate)
@@ -52,7 +60,7 @@ contains
         text = text//"],"//pair("idle_spins", string(idle_spins(scene)))
         if (size(scene%source) > 1) text = text//","//pair("text", string(scene%text))
         text = text//"}"
-    end function scene_as_json
+    end function parts_as_json
 
     !> Assemblies of a model, each with its branches, joint variables and places of the links.
     function assemblies_as_json(model, list) result(text)
@@ -141,17 +149,20 @@ contains
             pair("axis", numbers(marker%axis))//","//pair("x", numbers(marker%x_axis))//"}"
     end function marker_object
 
-    function joint_object(scene, joint) result(text)
-        type(scene_type), intent(in) :: scene
-        type(joint_spec), intent(in) :: joint
+    function joint_object(model, j) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
         character(len=:), allocatable :: text
 
-        text = "{"//pair("name", string(joint%name))//","//pair("type", string(joint_kind_name(joint%kind)))//","// &
-            '"links":['//integer_value(joint%link(1))//","//integer_value(joint%link(2))//'],"markers":['// &
-            string(marker_name(scene, joint%link(1), joint%marker(1)))//","// &
-            string(marker_name(scene, joint%link(2), joint%marker(2)))//"]"
-        if (joint%kind == joint_screw) text = text//","//pair("lead", number(joint%lead))
-        text = text//"}"
+        associate (scene => model%scene, joint => model%scene%joint(j))
+            text = "{"//pair("name", string(joint%name))//","//pair("type", string(joint_kind_name(joint%kind)))//","// &
+                '"links":['//integer_value(joint%link(1))//","//integer_value(joint%link(2))//'],"markers":['// &
+                string(marker_name(scene, joint%link(1), joint%marker(1)))//","// &
+                string(marker_name(scene, joint%link(2), joint%marker(2)))//"]"
+            if (joint%kind == joint_screw) text = text//","//pair("lead", number(joint%lead))
+            if (model%joint(j)%gear > 0) text = text//gear_members(model, model%gear(model%joint(j)%gear))
+            text = text//"}"
+        end associate
     end function joint_object
 
     !> One that leads a link by a part of its pose has with it which, of which point, and seen from which link.
@@ -169,6 +180,29 @@ contains
                 pair("marker", string(marker_name(scene, part%link(2), part%marker(2))))//"}"
         end associate
     end function coordinate_object
+
+    !> What gears, racks and belts have besides: the wheels, and the sum of joint variables that stays.
+    function gear_members(model, gear) result(text)
+        type(model_type), intent(in) :: model
+        type(gear_type), intent(in) :: gear
+        character(len=:), allocatable :: text
+        integer :: i, n
+
+        text = ","//pair("carrier", integer_value(gear%carrier))//","//pair("radii", numbers(gear%radius))//","// &
+            pair("pitch", numbers(gear%pitch))//","// &
+            pair("crossed", logical_value(model%scene%joint(gear%joint)%is_turned_over))//',"tied":['
+        n = 0
+        do i = 1, model%n_joint
+            if (joint_n_variable(model%joint(i)%kind) == 0) cycle
+            associate (weight => gear%weight(model%joint(i)%first_variable + 1))
+                if (weight == 0) cycle
+                n = n + 1
+                text = text//separator(n)//"{"//pair("joint", string(model%joint(i)%name))//","// &
+                    pair("weight", number(weight))//"}"
+            end associate
+        end do
+        text = text//"]"
+    end function gear_members
 
     function load_object(scene, load) result(text)
         type(scene_type), intent(in) :: scene

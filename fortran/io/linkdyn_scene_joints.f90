@@ -10,6 +10,7 @@ module linkdyn_scene_joints
     use linkdyn_units, only: quantity_type, length, angle
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
         get_quantity, quantity_of, get_name, get_word, get_integer
+    use linkdyn_scene_gears, only: read_wheels, gear_key
     use linkdyn_scene_names, only: find_marker
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     implicit none (type, external)
@@ -49,7 +50,7 @@ contains
         call get_name(place, "name", joint%name, status)
         if (.not. status%is_ok()) return
         place%what = "joint "//quoted(joint%name)
-        call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch", "lead"], status)
+        call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch", "lead", gear_key], status)
         call get_word(place, "type", joint_kind_name(:n_joint_kind), joint%kind, status)
         if (.not. status%is_ok()) return
         if (scene%planar .and. .not. joint_in_plane(joint%kind)) then
@@ -59,6 +60,7 @@ contains
             return
         end if
         call read_lead(place, joint, status)
+        call read_wheels(place, joint, status)
         between = place%node%get("between")
         if (.not. between%is_present()) then
             call refuse_missing(place, "between", expected, status)

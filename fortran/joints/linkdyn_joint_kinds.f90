@@ -4,7 +4,7 @@ module linkdyn_joint_kinds
     use linkdyn_fixed, only: fixed
     use linkdyn_joint_kind, only: joint_kind
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar, joint_screw, pose_position
+        joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, pose_position
     use linkdyn_pose_parts, only: position_part, attitude_part
     use linkdyn_planar, only: planar
     use linkdyn_prismatic, only: prismatic
@@ -12,6 +12,7 @@ module linkdyn_joint_kinds
     use linkdyn_screw, only: screw
     use linkdyn_spherical, only: spherical
     use linkdyn_universal, only: universal
+    use linkdyn_wheels, only: wheels
     implicit none (type, external)
     private
     public :: joint_kind_box, make_joint_kind
@@ -44,6 +45,8 @@ contains
             allocate (planar :: box%is)
         case (joint_screw)
             allocate (screw :: box%is)
+        case (joint_gear, joint_rack, joint_belt)
+            allocate (wheels :: box%is)
         case (pose_position)
             allocate (position_part :: box%is)
         case default

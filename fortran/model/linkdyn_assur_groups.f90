@@ -1,20 +1,23 @@
 !> Mechanisms taken apart by counting: which links can be placed together, and in what order.
 !>
 !> A link has `freedom` freedoms (3 planar, 6 spatial). A tie (a joint, or a coordinate given at it) removes some of
-!> those of its two links. Every constraint is charged to one of its links; if every link can be charged exactly its
-!> freedoms, the links that charge each other in a circle form the smallest groups that can be placed at once: one
-!> link is a step of an open chain, more are an Assur group. If not, the counting names the links and ties at fault.
+!> those of its two links, a gear's one of those of all that it hangs on. Every constraint is charged to one of its links; if
+!> every link can be charged exactly its freedoms, the links that charge each other in a circle form the smallest groups that
+!> can be placed at once: one link is a step of an open chain, more are an Assur group. If not, the counting names the links
+!> and ties at fault.
 !>
 !> **Source**: Dulmage, Mendelsohn, Canad. J. Math. 10 (1958) 517, for the decomposition; Tarjan, SIAM J. Comput. 1 (1972)
 !> 146, for the circles.
 module linkdyn_assur_groups
     implicit none (type, external)
     private
-    public :: tie_type, grouping_type, find_groups
+    public :: tie_type, grouping_type, find_groups, most_tied
 
-    !> Constraints between two links. Link 0 stands for every link that is known beforehand.
+    integer, parameter :: most_tied = 12     !! links of a tie
+
+    !> Constraints between links, two of a joint. Link 0 stands for every link that is known beforehand, and for none.
     type :: tie_type
-        integer :: link(2) = 0
+        integer :: link(most_tied) = 0       !! each once
         integer :: n_constraint = 0
     end type tie_type
 
@@ -33,7 +36,7 @@ module linkdyn_assur_groups
     type :: ledger_type
         integer :: freedom = 0
         integer, allocatable :: charged(:)             !! constraints charged to a link
-        integer, allocatable :: share(:, :)            !! constraints of a tie charged to its links (2, n_tie)
+        integer, allocatable :: share(:, :)            !! constraints of a tie charged to its links (most_tied, n_tie)
         integer, allocatable :: first(:), tie(:)       !! ties of link l: tie(first(l):first(l+1)-1)
     end type ledger_type
 
@@ -79,12 +82,15 @@ contains
         integer :: place(0:n_link), t, side, l
 
         ledger%freedom = freedom
-        allocate (ledger%charged(n_link), ledger%share(2, size(tie)), ledger%first(n_link + 1))
+        allocate (ledger%charged(n_link), ledger%share(most_tied, size(tie)), ledger%first(n_link + 1))
         ledger%charged = 0
         ledger%share = 0
         place = 0
         do t = 1, size(tie)
-            place(tie(t)%link) = place(tie(t)%link) + 1
+            do side = 1, most_tied
+                l = tie(t)%link(side)
+                place(l) = place(l) + 1
+            end do
         end do
         ledger%first(1) = 1
         do l = 1, n_link
@@ -93,7 +99,7 @@ contains
         allocate (ledger%tie(ledger%first(n_link + 1) - 1))
         place(1:) = ledger%first(:n_link)
         do t = 1, size(tie)
-            do side = 1, 2
+            do side = 1, most_tied
                 l = tie(t)%link(side)
                 if (l == 0) cycle
                 ledger%tie(place(l)) = t
@@ -111,7 +117,7 @@ contains
         integer :: side
 
         visited = .false.
-        do side = 1, 2
+        do side = 1, most_tied
             is_charged = has_room(ledger, tie, tie(t)%link(side), visited)
             if (.not. is_charged) cycle
             call charge(ledger, t, side, tie(t)%link(side), 1)
@@ -143,14 +149,16 @@ contains
         if (room) return
         do k = ledger%first(link), ledger%first(link + 1) - 1
             t = ledger%tie(k)
-            side = merge(1, 2, tie(t)%link(1) == link)
+            side = findloc(tie(t)%link, link, dim=1)
             if (ledger%share(side, t) == 0) cycle
-            other = tie(t)%link(3 - side)
-            room = has_room(ledger, tie, other, visited)
-            if (.not. room) cycle
-            call charge(ledger, t, side, link, -1)
-            call charge(ledger, t, 3 - side, other, 1)
-            return
+            do other = 1, most_tied
+                if (other == side) cycle
+                room = has_room(ledger, tie, tie(t)%link(other), visited)
+                if (.not. room) cycle
+                call charge(ledger, t, side, link, -1)
+                call charge(ledger, t, other, tie(t)%link(other), 1)
+                return
+            end do
         end do
     end function has_room
 
@@ -165,7 +173,7 @@ contains
         grouping%failed_tie = failed
         n = 0
         do t = 1, size(tie)
-            grouping%tie_at_fault(t) = is_within(tie(t)%link(1)) .and. is_within(tie(t)%link(2)) &
+            grouping%tie_at_fault(t) = is_within(tie(t)%link) &
                                        .and. (any(tie(t)%link > 0) .or. t == failed)
             if (grouping%tie_at_fault(t)) n = n + tie(t)%n_constraint
         end do
@@ -174,10 +182,13 @@ contains
     contains
 
         pure logical function is_within(link)
-            integer, intent(in) :: link
+            integer, intent(in) :: link(:)
+            integer :: i
 
-            is_within = link == 0
-            if (link > 0) is_within = grouping%link_at_fault(link)
+            is_within = .true.
+            do i = 1, size(link)
+                if (link(i) > 0) is_within = is_within .and. grouping%link_at_fault(link(i))
+            end do
         end function is_within
     end subroutine blame_excess
 
@@ -209,8 +220,10 @@ contains
         at_fault(link) = .true.
         do k = ledger%first(link), ledger%first(link + 1) - 1
             t = ledger%tie(k)
-            side = merge(1, 2, tie(t)%link(1) == link)
-            if (ledger%share(3 - side, t) > 0) call spread_lack(ledger, tie, tie(t)%link(3 - side), at_fault)
+            do side = 1, most_tied
+                if (ledger%share(side, t) > 0 .and. tie(t)%link(side) /= link) &
+                    call spread_lack(ledger, tie, tie(t)%link(side), at_fault)
+            end do
         end do
     end subroutine spread_lack
 
@@ -252,15 +265,17 @@ contains
         search%is_open(link) = .true.
         do k = ledger%first(link), ledger%first(link + 1) - 1
             t = ledger%tie(k)
-            side = merge(1, 2, tie(t)%link(1) == link)
-            other = tie(t)%link(3 - side)
-            if (ledger%share(side, t) == 0 .or. other == 0) cycle
-            if (search%number(other) == 0) then
-                call visit(ledger, tie, other, search, grouping)
-                search%low(link) = min(search%low(link), search%low(other))
-            else if (search%is_open(other)) then
-                search%low(link) = min(search%low(link), search%number(other))
-            end if
+            if (ledger%share(findloc(tie(t)%link, link, dim=1), t) == 0) cycle
+            do side = 1, most_tied
+                other = tie(t)%link(side)
+                if (other == 0 .or. other == link) cycle
+                if (search%number(other) == 0) then
+                    call visit(ledger, tie, other, search, grouping)
+                    search%low(link) = min(search%low(link), search%low(other))
+                else if (search%is_open(other)) then
+                    search%low(link) = min(search%low(link), search%number(other))
+                end if
+            end do
         end do
         if (search%low(link) == search%number(link)) call close_group(link, search, grouping)
     end subroutine visit

@@ -1,17 +1,17 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
-    use linkdyn_joint_table, only: is_slide, is_threaded
+    use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical
     implicit none (type, external)
     private
-    public :: model_type, link_type, joint_type, step_type, leg_type, group_type
+    public :: model_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
-    public :: is_length, is_screw, repeats, scene_size
+    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -33,6 +33,7 @@ module linkdyn_model
     integer, parameter :: by_markers = 3     !! the links close where their markers are written
     integer, parameter :: by_nothing = 4     !! the first of both; or the nearest to joint variables of zero
     real(wp), parameter :: stride_part = 0.1_wp   !! stride of a coordinate: of a radian, or of the mechanism's size
+    real(wp), parameter :: most_turned = 2.88_wp  !! of an angle from its start whose turns nobody counts: 165 degrees [rad]
     integer, parameter :: n_probe = 2        !! vectors with which the margin of a group is measured
 
     !> Constants of a moving link.
@@ -65,7 +66,39 @@ module linkdyn_model
         real(wp) :: pitch = 0                 !! of a screw: slide per angle [m/rad]
         integer :: leg = 0                    !! the leg whose length is its slide
         integer :: attitude = 0               !! that its three angles give
+        integer :: gear = 0                   !! number of a gear, rack or belt
     end type joint_type
+
+    !> Two wheels, or a wheel and a rack, whose joint variables are tied. See `linkdyn_gearing`.
+    type :: gear_type
+        integer :: joint = 0
+        integer :: carrier = 0                !! the link in which both turn or slide; 0 is the frame
+        real(wp) :: direction(3) = 0          !! of the force on the second link, for a unit of the unknown; carrier axes
+        real(wp) :: couple(3, 2) = 0          !! with it about the link's own marker; on the first both are reversed [m]
+        real(wp) :: radius(2) = 0             !! of both wheels; of a rack 0 [m]
+        real(wp) :: pitch(3) = 0              !! where they touch, of a belt the middle; carrier axes [m]
+        real(wp), allocatable :: weight(:)    !! of the joint variables in the sum that stays (n_variable)
+        real(wp) :: total = 0                 !! that sum [m]
+    end type gear_type
+
+    !> A joint variable that gears make a linear function of the coordinates, and of variables of joints that are placed before: as
+    !> good as a coordinate. Where coordinates are numbered, such variables follow after the last.
+    type :: led_type
+        integer :: joint = 0, variable = 0
+        real(wp) :: offset = 0                !! [m, rad]
+        real(wp), allocatable :: weight(:)    !! (n_q)
+        integer, allocatable :: source(:)     !! joints that are placed before, each with one variable
+        real(wp), allocatable :: source_weight(:)
+    end type led_type
+
+    !> A sum of joint variables that gears keep and that coordinates alone do not tell apart.
+    type :: loose_type
+        integer :: gear = 0                   !! by which it comes
+        integer, allocatable :: joint(:)      !! each with one variable
+        real(wp), allocatable :: part(:)      !! in the sum (joint)
+        real(wp) :: total = 0
+        real(wp), allocatable :: weight(:)    !! what coordinates add to it (n_q)
+    end type loose_type
 
     !> One step of the kinematic program.
     type :: step_type
@@ -131,6 +164,9 @@ module linkdyn_model
         type(joint_type), allocatable :: joint(:)    !! those that hold something, then those by which coordinates lead links
         type(step_type), allocatable :: step(:)
         type(leg_type), allocatable :: leg(:)
+        type(gear_type), allocatable :: gear(:)
+        type(led_type), allocatable :: led(:)
+        type(loose_type), allocatable :: loose(:)
         type(group_type), allocatable :: group(:)
         logical, allocatable :: moves(:, :)   !! (n_q, n_link): the coordinate moves the link
         integer, allocatable :: first_at(:)   !! joints of link l: joint_at(first_at(l):first_at(l+1)-1)
@@ -207,13 +243,35 @@ contains
         end associate
     end function is_screw
 
-    !> Is a coordinate an angle after a whole turn of which the mechanism looks alike? With a screw in it a nut has gone on.
+    !> Is a coordinate an angle after a whole turn of which the mechanism looks alike? With a screw in it a nut has gone
+    !> on, with gears some wheel stands elsewhere.
     pure logical function repeats(model, k)
         type(model_type), intent(in) :: model
         integer, intent(in) :: k
+        integer :: i
 
         repeats = .not. (is_length(model, k) .or. any(is_threaded(model%joint%kind)))
+        do i = 1, size(model%led)
+            ! a wheel has turned by its part
+            associate (led => model%led(i))
+                if (led%weight(k) == 0) cycle
+                repeats = repeats .and. .not. is_slide(model%joint(led%joint)%kind, led%variable) &
+                          .and. led%weight(k) == anint(led%weight(k))
+            end associate
+        end do
     end function repeats
+
+    !> Does it matter for a led variable how many turns the angle of its source s has made? Not if these are whole turns of it.
+    pure logical function counts_turns(model, led, s)
+        type(model_type), intent(in) :: model
+        type(led_type), intent(in) :: led
+        integer, intent(in) :: s
+        real(wp), parameter :: rounding = 1.0e-12_wp
+
+        counts_turns = wraps(model%joint(led%source(s))%kind, 1)
+        if (.not. counts_turns .or. is_slide(model%joint(led%joint)%kind, led%variable)) return
+        counts_turns = abs(led%source_weight(s) - anint(led%source_weight(s))) > rounding
+    end function counts_turns
 
     !> A length typical of the mechanism [m].
     pure real(wp) function scene_size(model)

@@ -12,6 +12,7 @@ module linkdyn_numbers
     integer, parameter :: of_marker = 21       !! point (3), frame (9: axes x, y, z), frame by which variables are told (9)
     integer, parameter :: of_spring = 9        !! stiffness, damping, rest, points (6)
     integer, parameter :: of_drive = 8
+    integer, parameter :: of_gear = 9          !! direction (3), couples (6)
 
     !> Where the numbers of each thing begin in the list.
     type :: number_places
@@ -20,6 +21,8 @@ module linkdyn_numbers
         integer, allocatable :: link(:)        !! mass; cog from +1, inertia from +4
         integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3, told frame from +12
         integer, allocatable :: pitch(:)       !! (joint) slide per angle of a screw; 0: the joint is none
+        integer, allocatable :: gear(:)        !! direction, couples of both sides from +3, +6
+        integer, allocatable :: led(:)         !! offset, weights of the coordinates from +1, then of other joints
         integer, allocatable :: load(:)        !! point
         integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
         integer, allocatable :: drive(:)
@@ -42,6 +45,13 @@ contains
             if (.not. is_threaded(model%joint(i)%kind)) cycle
             at%n = at%n + 1
             at%pitch(i) = at%n
+        end do
+        at%gear = [(at%n + 1 + of_gear*(i - 1), i=1, size(model%gear))]
+        at%n = at%n + of_gear*size(model%gear)
+        allocate (at%led(size(model%led)))
+        do i = 1, size(model%led)
+            at%led(i) = at%n + 1
+            at%n = at%n + 1 + model%n_q + size(model%led(i)%source)
         end do
         at%load = [(at%n + 1 + 3*(i - 1), i=1, model%n_load)]
         at%n = at%n + 3*model%n_load
@@ -74,6 +84,16 @@ contains
                 number(k + 12:k + 20) = reshape(model%joint(i)%told_frame(:, :, side), [9])
             end do
             if (at%pitch(i) > 0) number(at%pitch(i)) = model%joint(i)%pitch
+        end do
+        do i = 1, size(model%gear)
+            number(at%gear(i):at%gear(i) + 2) = model%gear(i)%direction
+            number(at%gear(i) + 3:at%gear(i) + 8) = reshape(model%gear(i)%couple, [6])
+        end do
+        do i = 1, size(model%led)
+            number(at%led(i)) = model%led(i)%offset
+            k = at%led(i) + model%n_q
+            number(at%led(i) + 1:k) = model%led(i)%weight
+            number(k + 1:k + size(model%led(i)%source)) = model%led(i)%source_weight
         end do
         do i = 1, model%n_load
             number(at%load(i):at%load(i) + 2) = marker_at(model%scene%load(i)%link, model%scene%load(i)%marker)

@@ -5,15 +5,16 @@
 !> joints a dyad or a leg with a closed form, any other group is left to Newton's method. A scene that cannot be
 !> planned is refused with the names of the links and joints concerned.
 module linkdyn_planner
-    use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups
-    use linkdyn_joint_table, only: n_transmitted
+    use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups, most_tied
+    use linkdyn_gearing, only: lead_by_loose, forget_loose
+    use linkdyn_joint_table, only: n_transmitted, is_geared, variable_name
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
-    use linkdyn_model, only: model_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, step_rrp, &
-        step_rpr, step_prp, step_ppr, step_group, side_of, link_freedom, place_size
+    use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
+        step_rrp, step_rpr, step_prp, step_ppr, step_group, side_of, link_freedom, place_size
     use linkdyn_redundancy, only: redundancy_type, find_redundancy
-    use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical
+    use linkdyn_scene, only: coordinate_joint, coordinate_pose, joint_n_variable, joint_kind_name, joint_prismatic, &
+        joint_cylindrical, joint_universal, joint_spherical
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -31,7 +32,8 @@ module linkdyn_planner
         logical :: closed_forms = .true.        !! are to be used where there are some
         real(wp), allocatable :: stand(:, :, :) !! how legs stand that are closed in any axes; absent: none are
         logical, allocatable :: known(:)        !! (0:n_link)
-        integer, allocatable :: given(:, :)     !! coordinate that gives a joint variable; 0: none (3, n_joint)
+        logical, allocatable :: is_used(:)      !! sums that gears keep and that have given a variable (loose)
+        integer, allocatable :: given(:, :)     !! coordinate or what some lead that gives a variable; 0: none (3, n_joint)
     end type planning
 
 contains
@@ -71,6 +73,8 @@ contains
         if (.not. status%is_ok()) return
         if (present(closed_forms)) plan%closed_forms = closed_forms
         if (present(stand)) allocate (plan%stand, source=stand)
+        call forget_loose(model)
+        allocate (plan%is_used(size(model%loose)), source=.false.)
         allocate (plan%step(model%n_link + 1), plan%known(0:model%n_link), plan%given(3, size(model%joint)), &
                   model%group(model%n_link))
         plan%known = .false.
@@ -134,14 +138,17 @@ contains
         type(model_type), intent(in) :: model
         type(planning), intent(inout) :: plan
         type(tie_type), allocatable, intent(out) :: tie(:)
-        integer, allocatable, intent(out) :: tie_coordinate(:)    !! 0: a joint
+        integer, allocatable, intent(out) :: tie_coordinate(:)    !! beyond the coordinates what they lead by gears; 0: a joint
         integer :: j, n
 
-        allocate (tie(model%n_joint + model%n_q), tie_coordinate(model%n_joint + model%n_q))
+        n = model%n_joint + model%n_q + size(model%led) + size(model%loose)
+        allocate (tie(n), tie_coordinate(n))
         tie_coordinate = 0
         plan%given = 0
         do j = 1, model%n_joint
             tie(j) = tie_type(unknown_links(j), joint_constraints(model, model%joint(j)%kind))
+            ! the ties of gears are in the variables that they lead
+            if (is_geared(model%joint(j)%kind)) tie(j) = tie_type()
         end do
         n = model%n_joint
         do j = 1, model%n_q
@@ -153,6 +160,17 @@ contains
                 plan%given(c%variable, c%joint) = j
             end associate
         end do
+        do j = 1, size(model%led)
+            n = n + 1
+            tie(n) = tie_type(unknown_links(model%led(j)%joint), 1)
+            tie_coordinate(n) = model%n_q + j
+            plan%given(model%led(j)%variable, model%led(j)%joint) = model%n_q + j
+        end do
+        do j = 1, size(model%loose)
+            n = n + 1
+            tie(n) = tie_type(tied_links(model%loose(j)%joint), 1)
+            tie_coordinate(n) = model%n_q + size(model%led) + j
+        end do
         tie = tie(:n)
         tie_coordinate = tie_coordinate(:n)
 
@@ -160,10 +178,29 @@ contains
 
         pure function unknown_links(joint) result(link)
             integer, intent(in) :: joint
-            integer :: link(2)
+            integer :: link(most_tied)
 
-            link = merge(0, model%joint(joint)%link, plan%known(model%joint(joint)%link))
+            link = tied_links([joint])
         end function unknown_links
+
+        !> The unknown ones among the links of some joints, each once.
+        pure function tied_links(joint) result(link)
+            integer, intent(in) :: joint(:)
+            integer :: link(most_tied)
+            integer :: i, side, n
+
+            link = 0
+            n = 0
+            do i = 1, size(joint)
+                do side = 1, 2
+                    associate (l => model%joint(joint(i))%link(side))
+                        if (plan%known(l) .or. any(link == l) .or. n == most_tied) cycle
+                        n = n + 1
+                        link(n) = l
+                    end associate
+                end do
+            end do
+        end function tied_links
     end subroutine list_ties
 
     ! ---------------------------------------------------------------- groups
@@ -177,8 +214,10 @@ contains
         integer :: n_before
 
         n_before = plan%n_step
+        if (size(member) == 1) call lead_link(model, member(1), plan)
         if (plan%closed_forms) call place_directly()
         if (status%is_ok() .and. plan%n_step == n_before) call add_newton_group(model, member, plan, status)
+        call refuse_gear_in_group(model, plan, status)
 
     contains
 
@@ -194,6 +233,53 @@ contains
             end if
         end subroutine place_directly
     end subroutine place_group
+
+    !> Gears from links that are placed already may give the variable of a joint that a link hangs on.
+    subroutine lead_link(model, link, plan)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: link
+        type(planning), intent(inout) :: plan
+        integer :: i, k, j, s
+
+        do i = 1, size(model%loose)
+            if (plan%is_used(i)) cycle
+            do k = 1, size(model%loose(i)%joint)
+                j = model%loose(i)%joint(k)
+                if (all(model%joint(j)%link /= link)) cycle
+                if (.not. plan%known(model%joint(j)%link(3 - side_of(model%joint(j), link)))) cycle
+                if (count([(.not. all(plan%known(model%joint(model%loose(i)%joint(s))%link)), &
+                            s=1, size(model%loose(i)%joint))]) > 1) cycle
+                call lead_by_loose(model, i, j)
+                plan%is_used(i) = .true.
+                plan%given(1, j) = model%n_q + size(model%led)
+                do s = 1, size(model%loose(i)%joint)
+                    call need_world(model, model%joint(model%loose(i)%joint(s))%link(1))
+                    call need_world(model, model%joint(model%loose(i)%joint(s))%link(2))
+                end do
+                return
+            end do
+        end do
+    end subroutine lead_link
+
+    !> Gears by which a group would have to close are not taken.
+    subroutine refuse_gear_in_group(model, plan, status)
+        type(model_type), intent(in) :: model
+        type(planning), intent(in) :: plan
+        type(status_type), intent(inout) :: status
+        integer :: i, s
+
+        do i = 1, size(model%loose)
+            if (.not. status%is_ok()) return
+            if (plan%is_used(i)) cycle
+            if (.not. all([(all(plan%known(model%joint(model%loose(i)%joint(s))%link)), s=1, size(model%loose(i)%joint))])) cycle
+            associate (gear => model%joint(model%gear(model%loose(i)%gear)%joint))
+                call fail(status, status_bad_input, trim(joint_kind_name(gear%kind))//" "//quoted(gear%name) &
+                          //": a loop would have to close by it, which is not done (expected a coordinate among the variables of " &
+                          //"joints "//joint_names(model, model%loose(i)%joint) &
+                          //", or coordinates that place their links one after the other)")
+            end associate
+        end do
+    end subroutine refuse_gear_in_group
 
     !> A link behind a joint from a known link whose variables are all coordinates.
     subroutine extend_open_chain(model, link, plan, status)
@@ -537,13 +623,24 @@ contains
         integer :: failed, i
         integer, allocatable :: joint(:), link(:)
         type(redundancy_type) :: redundancy
+        type(joint_type) :: led_joint
 
         failed = tie_coordinate(grouping%failed_tie)
+        if (failed > model%n_q + size(model%led)) then
+            led_joint = model%joint(model%loose(failed - model%n_q - size(model%led))%joint(1))
+        else if (failed > model%n_q) then
+            led_joint = model%joint(model%led(failed - model%n_q)%joint)
+        end if
         joint = pack([(i, i=1, model%n_joint)], grouping%tie_at_fault(:model%n_joint))
         link = pack([(i, i=1, model%n_link)], grouping%link_at_fault)
         redundancy = find_redundancy(model, link, joint)
         if (redundancy%is_known .and. redundancy%count > 0) then
             call refuse_redundancy(model, joint, link, redundancy, status)
+        else if (failed > model%n_q) then
+            call fail(status, status_bad_input, "gears give the "//trim(variable_name(1, led_joint%kind))//" of joint " &
+                      //quoted(led_joint%name)//", which joints "//joint_names(model, joint) &
+                      //" and the coordinates determine without them (mobility is "//to_text(mobility_of(model))//", " &
+                      //to_text(model%n_q)//" coordinate(s) given)")
         else if (failed > 0) then
             call fail(status, status_bad_input, "coordinate "//quoted(model%scene%coordinate(failed)%name) &
                       //" is one too many: joints "//joint_names(model, joint)//" and the other coordinates determine its links " &
@@ -684,11 +781,13 @@ contains
             associate (step => model%step(i))
                 if (step%kind == step_group) then
                     associate (group => model%group(step%first))
-                        call move_together(group%link, group%joint, pack(group%coordinate, group%coordinate > 0))
+                        call move_together(group%link, [group%joint, sources(pack(group%coordinate, group%coordinate > 0))], &
+                                           moving(pack(group%coordinate, group%coordinate > 0)))
                     end associate
                 else
-                    call move_together(step%link(:step%n_link), pack(step%joint, step%joint > 0), &
-                                       pack(step%coordinate, step%coordinate > 0))
+                    call move_together(step%link(:step%n_link), &
+                                       [pack(step%joint, step%joint > 0), sources(pack(step%coordinate, step%coordinate > 0))], &
+                                       moving(pack(step%coordinate, step%coordinate > 0)))
                 end if
             end associate
         end do
@@ -696,6 +795,33 @@ contains
         model%moves = moved(:, 1:)
 
     contains
+
+        !> Coordinates behind what is given.
+        function moving(given) result(coordinate)
+            integer, intent(in) :: given(:)
+            integer, allocatable :: coordinate(:)
+            integer :: i, k
+
+            coordinate = pack(given, given <= model%n_q)
+            do k = 1, size(given)
+                if (given(k) <= model%n_q) cycle
+                associate (weight => model%led(given(k) - model%n_q)%weight)
+                    coordinate = [coordinate, pack([(i, i=1, model%n_q)], weight /= 0)]
+                end associate
+            end do
+        end function moving
+
+        !> Joints behind what is given.
+        function sources(given) result(joint)
+            integer, intent(in) :: given(:)
+            integer, allocatable :: joint(:)
+            integer :: k
+
+            joint = [integer ::]
+            do k = 1, size(given)
+                if (given(k) > model%n_q) joint = [joint, model%led(given(k) - model%n_q)%source]
+            end do
+        end function sources
 
         !> Links move with the step's coordinates and with whatever moves the links that the joints hold them to.
         subroutine move_together(link, joint, coordinate)

@@ -5,8 +5,8 @@
 !> is SI and radians here. Planar scenes use the x, y components and leave z zero.
 module linkdyn_scene
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar, joint_screw, joint_kind_name, joint_n_variable, variable_name, is_pose_part, &
-        pose_position, pose_attitude
+        joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_kind_name, joint_n_variable, &
+        variable_name, is_pose_part, pose_position, pose_attitude
     use linkdyn_formula, only: formula_type, node_symbol
     use linkdyn_kinds, only: wp
     use linkdyn_sweep_spec, only: sweep_spec
@@ -16,7 +16,7 @@ module linkdyn_scene
     public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf, hold_spec
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
-    public :: joint_fixed, joint_planar, joint_screw
+    public :: joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
     public :: joint_kind_name, joint_n_variable, variable_name
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
@@ -101,6 +101,9 @@ module linkdyn_scene
         real(wp) :: start(3) = 0                  !! joint variables near which closure starts [m, rad]
         logical :: has_start = .false.
         real(wp) :: lead = 0                      !! of a screw: how far it goes in a turn [m]; negative: left-handed
+        real(wp) :: wheel(2) = 0                  !! of a gear the teeth of both wheels; of a belt their radii [m]
+        logical :: is_turned_over = .false.       !! a gear with teeth inside one wheel, a belt that is crossed
+        real(wp) :: phase = 0                     !! of a gear, rack or belt: variable of the second where the first is at zero [m, rad]
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
         integer :: line = 0
     end type joint_spec

@@ -23,6 +23,7 @@ from ._drawing_arguments import checked
 from ._forces import Forces, find_forces, force_kinds
 from ._planar_shapes import unit_of
 from ._postures import Postures, find_postures, poses_of, scene_of
+from ._wheels import is_geared
 from .errors import InputError, UnavailableError
 from .scene import Scene
 
@@ -167,7 +168,7 @@ def _draw_frames(
 def _paths(postures: Postures, good: NDArray[np.bool_]) -> list[Points]:
     """Ways of the moving joints in the plane."""
     joints = postures.scene.description["joints"]
-    moving = [(joint["links"][1], joint["markers"][1]) for joint in joints if 0 not in joint["links"]]
+    moving = [(joint["links"][1], joint["markers"][1]) for joint in joints if 0 not in joint["links"] and not is_geared(joint)]
     return [postures.markers[link][marker][good, :2] for link, marker in moving]
 
 

@@ -16,8 +16,8 @@ from .scene import Scene
 __all__ = ["Forces", "find_forces", "force_kinds"]
 
 Vectors = NDArray[np.float64]
-Place = tuple[int, str]
-"""Number of a link, and the name of one of its markers."""
+Place = tuple[int, tuple[float, ...]]
+"""Number of a link, and a point of it in its axes."""
 
 KINDS = ("driving", "reaction", "load")
 COMPONENTS = ("Fx", "Fy", "Fz")
@@ -37,7 +37,7 @@ class Forces:
 
     def start(self, postures: Postures) -> Vectors:
         """(N, arrows, 3) where they begin [m]."""
-        return np.stack([postures.markers[link][marker] for link, marker in self.at], axis=1)
+        return np.stack([postures.point(link, point) for link, point in self.at], axis=1)
 
 
 def force_kinds(caller: str, forces: str | tuple[str, ...] | None, is_planar: bool) -> tuple[str, ...]:
@@ -57,13 +57,13 @@ def find_forces(run: xr.Dataset, postures: Postures, kinds: tuple[str, ...] = KI
     joints = {joint["name"]: joint for joint in scene.description["joints"]}
     found = []
     if "reaction" in kinds and "reaction" in run:
-        places = [_end(joints[str(name)], 1) for name in run.joint.values]
+        places = [_place_of(scene, joints[str(name)]) for name in run.joint.values]
         found.append(Forces("reaction", "joint force", places, _in_space(run.reaction, run)))
     if "load" in kinds and "time" in run.coords and scene.loads:
         found += _loads(run, scene)
     if "load" in kinds and "wrench" in run:
         number = {link["name"]: k for k, link in enumerate(scene.description["links"])}
-        places = [_place(str(name), number) for name in run.loaded_marker.values]
+        places = [_marker_place(scene, *_place(str(name), number)) for name in run.loaded_marker.values]
         found.append(Forces("load", "load", places, _in_space(run.wrench, run)))
     if "driving" in kinds and "driving_force" in run:
         found += _drives(run, postures, joints)
@@ -77,11 +77,22 @@ def _in_space(values: xr.DataArray, run: xr.Dataset) -> Vectors:
     return force if force.shape[-1] == 3 else np.concatenate([force, np.zeros((*force.shape[:-1], 1))], axis=-1)
 
 
-def _end(joint: dict[str, Any], side: int) -> Place:
+def _end(joint: dict[str, Any], side: int) -> tuple[int, str]:
     return joint["links"][side], joint["markers"][side]
 
 
-def _place(name: str, number: dict[str, int]) -> Place:
+def _marker_place(scene: Scene, link: int, marker: str) -> Place:
+    return link, tuple(next(entry["at"] for entry in scene.description["links"][link]["markers"] if entry["name"] == marker))
+
+
+def _place_of(scene: Scene, joint: dict[str, Any]) -> Place:
+    """Where a joint's force acts: at the second link's marker; of teeth where they meet."""
+    if joint["type"] in ("gear", "rack"):
+        return joint["carrier"], tuple(joint["pitch"])
+    return _marker_place(scene, *_end(joint, 1))
+
+
+def _place(name: str, number: dict[str, int]) -> tuple[int, str]:
     """Of "platform.tool"; names of links and markers may have dots."""
     parts = name.split(".")
     splits = ((".".join(parts[:i]), ".".join(parts[i:])) for i in range(1, len(parts)))
@@ -97,7 +108,7 @@ def _loads(run: xr.Dataset, scene: Scene) -> list[Forces]:
         turn = poses_of(scene, run).rotation
         for k in follows:
             values[:, k] = np.einsum("nij,nj->ni", turn[:, loads[k]["link"] - 1], values[:, k])
-    return [Forces("load", "load", [(load["link"], load["marker"]) for load in loads], values)]
+    return [Forces("load", "load", [_marker_place(scene, load["link"], load["marker"]) for load in loads], values)]
 
 
 def _drives(run: xr.Dataset, postures: Postures, joints: dict[str, dict[str, Any]]) -> list[Forces]:
@@ -112,7 +123,7 @@ def _drives(run: xr.Dataset, postures: Postures, joints: dict[str, dict[str, Any
         if is_torque and postures.scene.planar:
             axis = np.broadcast_to([0.0, 0.0, 1.0], axis.shape)
         value = run.driving_force.sel(actuator=name).values[:, np.newaxis] * axis
-        groups[is_torque].append((_end(joint, 1), value))
+        groups[is_torque].append((_marker_place(postures.scene, *_end(joint, 1)), value))
     return [
         Forces("driving", "driving torque" if is_torque else "driving force", [place for place, _ in group],
                np.stack([value for _, value in group], axis=1), is_torque)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ._averages import good_samples
 from ._postures import poses_of
+from ._wheels import is_geared
 from .errors import InputError
 from .scene import Scene
 
@@ -60,10 +61,10 @@ class LinkMotion:
 
 @dataclass(frozen=True)
 class Rows:
-    """Linear equations for the velocities of two links, and what is left of their time derivatives at zero acceleration."""
+    """Linear equations for the velocities of some links, and what is left of their time derivatives at zero acceleration."""
 
-    links: tuple[int, int]
-    factors: tuple[Vectors, Vectors]
+    links: tuple[int, ...]
+    factors: tuple[Vectors, ...]
     """(N, 6) of velocity and spin, for each link."""
     drift: Vectors
     """(N,)"""
@@ -170,7 +171,24 @@ def _matrix(rows: list[Rows], scene: Scene) -> Vectors:
 # ---------------------------------------------------------------- joints
 
 def _constraints(motion: LinkMotion) -> list[Rows]:
-    return [row for joint in motion.scene.description["joints"] for row in _of_joint(motion, joint)]
+    joints = motion.scene.description["joints"]
+    held = [row for joint in joints if not is_geared(joint) for row in _of_joint(motion, joint)]
+    return held + [_of_gear(motion, joint) for joint in joints if is_geared(joint)]
+
+
+def _of_gear(motion: LinkMotion, gear: dict[str, Any]) -> Rows:
+    """The sum of joint variables that wheels keep."""
+    joints = {joint["name"]: joint for joint in motion.scene.description["joints"]}
+    links: list[int] = []
+    factors: list[Vectors] = []
+    drift = np.zeros(len(motion.position))
+    for entry in gear["tied"]:
+        joint, weight = joints[entry["joint"]], entry["weight"]
+        row = _of_variable(_Pair(motion, joint), joint, "slide" if joint["type"] == "prismatic" else "angle")
+        links += row.links
+        factors += [weight * factor for factor in row.factors]
+        drift = drift + weight * row.drift
+    return Rows(tuple(links), tuple(factors), drift)
 
 
 def _of_joint(motion: LinkMotion, joint: dict[str, Any]) -> list[Rows]:

@@ -12,6 +12,7 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from ._style import COLOURS, FRAME_COLOUR
+from ._wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
 
 if TYPE_CHECKING:
     from ._postures import Posture
@@ -44,7 +45,7 @@ def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float
         Write names of links and joints.
     """
     unit = unit_of(ax)
-    joints = posture.scene.description["joints"]
+    joints = [joint for joint in posture.scene.description["joints"] if not is_geared(joint)]
     cylinders = _cylinders(posture, slides)
     for joint in joints:
         if 0 in joint["links"]:
@@ -55,6 +56,7 @@ def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float
             _draw_link(ax, markers, jointed(posture, k), link_colour(k))
     for cylinder in cylinders:
         _draw_cylinder(ax, cylinder, unit)
+    _draw_wheels(ax, posture, unit)
     told = [cylinder.joint["name"] for cylinder in cylinders]
     for joint in joints:
         if joint["type"] == "prismatic" and joint["name"] not in told:
@@ -125,6 +127,29 @@ def _draw_cylinder(ax: Axes, cylinder: _Cylinder, unit: float) -> None:
     ax.plot(*np.array([cylinder.foot, end]).T, color=lighter(first, 0.35), linewidth=0.8, zorder=3.9)
 
 
+def _draw_wheels(ax: Axes, posture: Posture, unit: float) -> None:
+    """Pitch circles with a spoke that turns along, pitch lines of racks, belts."""
+    dash: dict[str, Any] = {"linestyle": (0, (9, 2, 1.5, 2)), "linewidth": 1.1}
+    for link, marker, radius in wheels(posture.scene.description):
+        circle = rim(*frame_of(posture, link, marker), radius)[:, :2]
+        colour = link_colour(link)
+        if link != 0:
+            ax.add_patch(Polygon(circle, facecolor=lighter(colour, 0.10), edgecolor="none", zorder=1.2))
+            centre = posture.markers[link][marker][:2]
+            ax.plot(*np.array([centre, circle[0]]).T, color=lighter(colour, 0.6), linewidth=1.0, zorder=1.3)
+        ax.plot(*circle.T, color=tuple(0.8 * c for c in to_rgb(colour)), zorder=2.4, **dash)
+    for joint in posture.scene.description["joints"]:
+        if joint["type"] == "belt":
+            for run in belt_runs(posture, joint):
+                ax.plot(*np.array(run)[:, :2].T, color="0.15", linewidth=1.6, zorder=2.6)
+        if joint["type"] == "rack":
+            link, marker = joint["links"][1], joint["markers"][1]
+            along = posture.axes[link][marker][:2]
+            ends = np.array([posture.markers[link][marker][:2], pitch_point(posture, joint)[:2]])
+            places = np.sort((ends - ends[0]) @ along) + joint["radii"][0] * np.array([-1.0, 1.0])
+            ax.plot(*(ends[0] + places[:, np.newaxis] * along).T, color=link_colour(link), zorder=2.4, **dash)
+
+
 def unit_of(ax: Axes) -> float:
     """A length that small symbols are made of, in the units of the axes."""
     return float(0.018 * max(np.ptp(ax.get_xlim()), 1.4 * np.ptp(ax.get_ylim())))
@@ -146,7 +171,7 @@ def jointed(posture: Posture, link: int) -> set[str]:
         name
         for joint in posture.scene.description["joints"]
         for owner, name in zip(joint["links"], joint["markers"])
-        if owner == link
+        if owner == link and not is_geared(joint)
     }
 
 
@@ -252,7 +277,7 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
     joints = [joint for joint in posture.scene.description["joints"] if joint["name"].rpartition(".")[0] not in told and joint["name"] not in told]
     gathered: dict[tuple[float, ...], list[str]] = {}
     for joint in joints:
-        point = _ends(posture, joint)[1]
+        point = pitch_point(posture, joint)[:2] if is_geared(joint) else _ends(posture, joint)[1]
         gathered.setdefault(tuple(np.round(point / (0.2 * unit))), []).append(joint["name"])
     anchors: list[tuple[str, Points, str, bool]] = []
     for place, names in gathered.items():

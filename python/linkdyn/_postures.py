@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ._wheels import rims
 from .errors import InputError, SceneError
 from .results import FOLDER
 from .scene import Poses, Scene
@@ -33,6 +34,15 @@ class Postures:
     """Likewise: the markers' axes."""
     x_axes: list[dict[str, Points]]
     """And their x."""
+    origins: list[Points]
+    """(N, 3) of the frame and of every link [m]."""
+    turns: list[Points]
+    """(N, 3, 3) from link to world axes."""
+
+    def point(self, link: int, at: Any) -> Points:
+        """(N, 3) of a point of a link, given in its axes."""
+        place: Points = self.origins[link] + self.turns[link] @ np.asarray(at, dtype=float)
+        return place
 
     def at(self, sample: int) -> Posture:
         return Posture(
@@ -43,8 +53,9 @@ class Postures:
 
     @property
     def points(self) -> Points:
-        """(N, markers, 3)."""
-        return np.stack([points for link in self.markers for points in link.values()], axis=1)
+        """(N, points, 3) of all markers, and round all wheels."""
+        markers = np.stack([points for link in self.markers for points in link.values()], axis=1)
+        return np.concatenate([markers, *rims(self)], axis=1)
 
     def travel(self, joint: dict[str, Any], held: NDArray[np.intp] | slice = slice(None)) -> tuple[float, float]:
         """Lowest and highest slide of a joint whose markers lie on a line, at some samples."""
@@ -92,13 +103,16 @@ def find_postures(scene: Scene, poses: Poses) -> tuple[Postures, NDArray[np.bool
     markers: list[dict[str, Points]] = []
     axes: list[dict[str, Points]] = []
     x_axes: list[dict[str, Points]] = []
+    origins, turns = [], []
     for k, link in enumerate(scene.description["links"]):
         origin = np.zeros((n, 3)) if k == 0 else poses.position[:, k - 1]
         turn = np.broadcast_to(np.eye(3), (n, 3, 3)) if k == 0 else poses.rotation[:, k - 1]
+        origins.append(origin)
+        turns.append(turn)
         markers.append({marker["name"]: origin + turn @ np.array(marker["at"]) for marker in link["markers"]})
         axes.append({marker["name"]: turn @ np.array(marker["axis"]) for marker in link["markers"]})
         x_axes.append({marker["name"]: turn @ np.array(marker["x"]) for marker in link["markers"]})
-    return Postures(scene, markers, axes, x_axes), poses.status == 0
+    return Postures(scene, markers, axes, x_axes, origins, turns), poses.status == 0
 
 
 def scene_of(run: xr.Dataset, caller: str) -> Scene:

@@ -10,6 +10,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
 from ._planar_shapes import around, distinct, jointed, lighter, link_colour
+from ._wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
 
 if TYPE_CHECKING:
     from ._postures import Posture
@@ -49,8 +50,11 @@ def draw_spatial(ax: Axes3D, posture: Posture, fields: dict[str, list[list[float
         axis._axinfo["grid"].update(color="0.88", linewidth=0.6)
     for k, markers in enumerate(posture.markers):
         _draw_link(ax, markers, jointed(posture, k), link_colour(k))
+    _draw_wheels(ax, posture)
     listed: set[str] = set()
     for joint in joints:
+        if is_geared(joint):
+            continue
         if joint["name"] in fields:
             _draw_table(ax, posture, joint, fields[joint["name"]])
         _draw_joint(ax, joint, _ends(posture, joint), listed)
@@ -103,6 +107,19 @@ def _draw_joint(ax: Axes3D, joint: dict[str, Any], ends: Points, listed: set[str
     listed.add(joint["type"])
 
 
+def _draw_wheels(ax: Axes3D, posture: Posture) -> None:
+    """Pitch circles with a spoke, belts."""
+    for link, marker, radius in wheels(posture.scene.description):
+        frame = frame_of(posture, link, marker)
+        circle = rim(*frame, radius)
+        ax.plot(*circle.T, color=link_colour(link), linewidth=1.6)
+        ax.plot(*np.array([frame[0], circle[0]]).T, color=link_colour(link), linewidth=0.8)
+    for joint in posture.scene.description["joints"]:
+        if joint["type"] == "belt":
+            for run in belt_runs(posture, joint):
+                ax.plot(*np.array(run).T, color="0.15", linewidth=1.4)
+
+
 def _draw_table(ax: Axes3D, posture: Posture, joint: dict[str, Any], field: list[list[float]]) -> None:
     """The plane that a planar joint slides on, as large as its travel and a little more."""
     link, name = joint["links"][0], joint["markers"][0]
@@ -137,7 +154,7 @@ def _labels(posture: Posture) -> dict[str, Points]:
     gathered: dict[str, list[Points]] = {}
     description = posture.scene.description
     for joint in description["joints"]:
-        gathered.setdefault(joint["name"].split(".")[0], []).append(_ends(posture, joint).mean(axis=0))
+        gathered.setdefault(joint["name"].split(".")[0], []).append(pitch_point(posture, joint) if is_geared(joint) else _ends(posture, joint).mean(axis=0))
     for link, points in zip(description["links"], posture.markers):
         if "." not in link["name"] and points:
             gathered.setdefault(link["name"], []).append(np.mean(list(points.values()), axis=0))

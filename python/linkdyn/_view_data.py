@@ -14,6 +14,7 @@ from ._forces import Forces, find_forces
 from ._postures import ELEVATION, Postures, best_azimuth, find_postures, poses_of
 from ._style import COLOURS, readable
 from ._units import units_of
+from ._wheels import is_geared, runs_in_carrier
 from .errors import FileError, InputError
 from .scene import Scene
 
@@ -126,7 +127,7 @@ def describe(
         "palette": COLOURS[:-1],
         "links": scene.description["links"],
         "joints": [_joint(joint, postures, held) for joint in scene.description["joints"]],
-        "arrows": [_arrows(scene, item, k, kept, block) for k, item in enumerate(find_forces(run, postures))],
+        "arrows": [_arrows(item, k, kept, block) for k, item in enumerate(find_forces(run, postures))],
         "traces": [_trace(scene, link, marker) for link, marker in _traced(scene, postures, held, extent, traces)],
         "meshes": [_mesh(scene, link, file, unit, block) for link, (file, unit) in (meshes or {}).items()],
         "names": _names(scene, postures, held[0], extent),
@@ -162,6 +163,8 @@ def _level(up: Values) -> Values:
 
 
 def _joint(joint: dict[str, Any], postures: Postures, held: NDArray[np.intp]) -> dict[str, Any]:
+    if joint["type"] == "belt":
+        return joint | {"runs": runs_in_carrier(postures, joint, int(held[0]))}
     if joint["type"] == "planar":
         return joint | {"field": postures.field(joint, held)}
     return joint | {"travel": list(postures.travel(joint, held))} if joint["type"] in SLIDING else joint
@@ -171,7 +174,7 @@ def _marker(scene: Scene, link: int, marker: str) -> list[float]:
     return next(entry["at"] for entry in scene.description["links"][link]["markers"] if entry["name"] == marker)
 
 
-def _arrows(scene: Scene, item: Forces, k: int, kept: NDArray[np.intp], block: Block) -> dict[str, Any]:
+def _arrows(item: Forces, k: int, kept: NDArray[np.intp], block: Block) -> dict[str, Any]:
     size = np.linalg.norm(item.force, axis=-1)
     return {
         "kind": item.kind,
@@ -179,7 +182,7 @@ def _arrows(scene: Scene, item: Forces, k: int, kept: NDArray[np.intp], block: B
         "torque": item.is_torque,
         "largest": float(np.nanmax(size)) if np.isfinite(size).any() else 0.0,
         "values": block.add(f"arrows{k}", item.force[kept], "float32"),
-        "at": [[link, *_marker(scene, link, marker)] for link, marker in item.at],
+        "at": [[link, *point] for link, point in item.at],
     }
 
 
@@ -199,7 +202,7 @@ def _traced(
             if name not in place:
                 raise InputError(f"view: traces: there is no moving marker {name!r} (expected such as {next(iter(place), '')!r})")
         return [place[name] for name in traces]
-    jointed = {end for joint in scene.description["joints"] for end in zip(joint["links"], joint["markers"])}
+    jointed = {end for joint in scene.description["joints"] if not is_geared(joint) for end in zip(joint["links"], joint["markers"])}
     most = CLEAR if scene.planar else 0
     found: list[tuple[int, str]] = []
     for link, name in markers:
@@ -228,7 +231,11 @@ def _mesh(scene: Scene, link: str, file: str, unit: float, block: Block) -> dict
 def _names(scene: Scene, postures: Postures, sample: int, extent: float) -> list[list[Any]]:
     """[text, is it a link's, places [link, x, y, z] whose middle it stands at]; those of a chain ("leg1.U", ...) as one."""
     gathered: dict[Any, tuple[list[str], list[list[Any]]]] = {}
+    geared: list[list[Any]] = []
     for joint in scene.description["joints"]:
+        if is_geared(joint):
+            geared.append([joint["name"], False, [joint["carrier"], *joint["pitch"]]])
+            continue
         link, marker = joint["links"][1], joint["markers"][1]
         chain, dot, _ = joint["name"].partition(".")
         at = np.round(postures.markers[link][marker][sample] / (1e-3 * extent)) if not dot else chain
@@ -236,7 +243,7 @@ def _names(scene: Scene, postures: Postures, sample: int, extent: float) -> list
         if (text := chain if dot else joint["name"]) not in texts:
             texts.append(text)
         places.append([link, *_marker(scene, link, marker)])
-    found: list[list[Any]] = [[", ".join(texts), False, *places] for texts, places in gathered.values()]
+    found: list[list[Any]] = [[", ".join(texts), False, *places] for texts, places in gathered.values()] + geared
     for k, link_entry in enumerate(scene.description["links"]):
         if k > 0 and "." not in link_entry["name"] and link_entry["markers"]:
             found.append([link_entry["name"], True, *([k, *marker["at"]] for marker in link_entry["markers"])])

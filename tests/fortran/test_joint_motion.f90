@@ -3,7 +3,7 @@ module test_joint_motion
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, variables_of_relative, relative_axis, turn_frame, &
         turn_frame_back
     use linkdyn_joint_table, only: is_slide, joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, &
-        joint_spherical, joint_fixed, joint_planar, joint_screw, n_joint_kind
+        joint_spherical, joint_fixed, joint_planar, joint_screw, n_joint_kind, is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_pose, only: rpy_rotation, rotate_rpy
@@ -74,6 +74,7 @@ contains
         call wave(seed, 0.0_wp, q, qd, qdd)
         call rotate_rpy(q(:, 1), q(:, 2), q(:, 3), turn)
         do kind = 1, n_joint_kind
+            if (is_geared(kind)) cycle      ! moves nothing
             call relative_by_variables(kind, first, q, qd, qdd, motion, pitch)
             do l = 1, lanes
                 f = mat3_lane(first, l)
@@ -112,6 +113,7 @@ contains
         call start(stream, first, seed)
         call wave(seed, 0.0_wp, q, qd, qdd)
         do kind = 1, n_joint_kind
+            if (is_geared(kind)) cycle      ! moves nothing
             n = joint_n_variable(kind)
             call relative_by_variables(kind, first, q, qd, qdd, motion, pitch)
             call variables_of_relative(kind, first, motion%frame, motion%slide, motion%slide_rate, motion%omega, q_back, qd_back, &
@@ -135,6 +137,7 @@ contains
 
         call start(stream, first, seed)
         do kind = 1, n_joint_kind
+            if (is_geared(kind)) cycle      ! moves nothing
             frame_rate = 0
             vector_rate = 0
             do k = -2, 2
@@ -176,6 +179,7 @@ contains
 
         call start(stream, first, seed)
         do kind = 1, n_joint_kind
+            if (is_geared(kind)) cycle      ! moves nothing
             do k = 1, joint_n_variable(kind)
                 call wave(seed, 0.0_wp, q, qd, qdd)
                 qd = 0

@@ -4,6 +4,7 @@
 import { distinct, vector } from "./shapes.js";
 
 const SLIDING = ["prismatic", "cylindrical", "screw"];
+const GEARED = ["gear", "rack", "belt"]; // hold no points together
 const OFF_AXIS = 0.06; // of a telescope's least length: farther away, a point is not on its axis
 
 export class Mechanism {
@@ -13,10 +14,12 @@ export class Mechanism {
       ...link,
       markers: link.markers.map(({ name, at, axis, x }) => ({ name, at: vector(at), axis: vector(axis), x: vector(x) })),
     }));
-    this.joints = joints.map((joint) => ({
+    const all = joints.map((joint) => ({
       ...joint,
       ends: joint.links.map((link, side) => ({ link, ...this.marker(link, joint.markers[side]) })),
     }));
+    this.joints = all.filter((joint) => !isGeared(joint));
+    this.gears = all.filter(isGeared);
     this.telescopes = this.joints
       .filter(isSlide)
       .map((joint) => this.telescope(joint))
@@ -27,6 +30,21 @@ export class Mechanism {
 
   marker(link, name) {
     return this.links[link].markers.find((marker) => marker.name === name);
+  }
+
+  /** Pitch circles of a link: its end of a gear, and their radius. */
+  wheels(link) {
+    const ends = this.gears.flatMap(({ ends, radii }) => ends.map((end, side) => ({ ...end, radius: radii[side] })));
+    return ends
+      .filter((end) => end.link === link && end.radius > 0)
+      .filter((end, i, own) => own.findIndex((other) => isSameWheel(other, end, this.extent)) === i);
+  }
+
+  /** Straight runs of the belts whose wheels a link carries: pairs of points. */
+  belts(link) {
+    return this.gears
+      .filter(({ type, carrier }) => type === "belt" && carrier === link)
+      .flatMap(({ runs }) => runs.map((run) => run.map(vector)));
   }
 
   /** Distinct points of a link that hold its joints, in link axes. */
@@ -84,6 +102,14 @@ export class Mechanism {
       rodFrom: second.at.clone().addScaledVector(rodAxis, eye - Math.min(least, most - barrel + 0.06 * least)),
     };
   }
+}
+
+function isSameWheel(a, b, extent) {
+  return a.name === b.name && Math.abs(a.radius - b.radius) < 1e-6 * extent;
+}
+
+function isGeared(joint) {
+  return GEARED.includes(joint.type);
 }
 
 function isSlide(joint) {

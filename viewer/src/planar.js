@@ -15,6 +15,7 @@ export function drawPlanar(mechanism, palette) {
     const group = new THREE.Group();
     if (k === 0) drawGround(group, mechanism, palette, unit, layer);
     else drawLink(group, mechanism, k, palette, unit, layer);
+    drawWheels(group, mechanism, k, palette, unit, layer);
     return group;
   });
 }
@@ -66,6 +67,24 @@ function drawLink(group, mechanism, k, palette, unit, layer) {
     if (joint.type === "revolute") drawPivot(group, joint.ends[1].at, palette, unit, front + 3 * layer);
     if (joint.type === "fixed") drawWeld(group, joint.ends[1].at, palette, unit, front + 3 * layer);
   }
+}
+
+/** Pitch circles with a spoke, and the runs of belts. */
+function drawWheels(group, mechanism, k, palette, unit, layer) {
+  const colours = palette.link(k);
+  const z = (2 * k - 0.9) * layer;
+  for (const { at, x, radius } of mechanism.wheels(k)) {
+    const ring = roundHull([at], radius + 0.14 * unit);
+    ring.holes.push(roundHull([at], radius - 0.14 * unit));
+    if (k !== 0) {
+      group.add(flat(roundHull([at], radius), colours.pale, z));
+      const spoke = bar(at, at.clone().addScaledVector(x, radius), 0.14 * unit, 0);
+      group.add(flat(spoke, colours.solid, z + 0.1 * layer));
+    }
+    group.add(flat(ring, colours.solid, z + 0.2 * layer));
+  }
+  const front = 2 * layer * mechanism.links.length;
+  for (const [from, to] of mechanism.belts(k)) group.add(flat(bar(from, to, 0.22 * unit, 0), palette.edge, front));
 }
 
 function drawPivot(group, at, palette, unit, z) {

@@ -20,6 +20,7 @@ export function drawSpatial(mechanism, palette, { up, ground }) {
   for (const rail of mechanism.rails) drawRail(groups, rail, palette, unit);
   for (const joint of mechanism.joints) if (joint.type === "planar") drawTable(groups, joint, palette, unit);
   for (const joint of mechanism.joints) drawJoint(groups, joint, palette, unit);
+  groups.forEach((group, k) => drawWheels(group, mechanism, k, palette, unit));
   for (const group of groups) {
     group.traverse((mesh) => {
       mesh.castShadow = mesh.receiveShadow = true;
@@ -158,6 +159,23 @@ function drawThread(group, from, to, unit, material) {
     ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), to.clone().sub(from).normalize());
     group.add(ring);
   }
+}
+
+/** Pitch circles as rings with spokes, and the runs of belts. */
+function drawWheels(group, mechanism, k, palette, unit) {
+  const material = k === 0 ? palette.frame : palette.link(k).solid;
+  for (const { at, axis, x, radius } of mechanism.wheels(k)) {
+    const ring = new THREE.Mesh(new THREE.TorusGeometry(radius, Math.min(0.7 * unit, 0.2 * radius), 12, 72), material);
+    ring.position.copy(at);
+    ring.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis.clone().normalize());
+    group.add(ring);
+    if (k === 0) continue;
+    for (let i = 0; i < 3; i++) {
+      const spoke = x.clone().applyAxisAngle(axis, (2 * Math.PI * i) / 3);
+      group.add(rod(at, at.clone().addScaledVector(spoke, radius), 0.4 * unit, material));
+    }
+  }
+  for (const [from, to] of mechanism.belts(k)) group.add(rod(from, to, 0.35 * unit, palette.rod));
 }
 
 /** Two plates bolted together, square to the marker's axis. */

@@ -1,0 +1,97 @@
+!> What gears, racks and belts have of their own in a scene file.
+module linkdyn_scene_gears
+    use linkdyn_joint_table, only: is_geared
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: joint_spec, joint_gear, joint_rack, joint_belt, joint_kind_name
+    use linkdyn_scene_keys, only: scene_place, refuse_value, get_vector, get_quantity, get_word
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text
+    use linkdyn_toml, only: toml_node
+    use linkdyn_units, only: plain_number, length, angle
+    implicit none (type, external)
+    private
+    public :: read_wheels, gear_key
+
+    character(len=5), parameter :: gear_key(*) = [character(len=5) :: "teeth", "radii", "mesh", "run", "phase"]
+    character(len=8), parameter :: mesh_name(2) = [character(len=8) :: "external", "internal"]
+    character(len=7), parameter :: run_name(2) = [character(len=7) :: "open", "crossed"]
+
+contains
+
+    !> Teeth or radii, how both run into each other, and where they stand. Keys of other kinds are refused.
+    subroutine read_wheels(place, joint, status)
+        type(scene_place), intent(in) :: place
+        type(joint_spec), intent(inout) :: joint
+        type(status_type), intent(inout) :: status
+        integer :: way, k
+        logical :: found
+
+        do k = 1, size(gear_key)
+            if (.not. has_key(joint%kind, gear_key(k))) call refuse_key(place, trim(gear_key(k)), joint, status)
+        end do
+        if (.not. status%is_ok() .or. .not. is_geared(joint%kind)) return
+        way = 1
+        select case (joint%kind)
+        case (joint_gear)
+            call get_vector(place, "teeth", plain_number, joint%wheel, status)
+            call require_positive("teeth")
+            call get_word(place, "mesh", mesh_name, way, status, found)
+        case (joint_belt)
+            call get_vector(place, "radii", length, joint%wheel, status)
+            call require_positive("radii")
+            call get_word(place, "run", run_name, way, status, found)
+        end select
+        joint%is_turned_over = way == 2
+        if (joint%kind == joint_rack) then
+            call get_quantity(place, "phase", length, joint%phase, status, found)
+        else
+            call get_quantity(place, "phase", angle, joint%phase, status, found)
+        end if
+
+    contains
+
+        subroutine require_positive(key)
+            character(len=*), intent(in) :: key
+            integer :: i
+
+            do i = 1, 2
+                if (.not. status%is_ok()) return
+                if (joint%wheel(i) > 0) cycle
+                if (key == "teeth") then
+                    call refuse_value(place, key, place%node%get(key), "has "//to_text(joint%wheel(i))// &
+                        " (expected positive numbers; mesh = 'internal' where one wheel is inside the other)", status)
+                else
+                    call refuse_value(place, key, place%node%get(key), "has "//to_text(joint%wheel(i))// &
+                        " m (expected positive lengths; run = 'crossed' where the wheels turn against each other)", status)
+                end if
+            end do
+        end subroutine require_positive
+    end subroutine read_wheels
+
+    pure logical function has_key(kind, key)
+        integer, intent(in) :: kind
+        character(len=*), intent(in) :: key
+
+        select case (key)
+        case ("phase")
+            has_key = is_geared(kind)
+        case ("teeth", "mesh")
+            has_key = kind == joint_gear
+        case default
+            has_key = kind == joint_belt
+        end select
+    end function has_key
+
+    subroutine refuse_key(place, key, joint, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        type(joint_spec), intent(in) :: joint
+        type(status_type), intent(inout) :: status
+        type(toml_node) :: node
+
+        if (.not. status%is_ok()) return
+        node = place%node%get(key)
+        if (node%is_present()) call refuse_value(place, key, node, "has no meaning here: the joint is a "// &
+            trim(joint_kind_name(joint%kind))//" joint", status)
+    end subroutine refuse_key
+end module linkdyn_scene_gears
