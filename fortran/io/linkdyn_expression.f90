@@ -687,6 +687,8 @@ contains
         name = name_at(reader%text, reader%next)
         if (verify(name, letters) == 0 .and. len(name) > 0) then
             call fail(reader, quoted(name)//" is not a unit that linkdyn knows")
+        else if (index(rest_of(reader), ",") == 1) then
+            call fail(reader, "has a comma (decimals have a point)")
         else
             call fail(reader, "has "//quoted(rest_of(reader))//" where an operator is expected")
         end if

@@ -208,8 +208,35 @@ contains
         message = ""
         if (c_associated(document%handle)) return
         write (column, "(i0)") c_column
-        message = trim(buffer)//" (column "//trim(column)//")"
+        message = trim(buffer)//" (column "//trim(column)//")"//forgotten(text, line, int(c_column))
     end subroutine parse_toml
+
+    !> What those who do not know TOML forget, as the end of a message: quotes, and that decimals have a point.
+    pure function forgotten(text, line, column) result(hint)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: line, column                    !! of the error; 0 if unknown
+        character(len=:), allocatable :: hint
+        character(len=*), parameter :: digits = "0123456789", lower = "abcdefghijklmnopqrstuvwxyz", &
+            letters = lower//"ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+        integer :: start, at, last, i
+
+        hint = ""
+        if (line < 1 .or. column < 2) return
+        start = 0                                              ! the letter before the line
+        do i = 2, line
+            start = start + index(text(start + 1:), new_line("a"))
+        end do
+        at = start + column
+        if (at > len(text)) return
+        last = len_trim(text(start + 1:at - 1))
+        if (last == 0) return
+        if (scan(text(start + last:start + last), digits) > 0) then
+            if (text(at:at) == "," .and. scan(text(at + 1:min(at + 1, len(text))), digits) > 0) hint = "; decimals have a point"
+            if (scan(text(at:at), letters) > 0) hint = "; a number with its unit stands in quotes"
+        else if (text(start + last:start + last) == "=" .and. scan(text(at:at), letters) > 0) then
+            hint = "; text stands in quotes"
+        end if
+    end function forgotten
 
     !> Give the memory of a document back.
     subroutine free_toml(document)
