@@ -110,6 +110,18 @@ class RunAccessor:
 
         return cycle.plain_bearing(self._run, joint, self._scene("plain_bearing", scene), **options)
 
+    def motor(self, actuator: str, *, scene: Scene | None = None, **options: Any) -> xr.Dataset:
+        """Torque, speed, power and current of the motor behind an actuator's gear or screw: `linkdyn.cycle.motor`."""
+        from . import cycle
+
+        return cycle.motor(self._run, actuator, self._scene("motor", scene), **options)
+
+    def cylinder(self, actuator: str, **options: Any) -> xr.Dataset:
+        """Pressures and flows of the cylinder that gives an actuator's force: `linkdyn.cycle.cylinder`."""
+        from . import cycle
+
+        return cycle.cylinder(self._run, actuator, **options)
+
     def rms(self, quantity: str = "driving_force") -> xr.DataArray:
         """Rms values over the run's time, as the summary tells them; samples that failed do not count.
 

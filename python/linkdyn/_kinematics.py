@@ -19,7 +19,7 @@ from ._wheels import is_geared
 from .errors import InputError
 from .scene import Scene
 
-__all__ = ["LinkMotion", "Rows", "link_motion", "links_at_rest", "variable_of"]
+__all__ = ["LinkMotion", "Rows", "link_motion", "links_at_rest", "variable_acceleration", "variable_of"]
 
 Vectors = NDArray[np.float64]
 
@@ -104,6 +104,15 @@ def variable_of(scene: Scene, name: str) -> tuple[dict[str, Any], str] | None:
     if name in joints:
         return joints[name], "slide" if joints[name]["type"] == "prismatic" else "angle"
     return (joints[owner], variable) if owner in joints else None
+
+
+def variable_acceleration(motion: LinkMotion, joint: dict[str, Any], variable: str) -> Vectors:
+    """(N,) second derivative of a joint variable, of a joint that `variable_of` finds."""
+    row = _of_variable(_Pair(motion, joint), joint, variable)
+    found = row.drift.copy()
+    for link, factor in zip(row.links, row.factors):
+        found += np.einsum("ni,ni->n", factor, np.concatenate([motion.acceleration[:, link], motion.spin_rate[:, link]], axis=1))
+    return found
 
 
 def _solved(motion: LinkMotion, run: xr.Dataset, block: slice) -> tuple[Vectors, Vectors, Vectors, Vectors]:

@@ -11,5 +11,8 @@ from ._causes import contributions
 from ._energy import duty_cycle, energy, flywheel
 from ._marker_motion import marker, relative_pose
 from ._shaking import shaking
+from ._transmissions import cylinder, motor
 
-__all__ = ["bearing_life", "contributions", "duty_cycle", "energy", "flywheel", "marker", "plain_bearing", "relative_pose", "shaking", "shares"]
+__all__ = [
+    "bearing_life", "contributions", "cylinder", "duty_cycle", "energy", "flywheel", "marker", "motor", "plain_bearing", "relative_pose", "shaking", "shares",
+]

@@ -87,7 +87,7 @@ def _by_time(run: xr.Dataset) -> xr.Dataset:
     return run.set_xindex("time") if "time" in run.coords and "time" not in run.indexes else run
 
 
-def _time_axis(dims: list[str], instants: NDArray[np.float64], attributes: dict[str, Any]) -> xr.Coordinates:
+def time_axis(dims: list[str], instants: NDArray[np.float64], attributes: dict[str, Any]) -> xr.Coordinates:
     """The same for a new run."""
     time = {"time": xr.Variable(dims, instants, attributes)}
     index = xr.indexes.PandasIndex.from_variables(time, options={})
@@ -173,7 +173,7 @@ class RunTemplate:
         variables: dict[str, Any] = {name: (dims, arrays[name], attributes) for name, dims, attributes in self._variables}
         coordinates: xr.Coordinates = self._coordinates
         if "time" in variables:
-            coordinates = coordinates | _time_axis(*variables.pop("time"))
+            coordinates = coordinates | time_axis(*variables.pop("time"))
         if wrench:
             variables["wrench"] = (("sample", "loaded_marker", "component"), np.stack(list(wrench.values()), axis=1), {
                 "long_name": "wrench given in the call, at the marker, world axes", "units": "N, N m"})

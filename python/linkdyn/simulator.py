@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _bind
 from ._arguments import as_floats, as_number, as_positive
 from .errors import InputError, LinkdynError
+from .results import time_axis
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -119,7 +120,7 @@ class Simulator:
         Returns
         -------
         xarray.Dataset
-            "q" and "qd" (time, coordinate) at the sampling instants, "driving_force" (time, actuator) from there on. A run that cannot go on
+            "q" and "qd" (sample, coordinate) at the sampling instants, "driving_force" (sample, actuator) from there on, "time". A run that cannot go on
             ends early: ``attrs["stopped"]`` says why, else it is empty.
         """
         every = as_positive("every", every)
@@ -163,17 +164,16 @@ class Simulator:
         units = {kind: [entry["unit"] for entry in self.scene.description[f"{kind}s"]] for kind in ("coordinate", "actuator")}
         return xr.Dataset(
             {
-                "q": (("time", "coordinate"), q, {"long_name": "coordinates"}),
-                "qd": (("time", "coordinate"), qd, {"long_name": "rates of the coordinates"}),
-                "driving_force": (("time", "actuator"), force, {"long_name": "driving force or torque, held until the next instant"}),
+                "q": (("sample", "coordinate"), q, {"long_name": "coordinates"}),
+                "qd": (("sample", "coordinate"), qd, {"long_name": "rates of the coordinates"}),
+                "driving_force": (("sample", "actuator"), force, {"long_name": "driving force or torque, held until the next instant"}),
             },
-            {
-                "time": ("time", t, {"units": "s"}),
+            xr.Coordinates({
                 "coordinate": list(self.scene.coordinates),
                 "coordinate_unit": ("coordinate", units["coordinate"]),
                 "actuator": list(self.scene.actuators),
                 "actuator_unit": ("actuator", units["actuator"]),
-            },
+            }) | time_axis(["sample"], t, {"units": "s", "long_name": "time"}),
             {"title": self.scene.title, "scene": self.scene.text, "stopped": stopped},
         )
 

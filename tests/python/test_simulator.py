@@ -71,7 +71,7 @@ def test_sampled_controller_by_closed_form() -> None:
         assert run.driving_force.values[min(k, 99), 0] == pytest.approx(force if k < 100 else run.driving_force.values[99, 0], abs=1e-9)
         x = np.array([x[0] + every * x[1] + every**2 / 2 * force / mass, x[1] + every * force / mass])
     assert run.attrs["stopped"] == ""
-    assert run.sizes == {"time": 101, "coordinate": 1, "actuator": 1}
+    assert run.sizes == {"sample": 101, "coordinate": 1, "actuator": 1}
 
 
 def test_reset_forgets() -> None:
@@ -123,7 +123,7 @@ def test_what_cannot_go_on_says_so() -> None:
         simulator.step(0.01)
     run = scene.simulator().run(lambda s: [2.0], t_end=2.0, every=0.01)
     assert "cannot go on" in run.attrs["stopped"]
-    assert run.sizes["time"] < 200
+    assert run.sizes["sample"] < 200
     simulator.reset()
     simulator.step(0.01, [0.0])
 
