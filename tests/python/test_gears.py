@@ -402,6 +402,56 @@ def test_loops_and_gears() -> None:
     keeps_energy(let_go(free), 0.5)
 
 
+def test_order_of_wheels() -> None:
+    """A gear, rack or belt told the other way round is the same; its reaction is what the other wheel gets."""
+    for scene, names in ((planetary(ring_moves=True), ("SP", "PR")), (belt("crossed"), ("T",)), (belt(), ("T",)), (pair(mesh="internal"), ("G",)), (tilted(planetary()), ("SP", "PR"))):
+        turned = copy.deepcopy(scene)
+        for joint in turned["joint"]:
+            if joint["name"] in names:
+                joint["between"].reverse()
+                for key in ("teeth", "radii"):
+                    if key in joint:
+                        joint[key].reverse()
+        one, other = linkdyn.Scene(scene).inverse(), linkdyn.Scene(turned).inverse()
+        np.testing.assert_allclose(other.driving_force.values, one.driving_force.values, atol=1e-11 * np.abs(one.reaction.values).max())
+        n = 2 if scene["space"] == "planar" else 3
+        for joint in one.joint.values:
+            sign = -1.0 if joint in names else 1.0
+            np.testing.assert_allclose(other.reaction.sel(joint=joint).values[:, :n], sign * one.reaction.sel(joint=joint).values[:, :n], atol=1e-11 * np.abs(one.reaction.values).max())
+
+
+def test_axes_that_point_the_other_way() -> None:
+    """A wheel whose hinge and marker have the opposite axis turns as before; its variable has the other sign."""
+    scene = tilted(pair())
+    turned = copy.deepcopy(scene)
+    for link in turned["link"]:
+        if "B" in link["markers"]:
+            link["markers"]["B"] |= {"axis": [0, 0, -1], "x": [1, 0, 0]}
+    one, other = linkdyn.Scene(scene).inverse(want="all"), linkdyn.Scene(turned).inverse(want="all")
+    np.testing.assert_allclose(other.joint_variable.sel(variable="B.angle"), -one.joint_variable.sel(variable="B.angle"), atol=1e-13)
+    np.testing.assert_allclose(other.reaction.values, one.reaction.values, atol=1e-11 * np.abs(one.reaction.values).max())
+
+
+def test_led_inside_a_loop() -> None:
+    """A five-bar led at the hinge between crank and rod, by which a gear leads the next hinge: one group closed by iteration."""
+    start = linkdyn.Scene(five_bar()).inverse(q=[[0.35]], qd=[[0.0]], qdd=[[0.0]], want="all").joint_variable
+    near = {name: float(start.sel(variable=f"{name}.angle")[0]) for name in "ABCDE"}
+    scene = five_bar()
+    scene["joint"][5] = gear("G", "crank1.B", "rod2.C", [20, 50], phase=near["C"] - 0.4 * near["B"])
+    for joint in scene["joint"][:5]:
+        joint.pop("branch", None)
+        joint["start"] = near[joint["name"]]
+    scene["coordinate"] = [along("B", {"law": "harmonic", "mean": near["B"], "amplitude": 0.12, "frequency": "3 rad/s"})]
+    scene["actuator"] = [{"joint": "B"}]
+    mechanism = check_roads(scene, tolerance=1e-9)
+    assert "Newton" in mechanism.explain()
+    run = mechanism.inverse(want="all")
+    assert np.ptp(run.joint_variable.sel(variable="C.angle").values - 0.4 * run.joint_variable.sel(variable="B.angle").values) < 1e-13
+    del scene["load"]
+    run = linkdyn.Scene(scene).forward(t=np.linspace(0, 0.5, 6), rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(run.q.values, mechanism.motion(run.time.values)[0], atol=1e-8)
+
+
 def test_angles_whose_turns_matter() -> None:
     """A crank that a loop turns all the way round: with a ratio of one the wheel follows, with another its turn cannot be told at half a turn."""
     scene = sector()
