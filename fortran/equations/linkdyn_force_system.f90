@@ -232,7 +232,7 @@ contains
         integer :: i, l
 
         associate (model => mechanism%model)
-            all = [pack(unknowns%reaction, model%joint%gear == 0), unknowns%tooth, &
+            all = [pack(unknowns%reaction, model%joint(:model%n_joint)%gear == 0), unknowns%tooth, &
                    (at_joint_variable(mechanism, model%scene%actuator(i)%joint, model%scene%actuator(i)%variable, &
                                       unknowns%effort(i)), i=1, model%n_actuator), acting]
             call sort_by_links(mechanism, all, first, which)
