@@ -449,3 +449,70 @@ def test_ensemble_feels_laws() -> None:
     runs = scene.ensemble(np.zeros((9, 1)), u0[:, np.newaxis], [0.0, 0.5, 1.0])
     last = runs.qd.isel(time=-1).values[:, 0]
     np.testing.assert_allclose(last, u0 * math.exp(-2), rtol=1e-6, atol=1e-12)
+
+
+def test_long_run_counts_the_turns_of_its_table() -> None:
+    """After ten cycles rates are still those of the right stroke: differences of the motion against accelerations found anew."""
+    scene = linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml")
+    t = np.concatenate([[0.0], np.ravel(0.36 + 0.0016 * np.arange(25)[:, np.newaxis] + [-2e-6, 0, 2e-6])])
+    run = scene.forward(t=t, rtol=1e-11, atol=1e-11, want="all")
+    rate = run.qd.values[1:, 0].reshape(-1, 3)
+    np.testing.assert_allclose((rate[:, 2] - rate[:, 0]) / 4e-6, run.qdd.values[2::3, 0], rtol=1e-3, atol=2)
+    assert np.ptp(run.qdd.values[2::3, 0]) > 1000
+    batch = scene.inverse(run.q.values, run.qd.values, run.qdd.values)
+    np.testing.assert_allclose(batch.driving_force, run.driving_force, atol=1e-6)
+
+
+# ---------------------------------------------------------------- what is told of loads
+
+
+def test_loads_as_they_act() -> None:
+    """`load_values` of a motion, of a batch and of a forward run: the formula written out."""
+    scene = linkdyn.load(EXAMPLES / "shaper" / "scene.toml")
+    run = scene.inverse(want="all")
+    v = run.joint_rate.sel(variable="guide.slide").values
+    friction = -90 * np.tanh(v / 0.005)
+    np.testing.assert_allclose(scene.load_values()[:, 1, 0], friction, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(scene.load_values(None, run.q, run.qd)[:, 1, 0], friction, rtol=1e-9, atol=1e-6)
+    assert (scene.load_values(0.0, run.q.values[:3], run.qd.values[:3])[:, 1, 0] == scene.load_values()[:3, 1, 0]).all()
+    with pytest.raises(linkdyn.InputError, match="t: expected one instant"):
+        scene.load_values([0.0, 1.0], run.q.values[:3])
+
+
+def test_cycle_results_know_the_loads() -> None:
+    """The frame feels all that acts: its reactions add up to the shaking force; causes add up to the whole."""
+    scene = linkdyn.load(EXAMPLES / "shaper" / "scene.toml")
+    run = scene.inverse(want="all")
+    on_links = run.reaction.sel(joint=["crank", "lever", "guide"]).values[:, :, :2].sum(axis=1)
+    shaking = linkdyn.cycle.shaking(run, scene)
+    np.testing.assert_allclose(shaking.force.values[:, :2], -on_links, rtol=1e-7, atol=1e-6)
+    causes = linkdyn.cycle.contributions(run, scene)
+    np.testing.assert_allclose(causes.driving_force.sum("cause"), run.driving_force, rtol=1e-9, atol=1e-7)
+
+
+def test_failure_in_words(tmp_path: Path) -> None:
+    """Along a motion the first sample without a force says which law has none, and where."""
+    (tmp_path / "f.csv").write_text("x [m], F [N]\n0, 5\n1, 5\n")
+    text = SLIDE.format(forces='[laws]\npush = { table = "f.csv", column = "F", over = "x" }\n\n[[load]]\non = "mass.C"\n'
+                               'force = ["push", 0]\n\n[[actuator]]\njoint = "x"', mass=1, start=0, velocity=0, gravity=0,
+                        axis="[1, 0]", end=2, samples=21)
+    text = text.replace("start = { position = 0, velocity = 0 }", 'motion = { law = "constant-rate", rate = 1 }')
+    run = linkdyn.Scene(text, folder=tmp_path).inverse()
+    assert list(run.status.values) == [0] * 11 + [4] * 10
+    assert run.attrs["failure"].startswith("t = 1.1 s: law 'push' has no value: x = 1.1")
+
+
+def test_code_is_refused() -> None:
+    with pytest.raises(linkdyn.InputError, match="follows the state of the mechanism"):
+        linkdyn.load(EXAMPLES / "shaper" / "scene.toml").generate("inverse")
+
+
+def test_old_variables_may_be_called_as_new_functions() -> None:
+    """`step` and `sign` are functions only with a bracket behind them."""
+    scene = linkdyn.Scene(slide("", mass=1).text.replace("mass = 1", 'mass = "mm"') + """
+[variables]
+step = "3 kg"
+exp = 2
+mm = "step*exp + 1 kg*sign(-2)*step(1) + 1 kg*if(1, 2, 3)"
+""")
+    assert scene.description["links"][1]["mass"] == 7
