@@ -516,3 +516,31 @@ exp = 2
 mm = "step*exp + 1 kg*sign(-2)*step(1) + 1 kg*if(1, 2, 3)"
 """)
     assert scene.description["links"][1]["mass"] == 7
+
+
+def test_laws_go_on_where_a_coordinate_is_exchanged() -> None:
+    """Told by its piston, whose dead points the crank's angle passes, or by its crank: the same motion with the same laws."""
+    text = (EXAMPLES / "slider_crank" / "scene_forward.toml").read_text()
+    laws = """
+[measures]
+phi = { joint = "A" }
+v = { joint = "D", rate = true }
+x = { joint = "D" }
+
+[[load]]
+on = "piston.face"
+force = ["-30 N*s/m*v - 40 N/m*x", 0]
+
+[[load]]
+on = "crank.A"
+moment = "0.4 N*m*sin(phi) - 0.05 N*m*tanh(v/(0.2 m/s))"
+"""
+    run = linkdyn.Scene(text + laws).forward(0.2, want="all")
+    assert run.attrs["stopped"] == "" and "until" in run.attrs["coordinates_integrated"]
+    angle = run.joint_variable.sel(variable="A.angle").values
+    rate = run.joint_rate.sel(variable="A.angle").values
+    head, tail = text.split("[[coordinate]]")
+    start = f'[[coordinate]]\njoint = "A"\nstart = {{ position = {float(angle[0])!r}, velocity = {float(rate[0])!r} }}\n'
+    other = linkdyn.Scene(head + start + tail[tail.index("\n[time]"):] + laws).forward(0.2)
+    np.testing.assert_allclose(other.q[:, 0], np.unwrap(angle), rtol=1e-6, atol=1e-6)
+    assert np.ptp(other.q.values[:, 0]) > 1
