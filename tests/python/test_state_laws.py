@@ -544,3 +544,49 @@ moment = "0.4 N*m*sin(phi) - 0.05 N*m*tanh(v/(0.2 m/s))"
     other = linkdyn.Scene(head + start + tail[tail.index("\n[time]"):] + laws).forward(0.2)
     np.testing.assert_allclose(other.q[:, 0], np.unwrap(angle), rtol=1e-6, atol=1e-6)
     assert np.ptp(other.q.values[:, 0]) > 1
+
+
+def test_matrix_of_explain_has_springs_and_laws() -> None:
+    """The right-hand side that is printed is that of the equations that are solved: b of the slide along its rail."""
+    forces = '[[actuator]]\njoint = "x"\n[[load]]\non = "mass.C"\nforce = ["-7 N*step(x)", 0]\n[[spring]]\nname = "k"\njoint = "x"\nstiffness = 10'
+    text = slide(forces, start=0.5).explain(matrix=True)
+    assert "12.000" in text                             # 7 + 10*0.5, which the drive must give
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack", "gauss-jordan", "reduced"])
+@pytest.mark.parametrize("mass", [0, 1])
+def test_springs_pull_massless_links(mass: int, solver: str) -> None:
+    """A link without inertia has a right-hand side where a spring or its law acts on it."""
+    scene = linkdyn.Scene(f"""
+space = "planar"
+[frame]
+markers = {{ O = [0, 0] }}
+[[link]]
+name = "arm"
+markers = {{ O = [0, 0] }}
+mass = {mass}
+[[joint]]
+name = "J"
+type = "revolute"
+between = ["frame.O", "arm.O"]
+[[coordinate]]
+joint = "J"
+[[actuator]]
+joint = "J"
+[[spring]]
+name = "S"
+joint = "J"
+stiffness = 10
+force = "4 N*m*stretch^2"
+""")
+    np.testing.assert_allclose(scene.inverse([[0.5]], solver=solver).driving_force, [[6.0]], rtol=1e-14)
+
+
+def test_numbers_of_laws_vary() -> None:
+    """By `with_` and in sweeps, as any number of the scene."""
+    scene = slide('[laws]\nF = "3 N"\nk = 4\n\n[[actuator]]\njoint = "x"\n[[load]]\non = "mass.C"\nforce = ["-F*k*x/(1 m)", 0]')
+    assert scene.with_({"laws.k": 8}).inverse([[0.5]]).driving_force == 12
+    assert scene.with_({"laws.F": "1 N"}).inverse([[0.5]]).driving_force == 2
+    axes = [{"parameter": "laws.k", "values": [1, 2]}, {"coordinate": "x", "values": [0.5, 1]}]
+    found = scene.sweep({"reduce": ["driving_force"], "axis": axes})
+    np.testing.assert_allclose(found.driving_force_mean[:, 0], [2.25, 4.5])
