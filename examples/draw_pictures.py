@@ -28,7 +28,7 @@ COLOURS = 256   # a palette is enough, and a third of the size
 MOST_PANELS = 4
 FORWARD = {"double_wishbone", "fourbar_start", "rcsp_start"}   # run forward although a motion is given: of one coordinate, or to be found again
 # A second scene of the folder, which runs forward.
-BESIDE = {"andrews": "scene_forward.toml", "slider_crank": "scene_forward.toml"}
+BESIDE = {"andrews": "scene_forward.toml", "four_stroke": "scene.toml", "slider_crank": "scene_forward.toml"}
 STROBES = {                                         # instants of the stroboscopic picture: first, last, how many
     "andrews": (0.0, 0.03, 40),
     "fivebar_motors": (0.0, 0.6, 31),

@@ -1,12 +1,15 @@
 !> The teaching view: the system [A]{F} = b of inverse dynamics written out as on the lecture's slides, world axes and
 !> moments about the centres of mass, once in symbols and once in numbers.
 module linkdyn_explain_matrix
+    use linkdyn_acceleration_columns, only: mark_applied
+    use linkdyn_applied_wrenches, only: clear_applied, apply_springs, apply_load_laws
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_formulation, only: formulation_type, matrix_entry, build_formulation, style_lecture
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_slots, only: slot_store, make_slots
@@ -62,13 +65,23 @@ contains
         integer :: k
 
         call build_formulation(model, style_lecture, formulation)
+        call mark_applied(model, spread(.false., 1, model%n_actuator), formulation)
         call prepare_kinematics(model, 0, state)
+        state%has_applied = size(model%scene%spring) + size(model%scene%laws%law) > 0
+        state%world_rates = .true.
         state%q = spread(q, 1, lanes)
         state%qd = spread(qd, 1, lanes)
         state%qdd = spread(qdd, 1, lanes)
         lane_load = spread(load, 1, lanes)
         call make_slots(formulation%n_slot + model%n_row, slot)
         call evaluate_kinematics(model, state)
+        if (state%has_applied) then
+            state%time = model%scene%time%first
+            call clear_applied(model, state)
+            call find_laws(model, state)
+            call apply_springs(model, state)
+            call apply_load_laws(model, state)
+        end if
         call assemble_matrix(model, formulation, state, slot%value)
         call assemble_right(model, formulation, state, lane_load, formulation%n_slot, slot%value)
         call label_rows(model, formulation, system)

@@ -18,7 +18,7 @@ module linkdyn_forward_record
     use linkdyn_rate_program, only: rate_outputs
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, &
         free_rate_samples, run_rates
-    use linkdyn_scene, only: drive_spring_damper, drive_inverse
+    use linkdyn_scene, only: drive_spring_damper, drive_inverse, measure_joint
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
@@ -31,21 +31,21 @@ module linkdyn_forward_record
         type(rate_samples) :: samples
         integer, allocatable, private :: followed(:)   !! coordinate that an actuator's law compares with a position that it wants;
                                                        !! 0: none (n_actuator)
+        integer, allocatable, private :: measured(:)   !! coordinate that a measure is: its turns are told apart; 0: none (measure)
         logical, allocatable, private :: is_sprung(:)  !! coordinates that a spring compares with its rest: a record cannot be told
                                                        !! of turns that are not in y (n_q)
     end type forward_record
 
 contains
 
-    !> May the scene have a record? No law over the state, which the lanes evaluate. Attitudes must come all in the same way, and no coordinate stand in for another one,
+    !> May the scene have a record? Attitudes must come all in the same way, and no coordinate stand in for another one,
     !> whose turns a record does not count.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         integer :: i
 
-        can_be_recorded = size(model%group) == 0 .and. size(model%scene%laws%law) == 0 &
-                          .and. all(model%scene%coordinate%for_joint == 0) &
+        can_be_recorded = size(model%group) == 0 .and. all(model%scene%coordinate%for_joint == 0) &
                           .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
         do i = 1, size(model%step)
             if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
@@ -137,6 +137,14 @@ contains
                 if (k > 0 .and. drive%kind == drive_spring_damper) record%is_sprung(k) = .true.
             end associate
         end do
+        allocate (record%measured(size(model%scene%laws%measure)))
+        record%measured = 0
+        do i = 1, size(record%measured)
+            associate (measure => model%scene%laws%measure(i))
+                if (measure%kind == measure_joint .and. .not. measure%is_rate) &
+                    record%measured(i) = coordinate_of(model, measure%joint, measure%variable)
+            end associate
+        end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint == 0) cycle
@@ -192,6 +200,11 @@ contains
                     if (by_inverse(i)) samples%effort(i, lane) = inverse_force(lane, i)
                 end do
                 samples%branch(:, lane) = branch(lane, :)
+                samples%t(lane) = t(lane)
+                do i = 1, size(record%measured)
+                    samples%turned(i, lane) = 0
+                    if (record%measured(i) > 0) samples%turned(i, lane) = turns_of(record%measured(i))
+                end do
             end do
         end associate
 

@@ -410,6 +410,7 @@ contains
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
             call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied))
+            if (size(self%model%scene%laws%law) > 0) call self%note_mode(samples%mode(1))
             if (self%assembly%is_needed) then
                 do lane = 1, n
                     samples%is_left(lane) = samples%is_left(lane) &

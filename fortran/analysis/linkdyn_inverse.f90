@@ -18,14 +18,15 @@ module linkdyn_inverse
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
         choose_solver, choose_poses
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
-    use linkdyn_failure, only: lost_in_words
+    use linkdyn_failure, only: lost_in_words, failure_at
     use linkdyn_group_motion, only: group_closer
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
     use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state, link_position, link_rotation
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
+    use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_load_laws, only: evaluate_load_laws
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts, hold_records, release_records
@@ -270,6 +271,7 @@ contains
             results%lost_in_words = lost_in_words(model, assembly%lost)
             call release_texts()
         end if
+        if (present(trail) .and. results%lost_sample == 0 .and. associated(results%status)) call tell_undefined()
         if (present(turns) .and. associated(results%joint_variable)) then
             if (present(own)) then
                 call count_turns(own, results%joint_variable, turns)
@@ -279,6 +281,26 @@ contains
         end if
 
     contains
+
+        !> Why the first sample that has no forces has none: a law left its table, a spring lost its direction.
+        subroutine tell_undefined()
+            type(kinematic_state) :: state
+            integer :: sample
+
+            sample = findloc(results%status(:n), sample_undefined, dim=1)
+            if (sample == 0 .or. size(model%scene%laws%law) + size(model%scene%spring) == 0) return
+            call prepare_kinematics(model, 0, state)
+            state%q = spread(q(:, sample), 1, lanes)
+            state%qd = spread(qd(:, sample), 1, lanes)
+            state%qdd = spread(qdd(:, sample), 1, lanes)
+            if (present(t)) state%time = t(sample)
+            if (has_assemblies(model)) call place_sample(model, assembly, sample, 1, state)
+            call evaluate_kinematics(model, state)
+            call hold_texts()
+            results%lost_in_words = failure_at(model, state, sample_undefined, 1)
+            call release_texts()
+            results%lost_sample = sample
+        end subroutine tell_undefined
 
         !> The loads, with those that follow the state.
         subroutine tell_loads()

@@ -4,7 +4,7 @@ module linkdyn_motion
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_instants, most_instants, set_instants, evaluate_at_instants
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: law_spec, law_none, law_constant
+    use linkdyn_scene, only: law_spec, law_none, law_constant, law_over
     implicit none (type, external)
     private
     public :: evaluate_motion, evaluate_loads, lane_loads, sample_count, sample_times
@@ -120,10 +120,10 @@ contains
     pure logical function is_constant(law)
         type(law_spec), intent(in) :: law
 
-        is_constant = law%kind == law_none .or. law%kind == law_constant
+        is_constant = law%kind == law_none .or. law%kind == law_constant .or. law%kind == law_over
     end function is_constant
 
-    !> Zero for a law that is not constant.
+    !> Zero for a law that is not constant; of one over the state time gives nothing.
     pure real(wp) function constant_value(law)
         type(law_spec), intent(in) :: law
 

@@ -87,8 +87,15 @@ contains
 
         subroutine mark(link)
             integer, intent(in) :: link(2)
+            integer :: side
 
-            formulation%has_right(pack(link, link > 0)) = .true.
+            do side = 1, 2
+                if (link(side) == 0) cycle
+                formulation%has_right(link(side)) = .true.
+                associate (n => formulation%n_row)
+                    formulation%row_has_right(n*(link(side) - 1) + 1:n*link(side)) = .true.
+                end associate
+            end do
         end subroutine mark
     end subroutine mark_applied
 

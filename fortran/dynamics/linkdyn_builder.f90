@@ -85,6 +85,8 @@ contains
 
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
+        if (.not. allocated(model%scene%laws%measure)) allocate (model%scene%laws%measure(0))
+        if (.not. allocated(model%scene%laws%law)) allocate (model%scene%laws%law(0))
         model%is_planar = scene%planar
         model%n_link = size(scene%link)
         model%n_joint = n_holding(scene)
@@ -109,8 +111,6 @@ contains
         end do
         call spread_weld_starts(model)
         call number_tables(model%scene)
-        if (.not. allocated(model%scene%laws%measure)) allocate (model%scene%laws%measure(0))
-        if (.not. allocated(model%scene%laws%law)) allocate (model%scene%laws%law(0))
         call list_joints_of_links(model)
         call settle_spins(model, status)
         call share_orientations(model)

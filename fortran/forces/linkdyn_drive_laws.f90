@@ -4,7 +4,8 @@
 module linkdyn_drive_laws
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, drive_numbers
-    use linkdyn_scene, only: drive_spec, drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd
+    use linkdyn_scene, only: drive_spec, drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, &
+        drive_pd, drive_over
     use linkdyn_value, only: value, operator(+), operator(-), operator(*), operator(/)
     implicit none (type, external)
     private
@@ -51,10 +52,10 @@ contains
         follows_target = drive%kind == drive_dc_motor .or. drive%kind == drive_pd
     end function follows_target
 
-    !> Is the force itself given: by a table, or found by inverse dynamics?
+    !> Is the force itself given: by a table, by a law over the state, or found by inverse dynamics?
     pure elemental logical function is_given(drive)
         type(drive_spec), intent(in) :: drive
 
-        is_given = drive%kind == drive_table .or. drive%kind == drive_inverse
+        is_given = any(drive%kind == [drive_table, drive_inverse, drive_over])
     end function is_given
 end module linkdyn_drive_laws

@@ -9,7 +9,7 @@ module linkdyn_springs
     use linkdyn_vector, only: vector, zero_vector, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: apply_spring, spring_energy
+    public :: apply_spring, spring_energy, measure_spring_stretch
 
 contains
 
@@ -72,6 +72,19 @@ contains
         k = spring_numbers(mechanism, i)
         energy = (0.5_wp*k(1))*square(length - k(3))
     end function spring_energy
+
+    !> By how much a spring is longer than at rest, and how fast that grows.
+    subroutine measure_spring_stretch(mechanism, i, stretch, rate)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value), intent(out) :: stretch, rate
+        type(value) :: k(3), length
+        type(vector) :: line
+
+        k = spring_numbers(mechanism, i)
+        call measure_spring(mechanism, i, length, rate, line)
+        stretch = length - k(3)
+    end subroutine measure_spring_stretch
 
     !> Length or joint variable of a spring, its rate, and between markers the direction from the first to the second.
     subroutine measure_spring(mechanism, i, length, rate, line)

@@ -4,8 +4,10 @@ module linkdyn_scene_time
     use linkdyn_constants, only: two_pi
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted
-    use linkdyn_scene, only: scene_type, law_spec, law_none, law_table, law_constant_rate
-    use linkdyn_laws, only: law_end
+    use linkdyn_scene, only: scene_type, law_spec, measure_spec, law_none, law_table, law_over, law_constant_rate, &
+        measure_time, measure_joint, coordinate_joint
+    use linkdyn_laws, only: law_end, evaluate_law
+    use linkdyn_table, only: lies_within
     use linkdyn_toml, only: toml_node
     use linkdyn_units, only: time_span
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
@@ -168,10 +170,77 @@ contains
                 associate (load => scene%load(i))
                     call require_cover(root, scene, load%force(j), "load on "//quoted(load%name), load%line, status)
                     call require_cover(root, scene, load%moment(j), "load on "//quoted(load%name), load%line, status)
+                    call require_state_cover(root, scene, load%force(j), "load on "//quoted(load%name), load%line, status)
+                    call require_state_cover(root, scene, load%moment(j), "load on "//quoted(load%name), load%line, status)
                 end associate
             end do
         end do
     end subroutine require_tables_cover
+
+    !> A table over the instant or over a coordinate that has a motion: what it is entered with along the run is known.
+    subroutine require_state_cover(root, scene, spec, what, line, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(in) :: scene
+        type(law_spec), intent(in) :: spec
+        character(len=*), intent(in) :: what
+        integer, intent(in) :: line
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: place
+        real(wp) :: reached(2)
+        logical :: is_known
+
+        if (.not. status%is_ok() .or. spec%kind /= law_over) return
+        associate (law => scene%laws%law(spec%law))
+            if (law%over <= 0 .or. law%period > 0) return
+            call find_range(scene, scene%laws%measure(law%over), reached, is_known)
+            if (.not. is_known) return
+            associate (knot => law%table%time, n => size(law%table%time))
+                if (all(lies_within(knot(1), knot(n), reached))) return
+                place = root
+                place%what = what
+                call refuse(place, "its table covers "//trim(law%over_name)//" = "//to_text(knot(1))//" to "//to_text(knot(n))// &
+                    " "//trim(law%over_unit)//" (expected "//to_text(reached(1))//" to "//to_text(reached(2))//" "// &
+                    trim(law%over_unit)//", which the motion passes)", status, line)
+            end associate
+        end associate
+    end subroutine require_state_cover
+
+    !> Smallest and largest value of a measure at the instants of the run, if the coordinates' motion tells.
+    subroutine find_range(scene, measure, reached, is_known)
+        type(scene_type), intent(in) :: scene
+        type(measure_spec), intent(in) :: measure
+        real(wp), intent(out) :: reached(2)
+        logical, intent(out) :: is_known
+        real(wp) :: q, rate, rate2
+        integer :: i, k
+
+        reached = [scene%time%first, scene%time%last]
+        is_known = measure%kind == measure_time
+        if (is_known .or. measure%kind /= measure_joint) return
+        do k = 1, size(scene%coordinate)
+            associate (c => scene%coordinate(k))
+                if (c%kind /= coordinate_joint .or. c%joint /= measure%joint .or. c%variable /= measure%variable) cycle
+                if (c%motion%kind == law_none) return
+                is_known = .true.
+                reached = [huge(q), -huge(q)]
+                do i = 1, max(1, scene%time%n_sample)
+                    call evaluate_law(c%motion, instant(i), q, rate, rate2)
+                    if (measure%is_rate) q = rate
+                    reached = [min(reached(1), q), max(reached(2), q)]
+                end do
+            end associate
+        end do
+
+    contains
+
+        pure real(wp) function instant(i)
+            integer, intent(in) :: i
+
+            instant = scene%time%first
+            if (scene%time%n_sample > 1) instant = scene%time%first + (scene%time%last - scene%time%first) &
+                                                                      *(real(i - 1, wp)/real(scene%time%n_sample - 1, wp))
+        end function instant
+    end subroutine find_range
 
     subroutine require_cover(root, scene, law, what, line, status)
         type(scene_place), intent(in) :: root

@@ -5,12 +5,16 @@
 module linkdyn_recorded_rates
     use linkdyn_block, only: block_lanes
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, &
-        in_branch
+        in_branch, in_pull
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
+    use linkdyn_law_values, only: evaluate_laws
+    use linkdyn_measure_program, only: make_measure_program, out_measures
     use linkdyn_model, only: model_type
     use linkdyn_rate_program, only: rate_outputs, make_rate_program, out_rates
     use linkdyn_recorded_forces, only: plan_for_records
     use linkdyn_samples, only: sample_arrays, set_block
+    use linkdyn_scene, only: law_spec, law_over, drive_over, measure_time
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         goes_to, free_scene_program, free_program_space
     implicit none (type, external)
@@ -22,6 +26,7 @@ module linkdyn_recorded_rates
         logical :: is_usable = .false.                 !! false: the scene has no record
         type(model_type), pointer :: model => null()   !! planned for records
         type(scene_program) :: program
+        type(scene_program) :: measures                !! what laws over the state depend on; not made if there are none
         type(rate_outputs) :: out
     end type recorded_rates
 
@@ -33,10 +38,15 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: target(:, :) => null()        !! of drives' laws: value and rate (2 n_actuator, sample)
         real(wp), pointer, contiguous :: effort(:, :) => null()        !! driving forces given (n_actuator, sample) [N, N m]
         real(wp), pointer, contiguous :: branch(:, :) => null()        !! (n_branch, sample)
+        real(wp), pointer, contiguous :: pull(:, :) => null()          !! of springs' laws over the state (n_spring, sample) [N, N m]
+        real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on (measure, sample)
+        real(wp), allocatable :: turned(:, :)                          !! turns of these that the states leave out [rad] (measure, sample)
+        real(wp), allocatable :: t(:)                                  !! (sample) [s]
+        real(wp), allocatable :: mode(:)                               !! of laws that jump (sample)
         real(wp), pointer, contiguous :: found(:, :) => null()         !! as `rate_outputs` tells (value, sample)
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
         type(sample_arrays), private :: arrays
-        type(program_space), private :: one, block
+        type(program_space), private :: one, block, one_measured, block_measured
     end type rate_samples
 
 contains
@@ -57,12 +67,15 @@ contains
         sample%of(in_branch)%x = spread(recorded%model%branch, 2, sample%n)
         call make_rate_program(recorded%model, request, wants_power, sample, recorded%program, recorded%out)
         recorded%is_usable = recorded%program%is_made
+        if (recorded%is_usable .and. size(model%scene%laws%law) > 0) &
+            call make_measure_program(recorded%model, request, sample, recorded%measures)
     end subroutine record_rates
 
     subroutine free_rates(recorded)
         type(recorded_rates), intent(inout) :: recorded
 
         call free_scene_program(recorded%program)
+        call free_scene_program(recorded%measures)
         if (associated(recorded%model)) deallocate (recorded%model)
         recorded%is_usable = .false.
     end subroutine free_rates
@@ -82,8 +95,13 @@ contains
             call add(in_target, 2*model%n_actuator, samples%target)
             call add(in_effort, model%n_actuator, samples%effort)
             call add(in_branch, model%n_branch, samples%branch)
+            call add(in_pull, size(model%scene%spring), samples%pull)
+            allocate (samples%measured(size(model%scene%laws%measure), n), samples%turned(size(model%scene%laws%measure), n), &
+                      source=0.0_wp)
         end associate
-        allocate (samples%found(recorded%out%n, n), samples%is_left(n))
+        allocate (samples%found(recorded%out%n, n), samples%is_left(n), samples%t(n), samples%mode(n))
+        samples%t = 0
+        samples%mode = 0
 
     contains
 
@@ -101,10 +119,77 @@ contains
 
         if (.not. associated(samples%found)) return
         deallocate (samples%q, samples%qd, samples%qdd, samples%quaternion, samples%load, samples%target, samples%effort, &
-                    samples%branch, samples%found)
+                    samples%branch, samples%pull, samples%measured, samples%found)
+        call free_program_space(samples%one_measured)
+        call free_program_space(samples%block_measured)
         call free_program_space(samples%one)
         call free_program_space(samples%block)
     end subroutine free_rate_samples
+
+    !> Measure, evaluate the laws over the state, and put their values where the program takes them: on top of loads that are
+    !> there.
+    subroutine apply_laws(recorded, n, samples)
+        type(recorded_rates), intent(in) :: recorded
+        integer, intent(in) :: n
+        type(rate_samples), intent(inout) :: samples
+        type(output_target) :: to(1)
+        real(wp) :: law(n, size(recorded%model%scene%laws%law)), scale
+        integer :: first, count, i, k
+
+        if (n == 1) then
+            call run_one_sample(recorded%measures, samples%arrays, samples%one_measured, samples%measured(:, 1))
+        else
+            to(1) = goes_to(out_measures, samples%measured)
+            do first = 1, n, block_lanes()
+                count = min(block_lanes(), n - first + 1)
+                call load_samples(recorded%measures, samples%arrays, first, count, samples%block_measured)
+                call run_samples(recorded%measures, samples%block_measured, first, count, to)
+            end do
+        end if
+        associate (model => recorded%model, book => recorded%model%scene%laws)
+            samples%measured(:, :n) = samples%measured(:, :n) + samples%turned(:, :n)
+            do k = 1, size(book%measure)
+                if (book%measure(k)%kind == measure_time) samples%measured(k, :n) = samples%t(:n)
+                if (book%measure(k)%length_power /= 0) &
+                    samples%measured(k, :n) = samples%measured(k, :n)/book%scale**book%measure(k)%length_power
+            end do
+            call evaluate_laws(book, transpose(samples%measured(:, :n)), law, samples%mode(:n))
+            do i = 1, model%n_load
+                do k = 1, 3
+                    call add(model%scene%load(i)%force(k), book%scale, samples%load(6*i - 6 + k, :))
+                    call add(model%scene%load(i)%moment(k), book%scale**2, samples%load(6*i - 3 + k, :))
+                end do
+            end do
+            do i = 1, size(model%scene%spring)
+                associate (spring => model%scene%spring(i))
+                    scale = book%scale
+                    if (spring%joint > 0) then
+                        if (.not. is_slide(model%joint(spring%joint)%kind, spring%variable)) scale = scale**2
+                    end if
+                    samples%pull(i, :n) = 0
+                    call add(spring%force, scale, samples%pull(i, :))
+                end associate
+            end do
+            do i = 1, model%n_actuator
+                associate (spec => model%scene%actuator(i))
+                    if (spec%drive%kind /= drive_over) cycle
+                    scale = book%scale**merge(1, 2, is_slide(model%joint(spec%joint)%kind, spec%variable))
+                    samples%effort(i, :n) = 0
+                    call add(spec%drive%target, scale, samples%effort(i, :))
+                end associate
+            end do
+        end associate
+
+    contains
+
+        subroutine add(spec, scale, numbers)
+            type(law_spec), intent(in) :: spec
+            real(wp), intent(in) :: scale
+            real(wp), intent(inout) :: numbers(:)
+
+            if (spec%kind == law_over) numbers(:n) = numbers(:n) + scale*law(:, spec%law)
+        end subroutine add
+    end subroutine apply_laws
 
     !> Run the first n samples, but those that are left already; says which others are.
     subroutine run_rates(recorded, n, samples)
@@ -115,6 +200,7 @@ contains
         integer :: first, count, i
 
         if (all(samples%is_left(:n))) return
+        if (recorded%measures%is_made) call apply_laws(recorded, n, samples)
         if (n == 1) then
             call run_one_sample(recorded%program, samples%arrays, samples%one, samples%found(:, 1))
         else

@@ -411,7 +411,7 @@ class Scene:
             As the executable writes it: driving_force (sample, actuator), reaction (sample, joint, component), ...
             A sample that failed is NaN, its ``status`` is not 0. Along a motion "assembly" says of a sample whether a change
             point was passed before it, or its assembly found anew from the start, and ``attrs["failure"]`` why the assembly was lost first, if it
-            was.
+            was, or which law or spring left a sample undefined.
 
         Raises
         ------
@@ -433,7 +433,7 @@ class Scene:
         told = self._told(extra, len(given["q"]))
         data = job.template().fill(given | outputs, roads, told)
         data.encoding[FOLDER] = self.folder
-        if "assembly" in data:
+        if "assembly" in data or failure:
             data.attrs["failure"] = failure
         return data
 

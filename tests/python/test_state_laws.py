@@ -449,3 +449,144 @@ def test_ensemble_feels_laws() -> None:
     runs = scene.ensemble(np.zeros((9, 1)), u0[:, np.newaxis], [0.0, 0.5, 1.0])
     last = runs.qd.isel(time=-1).values[:, 0]
     np.testing.assert_allclose(last, u0 * math.exp(-2), rtol=1e-6, atol=1e-12)
+
+
+def test_long_run_counts_the_turns_of_its_table() -> None:
+    """After ten cycles rates are still those of the right stroke: differences of the motion against accelerations found anew."""
+    scene = linkdyn.load(EXAMPLES / "four_stroke" / "scene.toml")
+    t = np.concatenate([[0.0], np.ravel(0.36 + 0.0016 * np.arange(25)[:, np.newaxis] + [-2e-6, 0, 2e-6])])
+    run = scene.forward(t=t, rtol=1e-11, atol=1e-11, want="all")
+    rate = run.qd.values[1:, 0].reshape(-1, 3)
+    np.testing.assert_allclose((rate[:, 2] - rate[:, 0]) / 4e-6, run.qdd.values[2::3, 0], rtol=1e-3, atol=2)
+    assert np.ptp(run.qdd.values[2::3, 0]) > 1000
+    batch = scene.inverse(run.q.values, run.qd.values, run.qdd.values)
+    np.testing.assert_allclose(batch.driving_force, run.driving_force, atol=1e-6)
+
+
+# ---------------------------------------------------------------- what is told of loads
+
+
+def test_loads_as_they_act() -> None:
+    """`load_values` of a motion, of a batch and of a forward run: the formula written out."""
+    scene = linkdyn.load(EXAMPLES / "shaper" / "scene.toml")
+    run = scene.inverse(want="all")
+    v = run.joint_rate.sel(variable="guide.slide").values
+    friction = -90 * np.tanh(v / 0.005)
+    np.testing.assert_allclose(scene.load_values()[:, 1, 0], friction, rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(scene.load_values(None, run.q, run.qd)[:, 1, 0], friction, rtol=1e-9, atol=1e-6)
+    assert (scene.load_values(0.0, run.q.values[:3], run.qd.values[:3])[:, 1, 0] == scene.load_values()[:3, 1, 0]).all()
+    with pytest.raises(linkdyn.InputError, match="t: expected one instant"):
+        scene.load_values([0.0, 1.0], run.q.values[:3])
+
+
+def test_cycle_results_know_the_loads() -> None:
+    """The frame feels all that acts: its reactions add up to the shaking force; causes add up to the whole."""
+    scene = linkdyn.load(EXAMPLES / "shaper" / "scene.toml")
+    run = scene.inverse(want="all")
+    on_links = run.reaction.sel(joint=["crank", "lever", "guide"]).values[:, :, :2].sum(axis=1)
+    shaking = linkdyn.cycle.shaking(run, scene)
+    np.testing.assert_allclose(shaking.force.values[:, :2], -on_links, rtol=1e-7, atol=1e-6)
+    causes = linkdyn.cycle.contributions(run, scene)
+    np.testing.assert_allclose(causes.driving_force.sum("cause"), run.driving_force, rtol=1e-9, atol=1e-7)
+
+
+def test_failure_in_words(tmp_path: Path) -> None:
+    """Along a motion the first sample without a force says which law has none, and where."""
+    (tmp_path / "f.csv").write_text("x [m], F [N]\n0, 5\n1, 5\n")
+    text = SLIDE.format(forces='[laws]\npush = { table = "f.csv", column = "F", over = "x" }\n\n[[load]]\non = "mass.C"\n'
+                               'force = ["push", 0]\n\n[[actuator]]\njoint = "x"', mass=1, start=0, velocity=0, gravity=0,
+                        axis="[1, 0]", end=2, samples=21)
+    text = text.replace("start = { position = 0, velocity = 0 }", 'motion = { law = "constant-rate", rate = 1 }')
+    run = linkdyn.Scene(text, folder=tmp_path).inverse()
+    assert list(run.status.values) == [0] * 11 + [4] * 10
+    assert run.attrs["failure"].startswith("t = 1.1 s: law 'push' has no value: x = 1.1")
+
+
+def test_code_is_refused() -> None:
+    with pytest.raises(linkdyn.InputError, match="follows the state of the mechanism"):
+        linkdyn.load(EXAMPLES / "shaper" / "scene.toml").generate("inverse")
+
+
+def test_old_variables_may_be_called_as_new_functions() -> None:
+    """`step` and `sign` are functions only with a bracket behind them."""
+    scene = linkdyn.Scene(slide("", mass=1).text.replace("mass = 1", 'mass = "mm"') + """
+[variables]
+step = "3 kg"
+exp = 2
+mm = "step*exp + 1 kg*sign(-2)*step(1) + 1 kg*if(1, 2, 3)"
+""")
+    assert scene.description["links"][1]["mass"] == 7
+
+
+def test_laws_go_on_where_a_coordinate_is_exchanged() -> None:
+    """Told by its piston, whose dead points the crank's angle passes, or by its crank: the same motion with the same laws."""
+    text = (EXAMPLES / "slider_crank" / "scene_forward.toml").read_text()
+    laws = """
+[measures]
+phi = { joint = "A" }
+v = { joint = "D", rate = true }
+x = { joint = "D" }
+
+[[load]]
+on = "piston.face"
+force = ["-30 N*s/m*v - 40 N/m*x", 0]
+
+[[load]]
+on = "crank.A"
+moment = "0.4 N*m*sin(phi) - 0.05 N*m*tanh(v/(0.2 m/s))"
+"""
+    run = linkdyn.Scene(text + laws).forward(0.2, want="all")
+    assert run.attrs["stopped"] == "" and "until" in run.attrs["coordinates_integrated"]
+    angle = run.joint_variable.sel(variable="A.angle").values
+    rate = run.joint_rate.sel(variable="A.angle").values
+    head, tail = text.split("[[coordinate]]")
+    start = f'[[coordinate]]\njoint = "A"\nstart = {{ position = {float(angle[0])!r}, velocity = {float(rate[0])!r} }}\n'
+    other = linkdyn.Scene(head + start + tail[tail.index("\n[time]"):] + laws).forward(0.2)
+    np.testing.assert_allclose(other.q[:, 0], np.unwrap(angle), rtol=1e-6, atol=1e-6)
+    assert np.ptp(other.q.values[:, 0]) > 1
+
+
+def test_matrix_of_explain_has_springs_and_laws() -> None:
+    """The right-hand side that is printed is that of the equations that are solved: b of the slide along its rail."""
+    forces = '[[actuator]]\njoint = "x"\n[[load]]\non = "mass.C"\nforce = ["-7 N*step(x)", 0]\n[[spring]]\nname = "k"\njoint = "x"\nstiffness = 10'
+    text = slide(forces, start=0.5).explain(matrix=True)
+    assert "12.000" in text                             # 7 + 10*0.5, which the drive must give
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack", "gauss-jordan", "reduced"])
+@pytest.mark.parametrize("mass", [0, 1])
+def test_springs_pull_massless_links(mass: int, solver: str) -> None:
+    """A link without inertia has a right-hand side where a spring or its law acts on it."""
+    scene = linkdyn.Scene(f"""
+space = "planar"
+[frame]
+markers = {{ O = [0, 0] }}
+[[link]]
+name = "arm"
+markers = {{ O = [0, 0] }}
+mass = {mass}
+[[joint]]
+name = "J"
+type = "revolute"
+between = ["frame.O", "arm.O"]
+[[coordinate]]
+joint = "J"
+[[actuator]]
+joint = "J"
+[[spring]]
+name = "S"
+joint = "J"
+stiffness = 10
+force = "4 N*m*stretch^2"
+""")
+    np.testing.assert_allclose(scene.inverse([[0.5]], solver=solver).driving_force, [[6.0]], rtol=1e-14)
+
+
+def test_numbers_of_laws_vary() -> None:
+    """By `with_` and in sweeps, as any number of the scene."""
+    scene = slide('[laws]\nF = "3 N"\nk = 4\n\n[[actuator]]\njoint = "x"\n[[load]]\non = "mass.C"\nforce = ["-F*k*x/(1 m)", 0]')
+    assert scene.with_({"laws.k": 8}).inverse([[0.5]]).driving_force == 12
+    assert scene.with_({"laws.F": "1 N"}).inverse([[0.5]]).driving_force == 2
+    axes = [{"parameter": "laws.k", "values": [1, 2]}, {"coordinate": "x", "values": [0.5, 1]}]
+    found = scene.sweep({"reduce": ["driving_force"], "axis": axes})
+    np.testing.assert_allclose(found.driving_force_mean[:, 0], [2.25, 4.5])
