@@ -76,6 +76,11 @@ module linkdyn_elimination_plan
         real(wp), allocatable :: value(:)           !! at the representative poses
     end type entry_type
 
+    !> How many entries of a row or column are active, and how many of these are constant.
+    type :: active_count
+        integer :: n = 0, n_constant = 0
+    end type active_count
+
     !> A recorded operation before slots are given out.
     type :: operation_type
         integer :: out = 0, base = 0, scale = 0     !! nodes; base 0: zero
@@ -405,8 +410,10 @@ contains
         type(planner_type), intent(in) :: p
         logical, intent(in) :: comes_last(:)
         logical :: restrict
+        logical :: is_measured
+        type(active_count) :: in_column
         integer :: pass, c, k, e, cost, best_cost, fewest, n_looked
-        real(wp) :: quality, best_quality
+        real(wp) :: quality, best_quality, largest(p%n_pose)
 
         best = 0
         do pass = 1, 2
@@ -423,12 +430,16 @@ contains
                     if (n_looked >= most_columns .and. best > 0) exit
                     n_looked = n_looked + 1
                 end if
+                in_column = count_active(p, p%in_column(c))
+                is_measured = .false.
                 do k = 1, p%in_column(c)%n
                     e = p%in_column(c)%item(k)
                     if (.not. p%entry(e)%is_active) cycle
-                    cost = pivot_cost(p, e)
+                    cost = pivot_cost(p, e, in_column)
                     if (cost > best_cost) cycle
-                    quality = pivot_quality(p, e)
+                    if (.not. is_measured) largest = largest_in_column(p, c)
+                    is_measured = .true.
+                    quality = pivot_quality(p, e, largest)
                     if (quality < threshold) cycle
                     if (cost == best_cost .and. quality <= best_quality) cycle
                     best = e
@@ -441,58 +452,72 @@ contains
     end function best_pivot
 
     !> Operations that eliminating with this pivot takes.
-    pure integer function pivot_cost(p, e)
+    pure integer function pivot_cost(p, e, in_column)
         type(planner_type), intent(in) :: p
         integer, intent(in) :: e
-        integer :: n_left, n_left_fixed, n_upper, n_upper_fixed
+        type(active_count), intent(in) :: in_column        !! its own
+        type(active_count) :: left, upper
 
-        call count_others(p, p%in_column(p%entry(e)%column), e, n_left, n_left_fixed)
-        call count_others(p, p%in_row(p%entry(e)%row), e, n_upper, n_upper_fixed)
-        n_upper = n_upper + 1    ! the right-hand side
-        ! The last +n_upper: the row takes part in the back-substitution.
+        left = others(in_column)
+        upper = others(count_active(p, p%in_row(p%entry(e)%row)))
+        upper%n = upper%n + 1    ! the right-hand side
+        ! The last upper%n: the row takes part in the back-substitution.
         if (p%entry(e)%is_constant) then
-            pivot_cost = n_left*n_upper - n_left_fixed*n_upper_fixed + n_upper
+            pivot_cost = left%n*upper%n - left%n_constant*upper%n_constant + upper%n
         else
-            pivot_cost = n_left*n_upper + min(n_left, n_upper) + reciprocal_cost + n_upper
+            pivot_cost = left%n*upper%n + min(left%n, upper%n) + reciprocal_cost + upper%n
         end if
+
+    contains
+
+        !> Without the pivot.
+        pure type(active_count) function others(all)
+            type(active_count), intent(in) :: all
+
+            others = active_count(all%n - 1, all%n_constant - merge(1, 0, p%entry(e)%is_constant))
+        end function others
     end function pivot_cost
 
-    !> Active entries of a row or column besides one, and how many of them are constant.
-    pure subroutine count_others(p, list, e, n, n_fixed)
+    pure type(active_count) function count_active(p, list) result(found)
         type(planner_type), intent(in) :: p
-        type(list_type), intent(in) :: list
-        integer, intent(in) :: e
-        integer, intent(out) :: n, n_fixed
-        integer :: k, other
+        type(list_type), intent(in) :: list                !! of a row or column
+        integer :: k
 
-        n = 0
-        n_fixed = 0
         do k = 1, list%n
-            other = list%item(k)
-            if (other == e .or. .not. p%entry(other)%is_active) cycle
-            n = n + 1
-            if (p%entry(other)%is_constant) n_fixed = n_fixed + 1
+            associate (entry => p%entry(list%item(k)))
+                if (.not. entry%is_active) cycle
+                found%n = found%n + 1
+                if (entry%is_constant) found%n_constant = found%n_constant + 1
+            end associate
         end do
-    end subroutine count_others
+    end function count_active
 
-    !> Smallest ratio, over the representative poses, of the pivot to the largest entry of its column.
-    pure real(wp) function pivot_quality(p, e)
+    !> Largest active entry of a column at each of the representative poses.
+    pure function largest_in_column(p, c) result(largest)
         type(planner_type), intent(in) :: p
-        integer, intent(in) :: e
+        integer, intent(in) :: c
         real(wp) :: largest(p%n_pose)
-        integer :: k, other
+        integer :: k
 
         largest = 0
-        associate (list => p%in_column(p%entry(e)%column))
-            do k = 1, list%n
-                other = list%item(k)
-                if (.not. p%entry(other)%is_active) cycle
-                largest = max(largest, p%row_scale(p%entry(other)%row)*abs(p%entry(other)%value))
-            end do
-        end associate
+        do k = 1, p%in_column(c)%n
+            associate (entry => p%entry(p%in_column(c)%item(k)))
+                if (entry%is_active) largest = max(largest, p%row_scale(entry%row)*abs(entry%value))
+            end associate
+        end do
+    end function largest_in_column
+
+    !> Smallest ratio, over the representative poses, of the pivot to the largest entry of its column.
+    pure real(wp) function pivot_quality(p, e, largest)
+        type(planner_type), intent(in) :: p
+        integer, intent(in) :: e
+        real(wp), intent(in) :: largest(:)                 !! (pose)
+
         pivot_quality = 0
-        if (any(p%row_scale(p%entry(e)%row)*abs(p%entry(e)%value) <= smallest)) return
-        pivot_quality = minval(p%row_scale(p%entry(e)%row)*abs(p%entry(e)%value)/largest)
+        associate (scale => p%row_scale(p%entry(e)%row), value => p%entry(e)%value)
+            if (any(scale*abs(value) <= smallest)) return
+            pivot_quality = minval(scale*abs(value)/largest)
+        end associate
     end function pivot_quality
 
     ! ---------------------------------------------------------------- turned rows
