@@ -391,8 +391,7 @@ def test_sweep_is_the_batch() -> None:
             {"coordinate": "crank", "linspace": [0.0, 6.0, 61]},
         ],
     }, keep="driving_force")
-    kept = found["driving_force_kept"] if "driving_force_kept" in found else found["driving_force"]
-    kept = np.asarray(kept).reshape(2, 2, 61)
+    kept = found.driving_force.values.reshape(2, 2, 61)
     q = np.linspace(0, 6, 61)[:, np.newaxis]
     for i, cut in enumerate((1000.0, 3500.0)):
         for k, rate in enumerate((-6.0, 3.0)):
@@ -405,7 +404,7 @@ def test_sweep_over_time() -> None:
     """Along the motion laws have its instants."""
     scene = slide('[[actuator]]\njoint = "x"\n[[load]]\non = "mass.C"\nforce = ["3 N/s*time", 0]')
     found = scene.sweep({"reduce": ["driving_force"], "axis": [{"time": True, "linspace": [0, 2, 5]}]})
-    assert float(np.min(found["driving_force_min"] if "driving_force_min" in found else -6)) == -6
+    assert float(found.driving_force_min[..., 0].min()) == -6 and float(found.driving_force_max[..., 0].max()) == 0
 
 
 def test_errors_are_estimated() -> None:
