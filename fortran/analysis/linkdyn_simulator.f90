@@ -23,7 +23,7 @@ module linkdyn_simulator
     type :: simulator_type
         type(model_type), pointer :: model => null()   !! of its own: no coordinate is led, every actuator does as it is told
         type(integrator_options) :: options
-        type(integrator_type) :: integrator
+        type(integrator_type), allocatable :: integrator
         type(forward_system), pointer :: system => null()
         real(wp), allocatable :: y(:, :)               !! state (lane, n)
         type(kinematic_state), private :: scratch
@@ -64,17 +64,12 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: q(:), qd(:)            !! (n_q) [m, rad; /s]
         type(status_type), intent(inout) :: status
-        real(wp), allocatable :: rate(:, :), force(:)
+        real(wp), allocatable :: rate(:, :)
         logical :: failed(lanes)
 
-        force = spread(0.0_wp, 1, self%model%n_actuator)
-        if (associated(self%system)) then
-            force = self%system%given_force
-            call self%system%release()
-            deallocate (self%system)
-        end if
+        call leave(self)
         allocate (self%system)
-        self%system%given_force = force
+        self%system%given_force = spread(0.0_wp, 1, self%model%n_actuator)
         call build_forward_system(self%model, 0, self%system, status)
         if (.not. status%is_ok()) return
         self%system%may_record = .true.
@@ -88,21 +83,39 @@ contains
                       //failure_at(self%model, self%system%workspace%state, self%system%workspace%status(1), 1))
             return
         end if
-        call self%integrator%finish()
-        self%integrator = integrator_type()
+        allocate (self%integrator)
         call self%integrator%start(self%options, self%system, t, self%y, status)
     end subroutine set
 
-    !> Go on for a time under these forces.
+    !> Give back all but the model: the mechanism stands nowhere.
+    subroutine leave(self)
+        type(simulator_type), intent(inout) :: self
+
+        if (allocated(self%integrator)) then
+            call self%integrator%finish()
+            deallocate (self%integrator)
+        end if
+        if (.not. associated(self%system)) return
+        call self%system%release()
+        deallocate (self%system)
+    end subroutine leave
+
+    !> Go on to an instant under these forces, for a quarter of a second of computing at most: `read` says how far it got.
     !>
     !> **Errors**: a place beyond which the mechanism cannot be computed; the state is then that of the last good instant.
-    subroutine step(self, duration, force, status)
+    subroutine step(self, t_end, force, status)
         class(simulator_type), intent(inout) :: self
-        real(wp), intent(in) :: duration               !! [s]
+        real(wp), intent(in) :: t_end                  !! [s]
         real(wp), intent(in) :: force(:)               !! of the actuators (n_actuator) [N, N m]
         type(status_type), intent(inout) :: status
-        real(wp) :: t_end, y_end(lanes, self%system%n)
+        real(wp), parameter :: breath = 0.25_wp        !! [s]
+        real(wp), allocatable :: y_end(:, :)
 
+        if (.not. allocated(self%integrator)) then
+            call fail(status, status_bad_input, "the simulator stands nowhere since it could not be set (expected that it is set)")
+            return
+        end if
+        allocate (y_end(lanes, self%system%n))
         if (all(self%integrator%failed)) then
             call refuse_to_go_on(self, status)
             return
@@ -111,14 +124,13 @@ contains
             self%system%given_force = force
             call self%integrator%reset()
         end if
-        t_end = self%integrator%t + duration
+        call self%integrator%pause%set(breath)
         if (self%options%method == method_rk4) then
             call self%integrator%advance(self%system, t_end, self%y, y_end)
         else
             call self%integrator%advance(self%system, t_end, self%y, y_end, t_kink=t_end)
         end if
-        if (self%integrator%is_there .and. .not. self%integrator%is_lost .and. .not. any(self%integrator%failed)) return
-        call refuse_to_go_on(self, status)
+        if (any(self%integrator%failed) .or. self%integrator%is_lost) call refuse_to_go_on(self, status)
     end subroutine step
 
     subroutine refuse_to_go_on(self, status)
@@ -157,11 +169,7 @@ contains
     subroutine close(self)
         class(simulator_type), intent(inout) :: self
 
-        call self%integrator%finish()
-        if (associated(self%system)) then
-            call self%system%release()
-            deallocate (self%system)
-        end if
+        call leave(self)
         if (associated(self%model)) deallocate (self%model)
     end subroutine close
 end module linkdyn_simulator

@@ -635,12 +635,13 @@ contains
         call report(status, code, message)
     end subroutine api_set_simulator
 
-    !> Go on under given forces and tell where the mechanism is then; 0 s: only tell.
-    subroutine api_step_simulator(simulator_handle, duration, n_force, force, n_q, q, n_qd, qd, t, code, message)
+    !> Go on to an instant under given forces, or as far as a quarter of a second leads, and tell where the mechanism is then; an
+    !> instant that is reached already: only tell.
+    subroutine api_step_simulator(simulator_handle, t_end, n_force, force, n_q, q, n_qd, qd, t, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: simulator_handle
         integer(c_int), intent(in) :: n_force, n_q, n_qd
-        real(c_double), intent(in) :: duration             ! [s]
+        real(c_double), intent(in) :: t_end                ! [s]
         real(c_double), intent(in) :: force(n_force)       ! of the actuators
         real(c_double), intent(inout) :: q(n_q), qd(n_qd)
         real(c_double), intent(out) :: t                   ! [s]
@@ -655,11 +656,21 @@ contains
         if (status%code == 0) call check_size("q", int(n_q, int64), here%is%model%n_q, 1, status)
         if (status%code == 0) call check_size("qd", int(n_qd, int64), here%is%model%n_q, 1, status)
         if (status%code == 0) then
-            if (duration > 0) call here%is%step(duration, force, status)
-            call here%is%read(t, q, qd)
+            if (is_ahead(here)) call here%is%step(t_end, force, status)
+            if (allocated(here%is%integrator)) call here%is%read(t, q, qd)
         end if
         call leave_simulator(simulator_handle, here)
         call report(status, code, message)
+
+    contains
+
+        !> Or nowhere, which the step will say.
+        logical function is_ahead(here)
+            type(open_simulator), intent(in) :: here
+
+            is_ahead = .not. allocated(here%is%integrator)
+            if (.not. is_ahead) is_ahead = t_end > here%is%integrator%t
+        end function is_ahead
     end subroutine api_step_simulator
 
     !> End a simulator; nothing happens to one that was ended before.

@@ -205,6 +205,7 @@ contains
         character(len=:), allocatable :: name
         integer, allocatable :: components(:)
         character(len=5), allocatable :: known(:)
+        logical :: is_whole
         integer :: i, link, reference, marker
 
         n = 0
@@ -233,15 +234,22 @@ contains
         part%link = [reference, link]
         part%line = place%line
         n = size(components)
+        is_whole = n == size(possible) .and. marker == 0 .and. reference == frame_link
         do i = 1, n
             associate (c => coordinate(i), is_position => components(i) <= 3)
                 quantity = component_quantity(components(i))
                 part%kind = merge(pose_position, pose_attitude, is_position)
                 part%name = name//trim(merge(" position", " attitude", is_position))
                 part%marker = [0, merge(marker, 0, is_position)]
-                c%kind = coordinate_joint
-                call place_of_part(scene, part, c%joint)
-                c%variable = components(i) - merge(0, 3, is_position)
+                if (is_whole) then
+                    c%kind = coordinate_pose
+                    c%link = link
+                    c%variable = components(i)
+                else
+                    c%kind = coordinate_joint
+                    call place_of_part(scene, part, c%joint)
+                    c%variable = components(i) - merge(0, 3, is_position)
+                end if
                 c%unit = quantity%unit(:4)
                 c%name = name//"."//pose_component_name(components(i))
                 c%line = place%line

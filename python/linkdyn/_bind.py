@@ -437,9 +437,9 @@ def set_simulator(simulator: int, t: float, q: Floats, qd: Floats) -> None:
     check(*_api.api_set_simulator(simulator, t, q, qd))
 
 
-def step_simulator(simulator: int, duration: float, force: Floats, n_force: int, q: Floats, qd: Floats) -> float:
-    """Go on for a time [s]; q and qd become those of the instant reached, which is returned."""
-    t, code, message = _api.api_step_simulator(simulator, duration, force[:n_force], q, qd)
+def step_simulator(simulator: int, t_end: float, force: Floats, n_force: int, q: Floats, qd: Floats) -> float:
+    """Go on to an instant [s], or for a quarter of a second; q and qd become those of the instant reached, which is returned."""
+    t, code, message = _api.api_step_simulator(simulator, t_end, force[:n_force], q, qd)
     if code != 0:
         text = message.decode("utf-8", errors="replace").strip()
         if text.startswith("the simulation cannot"):

@@ -44,7 +44,7 @@ class Simulator:
         self._finalizer = weakref.finalize(self, _bind.close_simulator, self._handle)
         self._force = np.zeros(max(1, self._size))
         self._q, self._qd = np.empty(len(scene.coordinates)), np.empty(len(scene.coordinates))
-        self._advance(0.0)
+        self._advance(-np.inf)
         self._first = (self._q.copy(), self._qd.copy())
 
     @property
@@ -72,13 +72,10 @@ class Simulator:
             the last good instant.
         """
         if force is not None:
-            given = np.asarray(force, dtype=float)
-            if given.shape != (self._size,) or not np.isfinite(given).all():
-                given = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
-            self._force[: self._size] = given
+            self._hold(force)
         if not 0.0 < dt < np.inf:
             dt = as_positive("dt", dt)
-        self._advance(float(dt))
+        self._advance(self.t + float(dt))
 
     def reset(self, q: ArrayLike | None = None, qd: ArrayLike | None = None, t: float | None = None) -> None:
         """Put the mechanism somewhere else; the forces are zero again.
@@ -102,7 +99,7 @@ class Simulator:
         ]
         self._force[:] = 0.0
         _bind.set_simulator(self._handle, self._start if t is None else as_number("t", t), *places)
-        self._advance(0.0)
+        self._advance(-np.inf)
 
     def run(self, controller: Callable[[Simulator], ArrayLike], t_end: float, every: float) -> xr.Dataset:
         """Let a controller that samples at a rate lead the mechanism.
@@ -131,7 +128,8 @@ class Simulator:
         t, q, qd, force = [self.t], [self._q.copy()], [self._qd.copy()], []
         for k in range(1, n + 1):
             try:
-                self.step(begin + k * every - self.t, controller(self))
+                self._hold(controller(self))
+                self._advance(begin + k * every)
             except LinkdynError as error:
                 if str(error).startswith("the simulation cannot"):
                     stopped = str(error)
@@ -151,9 +149,19 @@ class Simulator:
     def __repr__(self) -> str:
         return f"<linkdyn.Simulator of {self.scene.title!r} at t = {self.t:g} s>"
 
-    def _advance(self, duration: float) -> None:
+    def _hold(self, force: ArrayLike) -> None:
+        given = np.asarray(force, dtype=float)
+        if given.shape != (self._size,) or not np.isfinite(given).all():
+            given = as_floats("force", force, (self._size,), "(n_actuator,), in the order of scene.actuators")
+        self._force[: self._size] = given
+
+    def _advance(self, t_end: float) -> None:
+        """In pieces, between which Python hears an interrupt."""
         try:
-            self.t: float = _bind.step_simulator(self._handle, duration, self._force, self._size, self._q, self._qd)
+            while True:
+                self.t: float = _bind.step_simulator(self._handle, t_end, self._force, self._size, self._q, self._qd)
+                if self.t >= t_end:
+                    return
         except _bind.Stopped as stopped:
             self.t = stopped.t
             raise InputError(str(stopped)) from None

@@ -174,6 +174,20 @@ def test_seen_from_a_moving_link(components: tuple[str, ...]) -> None:
     assert np.abs(motion[0] - motion[1]).max() < 1e-7
 
 
+def test_all_components_are_the_pose() -> None:
+    """Named one by one they lead the link as the pose without names does, in closed form; of a marker by iteration."""
+    scene = linkdyn.load(EXAMPLES / "stewart_tsai" / "scene.toml")
+    run = scene.inverse()
+    first = dict(zip(["x", "y", "z", "roll", "pitch", "yaw"], run.q.values[0].tolist()))
+    named = [{"link": "platform", "components": list(first), "start": first}]
+    by_marker = [{"marker": "platform.center", "components": list(first), "start": first}]
+    for coordinates, road in ((named, "samples_closed_form"), (by_marker, "samples_iterated")):
+        again = led("stewart_tsai", coordinates).inverse(q=run.q.values, qd=run.qd.values, qdd=run.qdd.values)
+        assert again.attrs.get(road, len(run.q)) == len(run.q)
+        for name in ("driving_force", "reaction"):
+            assert np.abs(again[name].values - run[name].values).max() < ROUNDING * np.abs(run[name].values).max()
+
+
 def test_results_name_joints_only() -> None:
     """What leads a link is no joint: it has no reaction."""
     run = linkdyn.load(EXAMPLES / "tripod" / "scene.toml").inverse()

@@ -126,6 +126,12 @@ def test_what_cannot_go_on_says_so() -> None:
     assert run.sizes["sample"] < 200
     simulator.reset()
     simulator.step(0.01, [0.0])
+    with pytest.raises(InputError, match="cannot be computed there"):
+        simulator.reset(q=[3.0])
+    with pytest.raises(InputError, match="stands nowhere"):
+        simulator.step(0.01)
+    simulator.reset()
+    simulator.step(0.01)
 
 
 @pytest.mark.parametrize(("call", "message"), [
@@ -180,3 +186,21 @@ def test_examples_run(program: str, last: str, tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, str(EXAMPLES / "cart_pole" / program), *arguments], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert last in done.stdout.splitlines()[-1]
+
+
+def test_long_steps_can_be_interrupted() -> None:
+    """A step of hours comes back to Python, which hears the signal."""
+    program = f"""
+import linkdyn, signal
+simulator = linkdyn.load({str(EXAMPLES / "fivebar_motors" / "scene.toml")!r}).simulator()
+signal.alarm(2)
+signal.signal(signal.SIGALRM, signal.default_int_handler)
+try:
+    simulator.step(1e6, [0.3, -0.2])
+except KeyboardInterrupt:
+    print("heard")
+except linkdyn.InputError as error:
+    print("heard", error)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.stdout.startswith("heard"), done.stderr
