@@ -10,7 +10,7 @@ module linkdyn_assemblies
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_group
-    use linkdyn_scene, only: joint_universal, joint_spherical, joint_n_variable
+    use linkdyn_scene, only: joint_universal, joint_spherical, joint_n_variable, is_pose_part
     implicit none (type, external)
     private
     public :: assembly_list, find_assemblies
@@ -64,7 +64,7 @@ contains
                 n = size(list%telling)
                 do i = 1, size(group%joint)
                     associate (joint => model%joint(group%joint(i)))
-                        if (any(joint%told_kind == [joint_universal, joint_spherical])) cycle
+                        if (any(joint%told_kind == [joint_universal, joint_spherical]) .or. is_pose_part(joint%kind)) cycle
                         do v = 1, joint_n_variable(joint%told_kind)
                             if (group%coordinate(v, i) == 0) list%telling = [list%telling, joint%first_variable + v]
                         end do

@@ -4,7 +4,7 @@
 !> part of the mechanism's size; a link that of its origin from its `start`, likewise, and of the angle between both
 !> attitudes. A link that may spin idly counts by its line alone, and so does a ball joint of it. First counts what has a `start`. Only where that does not tell assemblies apart the other joints do, from zero.
 module linkdyn_start_distance
-    use linkdyn_joint_table, only: is_slide, is_threaded
+    use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part
     use linkdyn_joint_rates, only: measure_one_joint
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -49,6 +49,7 @@ contains
             distance%given = distance%given + square_of_link(model, link(i), state)
         end do
         do i = 1, size(joint)
+            if (is_pose_part(model%joint(joint(i))%kind)) cycle
             square = square_of_joint(model, joint(i), state)
             if (spins(model, joint(i))) then
                 ! an idle spin counts last

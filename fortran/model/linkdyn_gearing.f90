@@ -12,7 +12,7 @@
 module linkdyn_gearing
     use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_fixed, joint_gear, joint_rack, joint_belt, is_geared, &
-        joint_kind_name, joint_n_variable
+        joint_kind_name, joint_n_variable, is_pose_part
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, led_type, loose_type, scene_size
     use linkdyn_scene, only: name_len, coordinate_joint
@@ -378,7 +378,8 @@ contains
         given = 0
         do k = 1, model%n_q
             associate (c => model%scene%coordinate(k))
-                if (c%kind == coordinate_joint) given(model%joint(c%joint)%first_variable + c%variable) = k
+                if (c%kind /= coordinate_joint) cycle
+                if (.not. is_pose_part(model%joint(c%joint)%kind)) given(model%joint(c%joint)%first_variable + c%variable) = k
             end associate
         end do
         ! Each sum in the variables that are not given, on the right (0) what it is and what coordinates (k) take of it.

@@ -188,6 +188,19 @@ def test_all_components_are_the_pose() -> None:
             assert np.abs(again[name].values - run[name].values).max() < ROUNDING * np.abs(run[name].values).max()
 
 
+def test_assemblies_are_told_by_joints() -> None:
+    """What leads a link tells no assemblies apart, and starts of joints choose among them."""
+    scene = linkdyn.load(EXAMPLES / "tripod" / "scene.toml")
+    found = scene.assemblies()
+    assert len(found) > 1
+    assert "platform" not in str(found)
+
+
+def test_gear_that_a_part_would_have_to_close_is_refused() -> None:
+    with pytest.raises(linkdyn.SceneError, match="a loop would have to close by it"):
+        led("geared_fivebar", [{"marker": "rod1.C", "components": ["y"], "start": {"y": "210 mm"}}])
+
+
 def test_results_name_joints_only() -> None:
     """What leads a link is no joint: it has no reaction."""
     run = linkdyn.load(EXAMPLES / "tripod" / "scene.toml").inverse()
