@@ -186,7 +186,7 @@ def tomli_keys(table: dict) -> list[str]:
         ({"x": "2 +"}, "ends where a number or a name is expected"),
         ({"x": "r r"}, "'r' is not a unit that linkdyn knows"),
         ({"x": "3 furlong"}, "'furlong' is not a unit that linkdyn knows"),
-        ({"x": "3,5*r"}, "has ',5*r' where an operator is expected"),
+        ({"x": "3,5*r"}, "has a comma (decimals have a point)"),
         ({"x": "__import__('os')"}, "'__import__' is no variable"),
         ({"x": ""}, "does not start with a number"),
         ({"x": "2/s", "s": 3}, "may mean the unit or the variable 's'"),
