@@ -77,7 +77,7 @@ contains
         end if
         seconds = seconds_since(start)
         if (is_first) then
-            if (status%is_ok()) call write_sweep(output, run_attributes(config, run%scene), run, spool, status)
+            if (status%is_ok()) call write_sweep(output, run_attributes(config, run%scene, ""), run, spool, status)
             call close_spool(spool, status%is_ok())
             if (status%is_ok()) call remove_file(checkpoint_name(output))
             call release_lock(lock)

@@ -2,13 +2,13 @@
 module linkdyn_run_output
     use linkdyn_cli, only: command_line
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, shared_reactions
     use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
     use linkdyn_path, only: refuse_inputs
     use linkdyn_results, only: layout_type, block_type, variable_index, result_assembly
     use linkdyn_roads, only: road_counts
     use linkdyn_code, only: code_in_use
-    use linkdyn_scene, only: scene_type, idle_spins
+    use linkdyn_scene, only: scene_type, idle_spins, share_name
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type
     use linkdyn_text, only: to_text
@@ -63,14 +63,15 @@ contains
             call create_csv(output%name, layout, output%csv, status)
             return
         end if
-        call create_netcdf(output%name, layout, n_sample, run_attributes(config, model%scene), config%deflate, output%netcdf, &
-            status, may_end_early)
+        call create_netcdf(output%name, layout, n_sample, run_attributes(config, model%scene, shared_reactions(model)), &
+            config%deflate, output%netcdf, status, may_end_early)
     end subroutine open_results
 
     !> What a file says of the run.
-    function run_attributes(config, scene) result(attributes)
+    function run_attributes(config, scene, shared) result(attributes)
         type(command_line), intent(in) :: config
         type(scene_type), intent(in) :: scene
+        character(len=*), intent(in) :: shared       !! reactions that the equations leave open
         type(attributes_type) :: attributes
 
         attributes%title = trim(scene%title)
@@ -79,6 +80,8 @@ contains
         attributes%scene = ""
         if (allocated(scene%text)) attributes%scene = scene%text
         attributes%idle_spins = idle_spins(scene)
+        attributes%shared_reactions = shared
+        attributes%redundancy = trim(share_name(scene%redundancy))
         attributes%history = timestamp()//" "//command_text()
         attributes%gravity = scene%gravity
     end function run_attributes

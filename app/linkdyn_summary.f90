@@ -5,13 +5,13 @@ module linkdyn_summary
     use linkdyn_inverse, only: solver_name, solver_reduced
     use linkdyn_choice, only: choices_in_words
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, shared_reactions
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_reaction, result_status, result_assembly, variable_index, samples_width, &
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: scene_type, idle_spins
+    use linkdyn_scene, only: scene_type, idle_spins, share_by_least_norm
     use linkdyn_status, only: sample_ok, sample_status_name, message_len
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -272,6 +272,7 @@ contains
         write (unit, "(a)") ""
         if (idle_spins(model%scene) /= "") write (unit, "(a)") &
             "  idle spins       "//idle_spins(model%scene)//": held, nothing else depends on them"
+        if (model%share%n > 0) call print_shares()
         if (len(choices_in_words(model)) > 0) write (unit, "(a)") "  assembly         "//choices_in_words(model)
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
         if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &
@@ -287,6 +288,13 @@ contains
             " us per sample, "//significant(seconds)//" s in all"
         write (unit, "(a)") "  results          "//output
     contains
+        !> Which reactions are a choice among many.
+        subroutine print_shares()
+            write (unit, "(a)") "  not determined   "//shared_reactions(model)//": by the equations alone; taken: "// &
+                trim(merge("the least sum of squares ", "the least elastic energy ", &
+                           model%scene%redundancy == share_by_least_norm))
+        end subroutine print_shares
+
         subroutine print_reaction(what, unit_name, peak)
             character(len=*), intent(in) :: what, unit_name
             type(peak_type), intent(in) :: peak

@@ -34,6 +34,8 @@ module linkdyn_equations
     use linkdyn_planar_pass, only: uncertainty_of_dyad
     use linkdyn_reactions, only: solution_type, unknown
     use linkdyn_row_order, only: order_rows
+    use linkdyn_scene, only: share_refused
+    use linkdyn_shared_drives, only: share_drives
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
@@ -67,6 +69,7 @@ module linkdyn_equations
         logical :: needs_world = .false.                !! angular rates in world axes of all links
         logical :: needs_columns = .false.              !! acceleration columns, though no equation needs them
         logical :: are_solved = .true.                  !! false: there are none, only the links' motion is wanted
+        logical :: shares_drives = .false.              !! there are more drives than freedoms: these come first, then the reactions
         type(unknown_choice) :: unknown
         type(formulation_type) :: formulation
         type(acceleration_columns) :: accelerations
@@ -140,6 +143,7 @@ contains
         equations%solver = solver
         equations%unknown = find_drives(model)
         if (present(unknown)) equations%unknown = unknown
+        if (.not. present(unknown)) call share_among_drives(model, equations)
         equations%wants_reactions = wants_reactions
         equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
                                 .or. (solver == solver_reduced .and. .not. all(model%leg%is_carried))
@@ -159,6 +163,17 @@ contains
         if (solver == solver_elimination) call plan_elimination(model, equations)
         if (solver == solver_gauss_jordan_plain) call put_in_order(model, equations)
     end subroutine build_equations
+
+    !> More drives than freedoms: with driving forces that are known, reactions and accelerations are found, these as given.
+    pure subroutine share_among_drives(model, equations)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(inout) :: equations
+
+        equations%shares_drives = model%n_actuator > model%n_q .and. model%scene%redundancy /= share_refused
+        if (.not. equations%shares_drives) return
+        equations%unknown%drive = .false.
+        equations%unknown%acceleration = .true.
+    end subroutine share_among_drives
 
     !> No equations: where the links are and how they move, which takes no actuators.
     subroutine build_no_equations(model, equations)
@@ -533,7 +548,10 @@ contains
             call apply_known_forces(model, equations, workspace)
             where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
         end if
-        if (equations%solver == solver_reduced) then
+        if (equations%shares_drives) then
+            call drive_together(model, workspace)
+            if (equations%solver == solver_reduced .or. .not. equations%wants_reactions) return
+        else if (equations%solver == solver_reduced) then
             call solve_reduced(model, equations%unknown, workspace)
             call flag_not_finite(workspace%driving_force, workspace%status)
             call flag_not_finite(workspace%acceleration, workspace%status)
@@ -559,6 +577,7 @@ contains
                 if (equations%unknown%drive(k)) &
                     workspace%driving_force(:, k) = unknown(workspace%solution, formulation%drive_column(k))
             end do
+            if (equations%shares_drives) return            ! accelerations are those given
             do k = 1, model%n_q
                 if (.not. equations%unknown%acceleration(k)) cycle
                 workspace%acceleration(:, k) = workspace%acceleration(:, k) &
@@ -578,13 +597,36 @@ contains
         call find_laws(model, workspace%state)
         call apply_springs(model, workspace%state)
         call apply_load_laws(model, workspace%state)
+        if (equations%shares_drives) return                ! nobody knows yet what drives apply
         do i = 1, model%n_actuator
-            if (equations%unknown%drive(i)) cycle
-            associate (spec => model%scene%actuator(i))
-                call apply_drive(model, spec%joint, spec%variable, workspace%driving_force(:, i), workspace%state)
-            end associate
+            if (.not. equations%unknown%drive(i)) call apply_actuator(model, i, workspace)
         end do
     end subroutine apply_known_forces
+
+    subroutine apply_actuator(model, i, workspace)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        type(equation_workspace), intent(inout) :: workspace
+
+        associate (spec => model%scene%actuator(i))
+            call apply_drive(model, spec%joint, spec%variable, workspace%driving_force(:, i), workspace%state)
+        end associate
+    end subroutine apply_actuator
+
+    !> What drives apply that share the work.
+    subroutine drive_together(model, workspace)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(inout) :: workspace
+        logical :: is_singular(lanes)
+        integer :: i
+
+        call share_drives(model, workspace%state, workspace%load, workspace%driving_force, is_singular)
+        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+        call flag_not_finite(workspace%driving_force, workspace%status)
+        do i = 1, model%n_actuator
+            call apply_actuator(model, i, workspace)
+        end do
+    end subroutine drive_together
 
     !> A sample whose motion or forces have lost their digits to a dead point or a change point is as good as singular,
     !> whatever the solver.

@@ -12,9 +12,10 @@ module linkdyn_explain
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
-        step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin
+        step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
+        is_released, shared_reactions
     use linkdyn_planner, only: mobility_of, joint_constraints
-    use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable
+    use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
@@ -33,6 +34,7 @@ contains
         call explain_scene(model, unit)
         call explain_links(model, unit)
         call explain_spins(model, unit)
+        call explain_redundancy(model, unit)
         call explain_unknowns(model, unit)
         call explain_order(model, unit)
         call explain_reach(model, unit)
@@ -88,6 +90,23 @@ contains
             end associate
         end do
     end subroutine explain_spins
+
+    !> Directions that are held more often than once.
+    subroutine explain_redundancy(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        integer :: j
+
+        if (model%share%n == 0) return
+        write (unit, "(/,a)") "Redundant constraints: "//to_text(model%share%n)//", let go while the motion is found"
+        do j = 1, model%n_joint
+            if (is_released(model%joint(j))) write (unit, "(2x,a24,a)") adjustl(model%joint(j)%name), &
+                trim(joint_kind_name(model%joint(j)%told_kind))//", closes the loop as "//trim(joint_kind_name(model%joint(j)%kind))
+        end do
+        write (unit, "(2x,a)") "not determined by the equations: "//shared_reactions(model)
+        write (unit, "(2x,a)") "redundancy = """//trim(share_name(model%scene%redundancy))//""": of these the "// &
+            trim(merge("least sum of squares", "least elastic energy", model%scene%redundancy == share_by_least_norm))
+    end subroutine explain_redundancy
 
     subroutine explain_unknowns(model, unit)
         type(model_type), intent(in) :: model

@@ -4,7 +4,6 @@
 !> arithmetic does not depend on which thread runs it, so the results do not either. A sample that fails is NaN.
 !> Scratch stays with the solver from one batch to the next, so that a batch of one sample costs little.
 module linkdyn_inverse
-    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
         reached_straight, judges_like_lanes
     use linkdyn_catalogue, only: result_driving_force, result_reaction
@@ -22,7 +21,7 @@ module linkdyn_inverse
     use linkdyn_group_motion, only: group_closer
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull
     use linkdyn_interrupt, only: is_interrupted
-    use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
+    use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures, make_undefined
     use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
@@ -43,7 +42,8 @@ module linkdyn_inverse
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
     use linkdyn_settled_samples, only: settle_samples
-    use linkdyn_status, only: status_type, sample_ok, sample_singular, sample_undefined
+    use linkdyn_shared_reactions, only: share_reactions
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count, count_turns
     use linkdyn_uncertainty, only: is_surely_certain
@@ -117,6 +117,8 @@ contains
         else
             call build_no_equations(model, solver%equations)
         end if
+        if (status%is_ok() .and. options%wants_errors .and. wants_reactions .and. model%share%n > 0) call fail(status, &
+            status_bad_input, "reactions that the equations leave open have no error estimates (expected driving forces alone)")
         if (status%is_ok() .and. options%wants_errors) then
             allocate (solver%probe)
             call make_probe(model, options%solver, wants_reactions, solver%probe, status)
@@ -124,13 +126,19 @@ contains
         solver%wants_distance = options%wants_distance
         if (options%wants_distance) solver%equations%needs_columns = .true.
         if (status%is_ok() .and. (options%wants_distance .or. (options%wants_rcond .and. options%solver /= solver_lapack))) then
+            if (solver%equations%shares_drives) then
+                call fail(status, status_bad_input, "there are more actuators than coordinates, which leaves no square matrix: " &
+                          //"no condition number and no distance to a singular position")
+                return
+            end if
             allocate (solver%condition)
             call make_condition(model, solver%equations%unknown, solver%condition, status)
         end if
         if (.not. status%is_ok()) return
         if (has_assemblies(model)) call make_room(model, 1, solver%at_start)
         allocate (solver%pool)
-        if (options%by_record .and. options%solver == solver_elimination .and. .not. options%wants_errors &
+        if (options%by_record .and. options%solver == solver_elimination .and. .not. (options%wants_errors .or. &
+            solver%equations%shares_drives) &
             .and. .not. options%wants_rcond .and. .not. options%wants_distance) then
             allocate (solver%records)
             if (size(model%group) > 0) allocate (solver%closing)
@@ -219,6 +227,11 @@ contains
         integer :: n, n_all, n_left, n_dense
         logical :: wants_rates, wants_driven, wants_world, has_stand_ins, is_on_way
 
+        if (model%share%n > 0 .and. .not. (associated(results%position) .and. associated(results%rotation) &
+                                           .and. associated(results%status))) then
+            call run_with_places()
+            return
+        end if
         n = size(q, 2)
         n_all = max(n, solver%n_expected)
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
@@ -260,6 +273,7 @@ contains
             end if
         end if
         if (n_left > 0) call run_on_lanes()
+        if (model%share%n > 0) call share()
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
         if (associated(results%assembly)) then
             results%assembly = reached_straight
@@ -281,6 +295,46 @@ contains
         end if
 
     contains
+
+        !> Reactions are shared by where the links are, which nobody may have asked for.
+        recursive subroutine run_with_places()
+            type(inverse_results) :: all_results
+            real(wp), allocatable, target :: position(:, :, :), rotation(:, :, :, :)
+            integer, allocatable, target :: status(:)
+
+            all_results = results
+            if (.not. associated(results%position)) then
+                allocate (position(3, model%n_link, size(q, 2)))
+                all_results%position => position
+            end if
+            if (.not. associated(results%rotation)) then
+                allocate (rotation(3, 3, model%n_link, size(q, 2)))
+                all_results%rotation => rotation
+            end if
+            if (.not. associated(results%status)) then
+                allocate (status(size(q, 2)))
+                all_results%status => status
+            end if
+            call run_prepared(model, solver, threads, q, qd, qdd, load, all_results, given_force, trail, known, own, turns, &
+                              quaternion, t)
+            results%roads = all_results%roads
+            results%lost_sample = all_results%lost_sample
+            results%lost_in_words = all_results%lost_in_words
+        end subroutine run_with_places
+
+        !> What the equations leave open, and whether the joints fit that were released.
+        subroutine share()
+            integer :: sample
+
+            if (associated(results%reaction)) then
+                call share_reactions(model, threads, results%position, results%rotation, results%status, results%reaction)
+            else
+                call share_reactions(model, threads, results%position, results%rotation, results%status)
+            end if
+            do sample = 1, n
+                if (results%status(sample) /= sample_ok) call make_undefined(results, sample)
+            end do
+        end subroutine share
 
         !> Why the first sample that has no forces has none: a law left its table, a spring lost its direction.
         subroutine tell_undefined()
@@ -436,12 +490,11 @@ contains
             real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :), driven(:, :), driven_rate(:, :)
             type(probe_space), intent(in) :: probe
             real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap, distance
-            real(wp) :: nan, total(lanes)
+            real(wp) :: total(lanes)
             real(wp), allocatable :: transmission(:, :)
             integer :: lane, sample, i, outcome(lanes)
             logical :: failed
 
-            nan = ieee_value(1.0_wp, ieee_quiet_nan)
             if (associated(results%transmission_angle)) then
                 allocate (transmission(lanes, size(results%transmission_angle, 1)))
                 if (has_stand_ins) then
@@ -478,52 +531,42 @@ contains
                 if (associated(results%status)) results%status(sample) = outcome(lane)
                 if (associated(results%driving_force)) then
                     results%driving_force(:, sample) = workspace%driving_force(lane, :)
-                    if (failed) results%driving_force(:, sample) = nan
                 end if
                 if (associated(results%reaction)) then
                     results%reaction(:, :, sample) = reaction(lane, :, :)
-                    if (failed) results%reaction(:, :, sample) = nan
                 end if
                 if (associated(results%driving_force_error)) then
                     results%driving_force_error(:, sample) = probe%driving_force_error(lane, :)
-                    if (failed) results%driving_force_error(:, sample) = nan
                 end if
                 if (associated(results%reaction_error)) then
                     results%reaction_error(:, :, sample) = probe%reaction_error(lane, :, :)
-                    if (failed) results%reaction_error(:, :, sample) = nan
                 end if
                 if (associated(results%joint_variable)) then
                     results%joint_variable(:, sample) = variable(lane, :)
-                    if (failed) results%joint_variable(:, sample) = nan
                 end if
                 if (associated(results%joint_rate)) then
                     results%joint_rate(:, sample) = rate(lane, :)
-                    if (failed) results%joint_rate(:, sample) = nan
                 end if
                 if (associated(results%driving_position)) then
                     results%driving_position(:, sample) = driven(lane, :)
-                    if (failed) results%driving_position(:, sample) = nan
                 end if
                 if (associated(results%driving_speed)) then
                     results%driving_speed(:, sample) = driven_rate(lane, :)
-                    if (failed) results%driving_speed(:, sample) = nan
                 end if
                 if (associated(results%rcond)) results%rcond(sample) = workspace%rcond(lane)
                 if (associated(results%singularity_distance)) results%singularity_distance(sample) = distance(lane)
                 if (associated(results%error)) results%error(sample) = workspace%error(lane)
                 if (associated(results%growth)) results%growth(sample) = workspace%growth(lane)
-                if (associated(results%power_imbalance)) results%power_imbalance(sample) = merge(nan, imbalance(lane), failed)
+                if (associated(results%power_imbalance)) results%power_imbalance(sample) = imbalance(lane)
                 if (associated(results%transmission_angle)) then
                     results%transmission_angle(:, sample) = transmission(lane, :)
-                    if (failed) results%transmission_angle(:, sample) = nan
                 end if
                 if (associated(results%acceleration)) then
                     results%acceleration(:, sample) = workspace%acceleration(lane, :)
-                    if (failed) results%acceleration(:, sample) = nan
                 end if
-                if (associated(results%kinetic_energy)) results%kinetic_energy(sample) = merge(nan, kinetic(lane), failed)
-                if (associated(results%potential_energy)) results%potential_energy(sample) = merge(nan, potential(lane), failed)
-                if (associated(results%closure)) results%closure(sample) = merge(nan, gap(lane), failed)
+                if (associated(results%kinetic_energy)) results%kinetic_energy(sample) = kinetic(lane)
+                if (associated(results%potential_energy)) results%potential_energy(sample) = potential(lane)
+                if (associated(results%closure)) results%closure(sample) = gap(lane)
                 if (associated(results%position)) then
                     do i = 1, model%n_link
                         results%position(:, i, sample) = link_position(model, workspace%state, i, lane)
@@ -534,6 +577,7 @@ contains
                         results%rotation(:, :, i, sample) = link_rotation(model, workspace%state, i, lane)
                     end do
                 end if
+                if (failed) call make_undefined(results, sample)
             end do
         end subroutine scatter
     end subroutine run_prepared

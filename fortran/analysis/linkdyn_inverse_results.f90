@@ -10,7 +10,7 @@ module linkdyn_inverse_results
     use linkdyn_status, only: message_len
     implicit none (type, external)
     private
-    public :: inverse_results, part_of_results, list_results, clear_measures
+    public :: inverse_results, part_of_results, list_results, clear_measures, make_undefined
 
     !> Where results go; what is not associated is not computed.
     type :: inverse_results
@@ -73,6 +73,29 @@ contains
         if (associated(whole%position)) part%position => whole%position(:, :, first:last)
         if (associated(whole%rotation)) part%rotation => whole%rotation(:, :, :, first:last)
     end function part_of_results
+
+    !> A sample that failed has no forces, nor what follows from them or from a motion that is none.
+    subroutine make_undefined(results, sample)
+        type(inverse_results), intent(inout) :: results
+        integer, intent(in) :: sample
+        real(wp) :: nan
+
+        nan = ieee_value(1.0_wp, ieee_quiet_nan)
+        if (associated(results%driving_force)) results%driving_force(:, sample) = nan
+        if (associated(results%reaction)) results%reaction(:, :, sample) = nan
+        if (associated(results%driving_force_error)) results%driving_force_error(:, sample) = nan
+        if (associated(results%reaction_error)) results%reaction_error(:, :, sample) = nan
+        if (associated(results%joint_variable)) results%joint_variable(:, sample) = nan
+        if (associated(results%joint_rate)) results%joint_rate(:, sample) = nan
+        if (associated(results%driving_position)) results%driving_position(:, sample) = nan
+        if (associated(results%driving_speed)) results%driving_speed(:, sample) = nan
+        if (associated(results%power_imbalance)) results%power_imbalance(sample) = nan
+        if (associated(results%transmission_angle)) results%transmission_angle(:, sample) = nan
+        if (associated(results%acceleration)) results%acceleration(:, sample) = nan
+        if (associated(results%kinetic_energy)) results%kinetic_energy(sample) = nan
+        if (associated(results%potential_energy)) results%potential_energy(sample) = nan
+        if (associated(results%closure)) results%closure(sample) = nan
+    end subroutine make_undefined
 
     !> The results that a record of the scene can give, with their places.
     subroutine list_results(results, n, list)

@@ -15,6 +15,7 @@ module linkdyn_mechanism
     implicit none (type, external)
     private
     public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, point_of_action, has_slide
+    public :: told_marker_frame
     public :: set_slide, wheel_wrench, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, least_square
@@ -227,6 +228,15 @@ contains
         f = mechanism%own(mechanism%model%joint(joint)%link(side))%r*scene_frame(mechanism, joint, side)
     end function marker_frame
 
+    !> The same in the frames by which its variables are told, and along which it is driven.
+    function told_marker_frame(mechanism, joint, side) result(f)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: joint, side
+        type(rotation) :: f
+
+        f = mechanism%own(mechanism%model%joint(joint)%link(side))%r*frame_at(mechanism, mechanism%at%marker(side, joint) + 12)
+    end function told_marker_frame
+
     !> A joint's marker as the scene has it, link axes.
     function scene_point(mechanism, joint, side) result(p)
         type(mechanism_type), intent(in) :: mechanism
@@ -353,7 +363,7 @@ contains
         type(marker_pair) :: pair
 
         pair = pair_of(mechanism, joint)
-        if (.not. holds_spin(mechanism%model%joint(joint))) return
+        if (mechanism%model%joint(joint)%kind == mechanism%model%joint(joint)%told_kind) return
         pair%first = told(1)
         pair%second = told(2)
 
@@ -364,8 +374,7 @@ contains
             type(rotation) :: frame
 
             associate (link => mechanism%model%joint(joint)%link(side))
-                frame = rotation_of(mechanism%bodies, link)*(mechanism%own(link)%r &
-                                                             *frame_at(mechanism, mechanism%at%marker(side, joint) + 12))
+                frame = rotation_of(mechanism%bodies, link)*told_marker_frame(mechanism, joint, side)
             end associate
         end function told
     end function told_pair_of

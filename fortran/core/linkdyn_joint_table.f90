@@ -6,6 +6,7 @@
 module linkdyn_joint_table
     implicit none (type, external)
     private
+    public :: joint_groove, joint_plate, joint_loose, is_partial
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_fixed, &
         joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, pose_position, pose_attitude
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
@@ -29,7 +30,12 @@ module linkdyn_joint_table
     ! ---- where a link is, seen from another: variables that hold nothing, by which coordinates can lead it
     integer, parameter :: pose_position = 12     !! of a point, along the axes of the first link
     integer, parameter :: pose_attitude = 13     !! three angles
-    integer, parameter :: n_kind = 13
+
+    ! ---- what is left of a joint that lets go of what others hold (see `linkdyn_release`); their axes are the first marker's
+    integer, parameter :: joint_groove = 14      !! a point on a line
+    integer, parameter :: joint_plate = 15       !! a point in a plane, in the plane on a line
+    integer, parameter :: joint_loose = 16       !! nothing
+    integer, parameter :: n_kind = 16
 
     ! ---- directions of the forces or moments that a joint transmits
     integer, parameter :: along_nothing = 0    !! none
@@ -42,8 +48,8 @@ module linkdyn_joint_table
     integer, parameter :: variable_len = 7
     character(len=11), parameter :: joint_kind_name(n_kind) = [character(len=11) :: &
         "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw", "gear", "rack", "belt", &
-        "position", "attitude"]
-    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0, 3, 3]
+        "position", "attitude", "groove", "plate", "nothing"]
+    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0, 3, 3, 0, 0, 0]
     character(len=variable_len), parameter :: variable_name(3, n_kind) = reshape([character(len=variable_len) :: &
         "angle", "", "", &
         "slide", "", "", &
@@ -57,7 +63,10 @@ module linkdyn_joint_table
         "", "", "", &
         "", "", "", &
         "x", "y", "z", &
-        "roll", "pitch", "yaw"], [3, n_kind])
+        "roll", "pitch", "yaw", &
+        "", "", "", &
+        "", "", "", &
+        "", "", ""], [3, n_kind])
     logical, parameter :: variable_is_slide(3, n_kind) = &                                   !! else an angle
         variable_name == "slide" .or. variable_name == "x" .or. variable_name == "y" .or. variable_name == "z"
     !> About or along which axis of its marker a variable moves the second link: of the first, but for a universal joint's second.
@@ -66,13 +75,14 @@ module linkdyn_joint_table
     integer, parameter :: most_slides = 2
     !> Along which axes of the first marker the second moves away from it; 0: no more.
     integer, parameter :: slide_axis(most_slides, n_kind) = &
-        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_kind])
+        reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, &
+                 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_kind])
     integer, parameter :: force_directions(n_kind) = &
         [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y, &
-         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing]
+         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_x_and_y, along_z, along_nothing]
     integer, parameter :: moment_directions(n_kind) = &
         [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y, &
-         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing]
+         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing]
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
     logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw"
     !> Holds no marker, but ties the angles of two wheels that other joints hold (see `linkdyn_gearing`): it transmits one force,
@@ -106,12 +116,19 @@ contains
         n_slide = count(slide_axis(:, kind) > 0)
     end function n_slide
 
-    !> Does the kind hold nothing?
+    !> Is it a part of a pose, which holds nothing?
     elemental logical function is_pose_part(kind)
         integer, intent(in) :: kind
 
-        is_pose_part = kind > n_joint_kind
+        is_pose_part = kind == pose_position .or. kind == pose_attitude
     end function is_pose_part
+
+    !> Is it what is left of a joint of another kind?
+    elemental logical function is_partial(kind)
+        integer, intent(in) :: kind
+
+        is_partial = kind > pose_attitude
+    end function is_partial
 
     !> How many forces and how many moments a kind transmits: as many as it takes freedoms away.
     pure function n_transmitted(kind, is_planar) result(n)
@@ -122,7 +139,7 @@ contains
         n = [n_along(force_directions(kind)) + merge(1, 0, is_threaded(kind)), n_along(moment_directions(kind))]
         if (is_geared(kind)) then
             n = [1, 0]
-        else if (is_planar) then
+        else if (is_planar .and. .not. is_partial(kind)) then
             n = max(n - [1, 2], 0)
         end if
     end function n_transmitted

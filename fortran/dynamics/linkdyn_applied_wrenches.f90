@@ -1,7 +1,6 @@
 !> Forces that are known from the motion: springs, and driving forces that are given. They act on the links as loads do.
 module linkdyn_applied_wrenches
-    use linkdyn_joint_rates, only: joint_view, view_joint, measure_variable
-    use linkdyn_joint_motion, only: relative_axis
+    use linkdyn_joint_rates, only: joint_view, view_joint, driven_axis, measure_variable
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -60,8 +59,8 @@ contains
             return
         end if
         call view_joint(model, state, j, state%velocity, state%omega, view)
-        wrench = force*relative_axis(model%joint(j)%kind, variable, view%frame(1), view%frame(2))
-        if (is_slide(model%joint(j)%kind, variable)) then
+        wrench = force*driven_axis(model, state, j, variable, view)
+        if (is_slide(model%joint(j)%told_kind, variable)) then
             call apply_force(model, model%joint(j)%link(2), view%point, wrench, state)
             call apply_force(model, model%joint(j)%link(1), view%point, (-1.0_wp)*wrench, state)
         else

@@ -16,7 +16,8 @@ module linkdyn_builder
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
-    use linkdyn_scene, only: scene_type, link_spec, marker_spec, hold_spec, law_spec, law_table, joint_n_variable, &
+    use linkdyn_release, only: release_joints
+    use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, hold_spec, law_spec, law_table, joint_n_variable, &
         joint_prismatic, frame_link, n_holding
     use linkdyn_spin_axes, only: choose_holds
     use linkdyn_spatial_start, only: assemble_in_space
@@ -113,9 +114,7 @@ contains
         call number_tables(model%scene)
         call list_joints_of_links(model)
         call settle_spins(model, status)
-        call share_orientations(model)
-        call plan_gears(model, status)
-        call plan_steps(model, status, closed_forms)
+        call plan_links(model, status, closed_forms)
         if (status%is_ok()) call refuse_idle_branches(model, status)
         if (status%is_ok()) call plan_carried_legs(model)
         call choose_strides(model)
@@ -123,6 +122,37 @@ contains
         call assemble_start(model, status)
         call assemble_in_space(model, status)
     end subroutine plan_scene
+
+    !> The plan; of over-constrained mechanisms with joints that let go of what others hold.
+    subroutine plan_links(model, status, closed_forms)
+        type(model_type), intent(inout) :: model
+        type(status_type), intent(inout) :: status
+        logical, intent(in), optional :: closed_forms
+        type(model_type) :: unplanned
+        type(status_type) :: again
+        logical :: is_freed
+
+        if (.not. status%is_ok()) return
+        unplanned = model
+        call plan(model, status)
+        if (status%is_ok() .or. model%scene%redundancy == share_refused) return
+        call release_joints(unplanned, is_freed)
+        if (.not. is_freed) return
+        model = unplanned
+        call plan(model, again)
+        status = again
+
+    contains
+
+        subroutine plan(model, status)
+            type(model_type), intent(inout) :: model
+            type(status_type), intent(inout) :: status
+
+            call share_orientations(model)
+            call plan_gears(model, status)
+            call plan_steps(model, status, closed_forms)
+        end subroutine plan
+    end subroutine plan_links
 
     !> Balls that hold idle spins: those that the scene brings along, else any.
     subroutine settle_spins(model, status)

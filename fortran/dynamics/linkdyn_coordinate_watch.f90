@@ -13,7 +13,7 @@ module linkdyn_coordinate_watch
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_csp, side_of, scene_size, has_assemblies
+    use linkdyn_model, only: model_type, step_csp, side_of, scene_size, has_assemblies, is_released
     use linkdyn_scene, only: coordinate_joint, joint_n_variable, joint_revolute, joint_prismatic, joint_cylindrical, &
         joint_screw, frame_link
     implicit none (type, external)
@@ -63,7 +63,8 @@ contains
                     v = joint%first_variable + k
                     watch%joint(v) = j
                     watch%place(v) = k
-                    watch%is_candidate(v) = has_one_axis(joint%kind) .and. .not. any([on_leg(joint%link(1)), on_leg(joint%link(2))])
+                    watch%is_candidate(v) = has_one_axis(joint%kind) .and. .not. is_released(joint) &
+                                            .and. .not. any([on_leg(joint%link(1)), on_leg(joint%link(2))])
                     ! an idle spin leads nothing
                     if (.not. is_slide(joint%kind, k) .and. any([spins(joint%link(1)), spins(joint%link(2))])) &
                         watch%is_candidate(v) = .false.

@@ -13,6 +13,7 @@
 module linkdyn_formulation
     use linkdyn_cross, only: cross
     use linkdyn_joint_table, only: along_axes, along_normal, along_z, n_along, force_directions, moment_directions, is_slide, &
+        is_partial, &
         is_threaded, is_geared, variable_axis, most_slides, slide_axis, n_slide, joint_universal
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, orientation_of, side_of
@@ -285,13 +286,13 @@ contains
         integer :: side
 
         associate (spec => model%scene%actuator(actuator))
-            associate (kind => model%joint(spec%joint)%kind)
+            associate (kind => model%joint(spec%joint)%told_kind)
                 side = max(1, merge(formulation%force_axes(spec%joint), formulation%moment_axes(spec%joint), &
                                     is_slide(kind, spec%variable)))
                 if (kind == joint_universal) side = spec%variable
                 ! axes across the common one are those of the first marker
-                if (variable_axis(spec%variable, kind) < 3) side = 1
-                column = along_marker_axis(model, spec%joint, side, variable_axis(spec%variable, kind))
+                if (variable_axis(spec%variable, kind) < 3 .or. model%joint(spec%joint)%kind /= kind) side = 1
+                column = along_marker_axis(model, spec%joint, side, variable_axis(spec%variable, kind), as_told=.true.)
                 column%is_moment = .not. is_slide(kind, spec%variable)
             end associate
         end associate
@@ -310,14 +311,16 @@ contains
     end function along_link_axis
 
     !> Along axis k of the marker on the first or second link.
-    pure function along_marker_axis(model, j, side, k) result(column)
+    pure function along_marker_axis(model, j, side, k, as_told) result(column)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j, side, k
+        logical, intent(in), optional :: as_told       !! of the joint as the scene has it
         type(wrench_column) :: column
         integer :: i
 
         column = wrench_column(joint=j, orientation=orientation_of(model, model%joint(j)%link(side)))
         column%direction = model%joint(j)%frame(:, k, side)
+        if (present(as_told)) column%direction = model%joint(j)%told_frame(:, k, side)
         do i = 1, 3
             if (column%direction(i) == 1 .and. count(column%direction /= 0) == 1) column%unit_axis = i
         end do
@@ -633,6 +636,7 @@ contains
 
         kept = [formulation%force_axes(j), formulation%moment_axes(j)]
         best = joint_cost(model, formulation, j)
+        if (is_partial(model%joint(j)%kind)) return        ! its axes are the first link's
         do force = merge(0, 1, force_directions(model%joint(j)%kind) == along_axes), 2
             do moment = merge(0, 1, moment_directions(model%joint(j)%kind) == along_axes), 2
                 formulation%force_axes(j) = force
@@ -659,6 +663,7 @@ contains
 
         joint_cost = incidence_cost(model, formulation, j, 1) + incidence_cost(model, formulation, j, 2)
         c = formulation%first_column(j) + 1
+        if (c > formulation%first_column(j + 1)) return
         if (formulation%column(c)%orientation > 0) joint_cost = joint_cost + cost_rotation
         c = formulation%first_column(j + 1)
         if (formulation%column(c)%is_moment .and. formulation%column(c)%orientation > 0) &

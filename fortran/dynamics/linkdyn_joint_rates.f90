@@ -19,7 +19,7 @@ module linkdyn_joint_rates
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: joint_view, view_joint, measure_variable, coordinate_of, joint_rate, slide_column
+    public :: joint_view, view_joint, driven_axis, measure_variable, coordinate_of, joint_rate, slide_column
     public :: measure_joints, measure_one_joint, actuator_rates, actuator_columns, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.
@@ -70,21 +70,10 @@ contains
             call measure_planar_variable(model, state, j, variable(:, 1), rate(:, 1))
         else
             call view_joint(model, state, j, state%velocity, state%omega, view)
-            call variables_of_relative(model%joint(j)%told_kind, told_frame(1), told_frame(2), view%slide, view%slide_rate, &
-                                       view%omega, variable, rate, model%joint(j)%pitch)
+            call variables_of_relative(model%joint(j)%told_kind, told_frame(model, state, j, 1, view), &
+                                       told_frame(model, state, j, 2, view), view%slide, view%slide_rate, view%omega, variable, &
+                                       rate, model%joint(j)%pitch)
         end if
-
-    contains
-
-        pure function told_frame(side) result(frame)
-            integer, intent(in) :: side
-            type(mat3) :: frame
-
-            frame = view%frame(side)
-            if (holds_spin(model%joint(j))) &
-                frame = turn_frame(state%rotation(orientation_of(model, model%joint(j)%link(side))), &
-                                   model%joint(j)%told_frame(:, :, side))
-        end function told_frame
     end subroutine measure_one_joint
 
     !> One joint variable and its rate. A coordinate is taken as it is: it counts turns. A measured angle does not; of
@@ -296,9 +285,9 @@ contains
         type(joint_view) :: view
         type(vec3) :: axis
 
-        associate (spec => model%scene%actuator(i), kind => model%joint(model%scene%actuator(i)%joint)%kind)
+        associate (spec => model%scene%actuator(i), kind => model%joint(model%scene%actuator(i)%joint)%told_kind)
             call view_joint(model, state, spec%joint, velocity, omega, view)
-            axis = relative_axis(kind, spec%variable, view%frame(1), view%frame(2))
+            axis = driven_axis(model, state, spec%joint, spec%variable, view)
             if (is_slide(kind, spec%variable)) then
                 rate = view%slide_rate.dot.axis
             else
@@ -306,6 +295,32 @@ contains
             end if
         end associate
     end subroutine actuator_rate
+
+    !> About or along which a drive acts on the second link.
+    pure function driven_axis(model, state, j, variable, view) result(axis)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, variable
+        type(joint_view), intent(in) :: view
+        type(vec3) :: axis
+
+        axis = relative_axis(model%joint(j)%told_kind, variable, told_frame(model, state, j, 1, view), &
+                             told_frame(model, state, j, 2, view))
+    end function driven_axis
+
+    !> A marker's frame as the scene has it.
+    pure function told_frame(model, state, j, side, view) result(frame)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j, side
+        type(joint_view), intent(in) :: view
+        type(mat3) :: frame
+
+        frame = view%frame(side)
+        if (model%joint(j)%kind /= model%joint(j)%told_kind) &
+            frame = turn_frame(state%rotation(orientation_of(model, model%joint(j)%link(side))), &
+                               model%joint(j)%told_frame(:, :, side))
+    end function told_frame
 
     subroutine view_joint(model, state, j, link_velocity, link_omega, view)
         type(model_type), intent(in) :: model

@@ -7,7 +7,7 @@ module linkdyn_planar_group
     use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_motion, only: size_of_rows
-    use linkdyn_joint_table, only: most_slides, is_pose_part
+    use linkdyn_joint_table, only: most_slides, is_pose_part, is_partial, joint_plate, joint_loose, n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -24,6 +24,7 @@ module linkdyn_planar_group
     !> A joint of the group, world axes.
     type :: joint_view
         logical :: slides = .false.
+        logical :: is_line = .false.       !! a point of the second link on a line of the first
         logical :: is_fixed = .false.
         logical :: is_position = .false., is_attitude = .false.    !! parts of a pose: nothing but coordinates
         integer :: link(2) = 0, o(2) = 0
@@ -65,9 +66,10 @@ contains
         associate (joint => model%joint(j))
             view%slides = joint%kind == joint_prismatic
             view%is_fixed = joint%kind == joint_fixed
+            view%is_line = joint%kind == joint_plate
             view%is_position = joint%kind == pose_position
             view%is_attitude = joint%kind == pose_attitude
-            axis = merge(3, 1, view%slides)
+            axis = merge(3, 1, view%slides .or. view%is_line)
             do side = 1, 2
                 view%link(side) = joint%link(side)
                 view%o(side) = orientation_of(model, joint%link(side))
@@ -81,7 +83,7 @@ contains
         view%u = direction(1)
         view%turn = atan2(direction(1).cross.direction(2), direction(1).dot.direction(2))
         ! Across a slide the first link is felt at the second's marker.
-        if (view%slides .or. view%is_position) view%arm(1) = view%arm(1) + view%gap
+        if (view%slides .or. view%is_position .or. view%is_line) view%arm(1) = view%arm(1) + view%gap
     end function view_of
 
     !> Gaps at the iterate and how the links close them.
@@ -99,6 +101,13 @@ contains
             view = view_of(model, group, group%joint(i), state%plane)
             if (view%is_position .or. view%is_attitude) then
                 call put_part(group%coordinate(:, i))
+                cycle
+            end if
+            if (model%joint(group%joint(i))%kind == joint_loose) cycle
+            if (view%is_line) then
+                row = row + 1
+                call put_row(view, view%u, row, matrix)
+                right(:, row) = view%u.dot.view%gap
                 cycle
             end if
             c = group%coordinate(1, i)
@@ -179,6 +188,12 @@ contains
                     row = row + 1
                     is_length(row) = model%joint(group%joint(i))%kind == pose_position
                 end do
+                cycle
+            end if
+            if (is_partial(model%joint(group%joint(i))%kind)) then
+                k = sum(n_transmitted(model%joint(group%joint(i))%kind, model%is_planar))
+                is_length(row + 1:row + k) = .true.
+                row = row + k
                 cycle
             end if
             slides = model%joint(group%joint(i))%kind == joint_prismatic
@@ -346,7 +361,7 @@ contains
         do i = 1, size(group%joint)
             view = view_of(model, group, group%joint(i), state%plane)
             opening = opening_of(state%plane, view, level)
-            if ((view%slides .or. view%is_position) .and. level == level_given) opening = opening &
+            if ((view%slides .or. view%is_position .or. view%is_line) .and. level == level_given) opening = opening &
                 - (2*state%plane%angular(:, level_velocity, view%o(1)))*perp(opening_of(state%plane, view, level_velocity))
             turning = state%plane%angular(:, level, view%o(2)) - state%plane%angular(:, level, view%o(1))
             if (view%is_position .or. view%is_attitude) then
@@ -357,6 +372,12 @@ contains
                     if (view%is_position) right(:, row) = (part_axis(view, k).dot.opening) &
                                                           - given_at_level(group%coordinate(k, i))
                 end do
+                cycle
+            end if
+            if (model%joint(group%joint(i))%kind == joint_loose) cycle
+            if (view%is_line) then
+                row = row + 1
+                right(:, row) = view%u.dot.opening
                 cycle
             end if
             if (view%slides) then

@@ -26,7 +26,7 @@ contains
         integer :: j, k
 
         do j = 1, model%n_joint
-            if (joint_n_variable(model%joint(j)%kind) == 0) cycle
+            if (joint_n_variable(model%joint(j)%told_kind) == 0) cycle
             k = model%joint(j)%first_variable + 1
             call measure_planar_variable(model, state, j, variable(:, k), rate(:, k))
         end do
@@ -48,7 +48,7 @@ contains
         end if
         do side = 1, 2
             x(side) = state%plane%rotation(orientation_of(model, model%joint(j)%link(side))) &
-                      .rotate.model%joint(j)%frame(:2, 1, side)
+                      .rotate.model%joint(j)%told_frame(:2, 1, side)
         end do
         variable = atan2(x(1).cross.x(2), x(1).dot.x(2))
     end subroutine measure_planar_variable

@@ -4,7 +4,7 @@
 module linkdyn_acting
     use linkdyn_bodies, only: bodies_type
     use linkdyn_joint_kind, only: axis_of
-    use linkdyn_mechanism, only: mechanism_type, marker_frame
+    use linkdyn_mechanism, only: mechanism_type, told_marker_frame
     use linkdyn_value, only: value, operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, operator(*), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
@@ -45,11 +45,11 @@ contains
         integer :: side
 
         acting%joint = joint
-        associate (link => mechanism%model%joint(joint)%link, kind => mechanism%kind(joint)%is)
+        associate (link => mechanism%model%joint(joint)%link, kind => mechanism%told_kind(joint)%is)
             side = kind%axis_side(variable)
             ! a hinge's or a slide's axis is fixed in both links: that of a moving one may stand in simpler axes
             if (link(side) == 0 .and. kind%n_variable < 2) side = 3 - side
-            frame = marker_frame(mechanism, joint, side)
+            frame = told_marker_frame(mechanism, joint, side)
             acting%turning = mechanism%bodies%body(link(side))%turning
             acting%force = zero_vector()
             acting%moment = zero_vector()

@@ -3,9 +3,9 @@ module linkdyn_description
     use linkdyn_assemblies, only: assembly_list
     use linkdyn_dataset, only: dataset_type, dataset_variable, sample_variable
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, gear_type
+    use linkdyn_model, only: model_type, gear_type, shared_reactions
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: scene_type, link_spec, coordinate_spec, load_spec, marker_spec, law_over, frame_link, &
+    use linkdyn_scene, only: share_name, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, law_over, frame_link, &
         axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, idle_spins, n_holding, coordinate_joint, &
         is_pose_part
     implicit none (type, external)
@@ -57,7 +57,9 @@ contains
             text = text//separator(i)//"{"//pair("name", string(scene%variable(i)%name))//","// &
                 pair("value", number(scene%variable(i)%value))//","//pair("unit", string(scene%variable(i)%unit))//"}"
         end do
-        text = text//"],"//pair("idle_spins", string(idle_spins(scene)))
+        text = text//"],"//pair("idle_spins", string(idle_spins(scene)))//","// &
+            pair("shared_reactions", string(shared_reactions(model)))//","// &
+            pair("redundancy", string(trim(share_name(scene%redundancy))))
         if (size(scene%source) > 1) text = text//","//pair("text", string(scene%text))
         text = text//"}"
     end function parts_as_json

@@ -28,6 +28,8 @@ module linkdyn_netcdf_writer
         character(len=:), allocatable :: solver
         character(len=:), allocatable :: scene     !! text of the scene file
         character(len=:), allocatable :: idle_spins    !! links whose idle spins are settled; empty: there are none
+        character(len=:), allocatable :: shared_reactions  !! that the equations leave open; empty: none
+        character(len=:), allocatable :: redundancy    !! how these were found
         character(len=:), allocatable :: history   !! when and by which command
         real(wp) :: gravity(3) = 0                 !! [m/s2]
     end type attributes_type
@@ -266,6 +268,10 @@ contains
         call check(nf90_put_att(writer%id, nf90_global, "gravity", &
             real(attributes%gravity(:merge(2, 3, planar)), real64)), writer, status)
         if (attributes%idle_spins /= "") call put_text("idle_spins", attributes%idle_spins)
+        if (attributes%shared_reactions /= "") then
+            call put_text("shared_reactions", attributes%shared_reactions)
+            call put_text("redundancy", attributes%redundancy)
+        end if
         call put_text("scene", attributes%scene)
         call put_text("history", attributes%history)
     contains

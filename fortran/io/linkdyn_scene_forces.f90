@@ -64,18 +64,22 @@ contains
         type(actuator_spec), intent(inout) :: actuator
         type(status_type), intent(inout) :: status
         type(toml_node) :: node
+        logical :: found
 
         call find_joint(scene, place, actuator%joint, status)
         if (.not. status%is_ok()) return
         actuator%line = place%line
         place%what = "actuator "//quoted(scene%joint(actuator%joint)%name)
-        call allow_keys(place, [character(len=8) :: "joint", "variable", "law"], status)
+        call allow_keys(place, [character(len=8) :: "joint", "variable", "law", "share"], status)
         if (status%is_ok() .and. scene%joint(actuator%joint)%kind == joint_spherical) call refuse_value(place, "joint", &
             place%node%get("joint"), "names a spherical joint, which no single torque drives "// &
             "(expected a joint with an axis)", status)
         call find_variable(scene, place, actuator%joint, actuator%variable, status)
         call name_actuator(scene, actuator)
         place%what = "actuator "//quoted(actuator%name)
+        call get_quantity(place, "share", plain_number, actuator%share, status, found)
+        if (status%is_ok() .and. actuator%share <= 0) call refuse_value(place, "share", place%node%get("share"), &
+            "is not above zero (expected the part of this drive in the work that several share, for example 2)", status)
         node = place%node%get("law")
         if (node%is_present()) call read_drive(place, node, scene%joint(actuator%joint)%kind, actuator, shelf, status)
     end subroutine read_actuator

@@ -18,9 +18,9 @@ module linkdyn_scene_include
     integer, parameter :: deepest = 16              !! files that include one another
 
     !> What may stand at the top of a scene.
-    character(len=13), parameter :: scene_key(*) = [character(len=13) :: "title", "space", "gravity", "change_points", "frame", &
-        "link", "joint", "coordinate", "actuator", "load", "chain", "spring", "time", "sweep", "variables", "include", &
-        "measures", "laws"]
+    character(len=13), parameter :: scene_key(*) = [character(len=13) :: "title", "space", "gravity", "change_points", &
+        "redundancy", "frame", "link", "joint", "coordinate", "actuator", "load", "chain", "spring", "time", "sweep", "variables", &
+        "include", "measures", "laws"]
 
     !> What reading goes by.
     type :: reading_type

@@ -4,10 +4,10 @@ module linkdyn_scene_joints
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
-    use linkdyn_scene, only: scene_type, joint_spec, frame_link, joint_kind_name, joint_n_variable, &
+    use linkdyn_scene, only: share_by_stiffness, scene_type, joint_spec, frame_link, joint_kind_name, joint_n_variable, &
         variable_name
     use linkdyn_toml, only: toml_node, toml_array, toml_table
-    use linkdyn_units, only: quantity_type, length, angle
+    use linkdyn_units, only: quantity_type, length, angle, stiffness, angular_stiffness
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
         get_quantity, quantity_of, get_name, get_word, get_integer
     use linkdyn_scene_gears, only: read_wheels, gear_key
@@ -50,7 +50,8 @@ contains
         call get_name(place, "name", joint%name, status)
         if (.not. status%is_ok()) return
         place%what = "joint "//quoted(joint%name)
-        call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch", "lead", gear_key], status)
+        call allow_keys(place, [character(len=9) :: "name", "type", "between", "start", "branch", "lead", &
+                                "stiffness", gear_key], status)
         call get_word(place, "type", joint_kind_name(:n_joint_kind), joint%kind, status)
         if (.not. status%is_ok()) return
         if (scene%planar .and. .not. joint_in_plane(joint%kind)) then
@@ -75,6 +76,7 @@ contains
         end do
         call require_two_links(place, "between", between, scene, joint%link, status)
         call read_joint_start(place, joint, status)
+        call read_stiffness(place, scene, joint, status)
         call get_integer(place, "branch", joint%branch, status, found)
         if (.not. status%is_ok() .or. .not. found) return
         if (abs(joint%branch) /= 1) call refuse_value(place, "branch", place%node%get("branch"), &
@@ -103,6 +105,40 @@ contains
         if (status%is_ok() .and. joint%lead == 0) call refuse_value(place, "lead", node, "= 0 (expected "//expected// &
             ", negative for a left-handed one)", status)
     end subroutine read_lead
+
+    !> How a joint gives way along the directions that it holds: the rest is rigid.
+    subroutine read_stiffness(place, scene, joint, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        type(joint_spec), intent(inout) :: joint
+        type(status_type), intent(inout) :: status
+        character(len=7), parameter :: key(4) = [character(len=7) :: "radial", "axial", "tilt", "torsion"]
+        type(toml_node) :: node
+        type(scene_place) :: inner
+        logical :: found
+        integer :: i
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("stiffness")
+        if (.not. node%is_present()) return
+        if (scene%redundancy /= share_by_stiffness) then
+            call refuse_value(place, "stiffness", node, "has no meaning here: it is for scenes with redundancy = ""stiffness""", &
+                status)
+        else if (node%kind() /= toml_table) then
+            call refuse_value(place, "stiffness", node, "is "//node%kind_text()//" (expected a table with some of "//join(key)// &
+                ", for example { radial = '2e8 N/m' })", status)
+        end if
+        if (.not. status%is_ok()) return
+        inner = place_at(place, node, trim(place%what)//", stiffness")
+        call allow_keys(inner, key, status)
+        do i = 1, 4
+            if (i <= 2) call get_quantity(inner, trim(key(i)), stiffness, joint%stiffness(i), status, found)
+            if (i > 2) call get_quantity(inner, trim(key(i)), angular_stiffness, joint%stiffness(i), status, found)
+            if (.not. status%is_ok() .or. .not. found) cycle
+            if (joint%stiffness(i) <= 0) call refuse_value(inner, trim(key(i)), inner%node%get(trim(key(i))), &
+                "is not above zero (what is rigid is left out)", status)
+        end do
+    end subroutine read_stiffness
 
     !> A joint, a spring or a leg joins two different links.
     subroutine require_two_links(place, key, node, scene, link, status)

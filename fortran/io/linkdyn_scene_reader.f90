@@ -6,7 +6,7 @@ module linkdyn_scene_reader
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_text, only: to_text, join
-    use linkdyn_scene, only: scene_type, source_spec, source_shelf, path_len, law_none
+    use linkdyn_scene, only: share_name, share_refused, scene_type, source_spec, source_shelf, path_len, law_none
     use linkdyn_laws, only: evaluate_law
     use linkdyn_toml, only: toml_document, free_toml
     use linkdyn_units, only: acceleration
@@ -109,6 +109,7 @@ contains
         n_actuator = size(scene%actuator)
         n_coordinate = size(scene%coordinate)
         if (n_actuator == n_coordinate) return
+        if (n_actuator > n_coordinate .and. scene%redundancy /= share_refused) return
         call fail(status, status_bad_input, trim(scene%file)//": "// &
             trim(merge("too few actuators: ", "too many actuators:", n_actuator < n_coordinate))//" "// &
             counted(n_actuator, "actuator")//" for "//counted(n_coordinate, "coordinate")// &
@@ -177,6 +178,7 @@ contains
         at_change_point = 1
         call get_word(root, "change_points", [character(len=4) :: "pass", "stop"], at_change_point, status, found)
         scene%passes_change_points = at_change_point == 1
+        call get_word(root, "redundancy", share_name, scene%redundancy, status, found)
     end subroutine read_head
 
     !> A coordinate without a start of its own starts where its motion does.

@@ -4,8 +4,10 @@ module linkdyn_joint_kinds
     use linkdyn_fixed, only: fixed
     use linkdyn_joint_kind, only: joint_kind
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, pose_position
+        joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, pose_position, &
+        joint_groove, joint_plate, joint_loose
     use linkdyn_pose_parts, only: position_part, attitude_part
+    use linkdyn_partial_joints, only: groove, plate, loose
     use linkdyn_planar, only: planar
     use linkdyn_prismatic, only: prismatic
     use linkdyn_revolute, only: revolute
@@ -49,6 +51,12 @@ contains
             allocate (wheels :: box%is)
         case (pose_position)
             allocate (position_part :: box%is)
+        case (joint_groove)
+            allocate (groove :: box%is)
+        case (joint_plate)
+            allocate (plate :: box%is)
+        case (joint_loose)
+            allocate (loose :: box%is)
         case default
             allocate (attitude_part :: box%is)
         end select

@@ -2,14 +2,14 @@
 module linkdyn_model
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical
+    use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal
     implicit none (type, external)
     private
-    public :: model_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type
+    public :: model_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type, share_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing
     public :: gives_attitude, attitude_angles, number_attitudes
-    public :: holds_spin
+    public :: holds_spin, is_released, shared_reactions
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned
 
@@ -61,7 +61,7 @@ module linkdyn_model
         integer :: link(2) = 0                !! 0 is the frame
         real(wp) :: point(3, 2) = 0           !! markers in link axes [m]
         real(wp) :: frame(3, 3, 2) = 0        !! marker frames in link axes, columns x, y, z
-        real(wp) :: told_frame(3, 3, 2) = 0   !! likewise; both differ where a ball holds an idle spin
+        real(wp) :: told_frame(3, 3, 2) = 0   !! likewise; both differ where a ball holds an idle spin, or a joint is released
         integer :: first_variable = 0         !! its variables are first_variable + 1, ...
         real(wp) :: pitch = 0                 !! of a screw: slide per angle [m/rad]
         integer :: leg = 0                    !! the leg whose length is its slide
@@ -141,6 +141,15 @@ module linkdyn_model
         real(wp), allocatable :: unit(:)      !! of the corrections (column) [m, rad]
     end type group_type
 
+    !> Reactions that the equations alone do not determine, because joints hold directions that others hold already. See
+    !> `linkdyn_release` and `linkdyn_shared_reactions`.
+    type :: share_type
+        integer :: n = 0                      !! states of self-stress; 0: all reactions are determined
+        integer, allocatable :: joint(:)      !! that take part
+        integer, allocatable :: link(:)       !! between them
+        logical, allocatable :: of_force(:), of_moment(:)    !! what of these joints is not determined
+    end type share_type
+
     !> A mechanism ready to be computed.
     type :: model_type
         type(scene_type) :: scene
@@ -168,6 +177,7 @@ module linkdyn_model
         type(led_type), allocatable :: led(:)
         type(loose_type), allocatable :: loose(:)
         type(group_type), allocatable :: group(:)
+        type(share_type) :: share
         logical, allocatable :: moves(:, :)   !! (n_q, n_link): the coordinate moves the link
         integer, allocatable :: first_at(:)   !! joints of link l: joint_at(first_at(l):first_at(l+1)-1)
         integer, allocatable :: joint_at(:)
@@ -197,8 +207,32 @@ contains
     pure logical function holds_spin(joint)
         type(joint_type), intent(in) :: joint
 
-        holds_spin = joint%kind /= joint%told_kind
+        holds_spin = joint%kind == joint_universal .and. joint%told_kind == joint_spherical
     end function holds_spin
+
+    !> Reactions that the equations leave open, "J1.force J1.moment J2.force"; nothing if there are none.
+    pure function shared_reactions(model) result(text)
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+        integer :: i
+
+        text = ""
+        if (model%share%n == 0) return
+        do i = 1, size(model%share%joint)
+            associate (name => model%joint(model%share%joint(i))%name)
+                if (model%share%of_force(i)) text = text//" "//trim(name)//".force"
+                if (model%share%of_moment(i)) text = text//" "//trim(name)//".moment"
+            end associate
+        end do
+        text = text(2:)
+    end function shared_reactions
+
+    !> Does a joint hold less than the scene says, as others hold it already?
+    pure logical function is_released(joint)
+        type(joint_type), intent(in) :: joint
+
+        is_released = joint%kind /= joint%told_kind .and. .not. holds_spin(joint)
+    end function is_released
 
     !> Is the step one of the planar dyads?
     pure logical function is_dyad(kind)

@@ -7,7 +7,7 @@
 module linkdyn_planner
     use linkdyn_assur_groups, only: tie_type, grouping_type, find_groups, most_tied
     use linkdyn_gearing, only: lead_by_loose, forget_loose
-    use linkdyn_joint_table, only: n_transmitted, is_geared, variable_name
+    use linkdyn_joint_table, only: n_transmitted, is_geared, is_partial, variable_name
     use linkdyn_kinds, only: wp
     use linkdyn_csp_plan, only: find_csp
     use linkdyn_model, only: model_type, joint_type, number_attitudes, step_type, step_pose, step_joint, step_ups, step_rrr, &
@@ -294,6 +294,7 @@ contains
             j = model%joint_at(i)
             associate (joint => model%joint(j))
                 n = joint_n_variable(joint%kind)
+                if (is_partial(joint%kind)) cycle
                 if (any(plan%given(:n, j) == 0) .or. .not. plan%known(joint%link(3 - side_of(joint, link)))) cycle
                 step = step_type(kind=step_joint, n_link=1, link=[link, 0], joint=[j, 0, 0])
                 step%from_second = side_of(joint, link) == 1
@@ -350,7 +351,7 @@ contains
 
         step = step_type(n_link=2, link=member, joint=joints_of_pair(model, member, plan))
         if (any(step%joint == 0)) return
-        if (any(plan%given(1, step%joint) > 0)) return
+        if (any(plan%given(1, step%joint) > 0) .or. any(is_partial(model%joint(step%joint)%kind))) return
         if (model%joint(step%joint(2))%link(1) /= member(1)) call turn_round(step)
         signature = signature_of(model, step)
         if (signature == "PRR" .or. signature == "RPP") then

@@ -23,6 +23,7 @@ module linkdyn_scene
     public :: law_polynomial_345, law_harmonic, law_table, law_over
     public :: measure_spec, state_law, law_book, takes_time
     public :: measure_time, measure_joint, measure_marker, measure_spring
+    public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
     public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, drive_over
@@ -57,6 +58,12 @@ module linkdyn_scene
     ! ---- axes in which a load's components are given
     integer, parameter :: axes_world = 1
     integer, parameter :: axes_link = 2
+
+    ! ---- what becomes of reactions that the equations leave open
+    integer, parameter :: share_refused = 1        !! the scene is refused
+    integer, parameter :: share_by_least_norm = 2  !! the least sum of squares
+    integer, parameter :: share_by_stiffness = 3   !! the least elastic energy
+    character(len=12), parameter :: share_name(3) = [character(len=12) :: "refuse", "minimum-norm", "stiffness"]
 
     ! ---- what an actuator does in forward dynamics
     integer, parameter :: drive_inverse = 1        !! what inverse dynamics of the motion law asks for
@@ -104,6 +111,7 @@ module linkdyn_scene
         real(wp) :: wheel(2) = 0                  !! of a gear the teeth of both wheels; of a belt their radii [m]
         logical :: is_turned_over = .false.       !! a gear with teeth inside one wheel, a belt that is crossed
         real(wp) :: phase = 0                     !! of a gear, rack or belt: variable of the second where the first is at zero [m, rad]
+        real(wp) :: stiffness(4) = 0              !! radial, axial [N/m], tilt, torsion [N m/rad]; 0: rigid
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
         integer :: line = 0
     end type joint_spec
@@ -185,6 +193,7 @@ module linkdyn_scene
         character(len=4) :: unit = ""             !! "N" or "N m"
         integer :: joint = 0
         integer :: variable = 1                   !! which variable of the joint
+        real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of (force/share)^2
         type(drive_spec) :: drive
         integer :: line = 0
     end type actuator_spec
@@ -270,6 +279,7 @@ module linkdyn_scene
         logical :: planar = .false.
         real(wp) :: gravity(3) = 0                !! [m/s2]
         logical :: has_gravity = .false.
+        integer :: redundancy = share_by_least_norm   !! one of `share_*`: what becomes of reactions that the equations leave open
         logical :: passes_change_points = .true.  !! on the smooth continuation; false: the assembly is lost there
         type(variable_spec), allocatable :: variable(:)
         type(link_spec) :: frame

@@ -1,0 +1,160 @@
+!> Reactions of over-constrained mechanisms: how joints share what the equations of motion leave open.
+!>
+!> The released mechanism (`linkdyn_release`) gives reactions that balance. To them come states of self-stress, reactions that
+!> balance without any load: x = x0 + N z. What has no part in N is determined, and stays as it is to the last digit. Of the rest
+!> the reactions with the least x C x are taken: C the joints' compliances, by which this is the elastic energy (Menabrea,
+!> Castigliano), or one for all, by which it is the sum of squares of forces and of moments over the mechanism's size.
+!>
+!> The same look at the joints tells whether they fit at all: constraints that are redundant in theory gape if the geometry is not
+!> what makes them so. Such a sample is `unreachable`.
+module linkdyn_shared_reactions
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_constraint_rows, only: loop_type, rows_type, take_joints, list_rows, any_turned_over, of_force
+    use linkdyn_dense, only: dense_workspace, solve_dense, hold_blas_threads, release_blas_threads
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type, holds_spin
+    use linkdyn_null_space, only: find_null_space
+    use linkdyn_redundancy, only: hardly_new
+    use linkdyn_release, only: compliances
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular
+    use linkdyn_threads, only: team_size
+    implicit none (type, external)
+    private
+    public :: share_reactions
+
+    !> How far a joint may be open that others hold [scene sizes, rad]: parts are made less exactly, and engines close to 1e-12.
+    real(wp), parameter :: gapes = 1.0e-6_wp
+    integer, parameter :: few = 64                      !! samples that a thread takes at a time
+
+contains
+
+    !> Share the reactions of a batch, and flag samples whose joints gape.
+    subroutine share_reactions(model, threads, position, rotation, status, reaction)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: threads                  !! at most
+        real(wp), intent(in) :: position(:, :, :)       !! origins of the links [m] (3, n_link, n)
+        real(wp), intent(in) :: rotation(:, :, :, :)    !! their axes (3, 3, n_link, n)
+        integer, intent(inout) :: status(:)             !! (n)
+        real(wp), intent(inout), optional :: reaction(:, :, :)    !! world axes [N, N m] (6, n_joint, n)
+        integer :: first
+
+        call hold_blas_threads()
+        !$omp parallel do num_threads(team_size(threads, 1 + size(status)/few)) default(shared) private(first) schedule(static)
+        do first = 1, size(status), few
+            call share_some(first, min(first + few - 1, size(status)))
+        end do
+        !$omp end parallel do
+        call release_blas_threads()
+
+    contains
+
+        !> With scratch of its own.
+        subroutine share_some(first, last)
+            integer, intent(in) :: first, last          !! samples
+            type(loop_type) :: loop
+            type(dense_workspace) :: workspace
+            integer :: i
+
+            call take_shared_joints(model, loop)
+            do i = first, last
+                if (status(i) /= sample_ok) cycle
+                loop%position(:, 1:) = position(:, model%share%link, i)/loop%size
+                loop%rotation(:, :, 1:) = rotation(:, :, model%share%link, i)
+                if (present(reaction)) then
+                    call share_sample(model, loop, workspace, status(i), reaction(:, :, i))
+                else
+                    call share_sample(model, loop, workspace, status(i))
+                end if
+            end do
+        end subroutine share_some
+    end subroutine share_reactions
+
+    !> The joints that share reactions, as the scene has them, between their links.
+    subroutine take_shared_joints(model, loop)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(out) :: loop
+        integer :: body(0:model%n_link), i, n
+
+        n = size(model%share%link)
+        body = 0
+        body(model%share%link) = [(i, i=1, n)]
+        call take_joints(model, model%share%joint, loop)
+        allocate (loop%body(2, size(loop%joint)))
+        do i = 1, size(loop%joint)
+            associate (joint => model%joint(loop%joint(i)))
+                loop%body(:, i) = body(joint%link)
+                if (holds_spin(joint)) cycle
+                loop%kind(i) = joint%told_kind
+                loop%frame(:, :, :, i) = joint%told_frame
+            end associate
+        end do
+        allocate (loop%position(3, 0:n), loop%rotation(3, 3, 0:n))
+        loop%position(:, 0) = 0
+        loop%rotation(:, :, 0) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
+    end subroutine take_shared_joints
+
+    subroutine share_sample(model, loop, workspace, status, reaction)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        type(dense_workspace), intent(inout) :: workspace
+        integer, intent(inout) :: status
+        real(wp), intent(inout), optional :: reaction(:, :)    !! (6, n_joint)
+        type(rows_type) :: rows
+        real(wp), allocatable :: row(:, :), stress(:, :), soft(:, :), energy(:, :), part(:), open(:)
+        real(wp) :: rcond, error_bound
+        logical :: is_singular
+        integer :: i
+
+        call list_rows(model, loop, rows)
+        if (maxval(abs(rows%residual(:rows%n))) > gapes .or. any_turned_over(loop)) then
+            status = sample_unreachable
+            return
+        end if
+        if (.not. present(reaction)) return
+        row = rows%row(:, :rows%n)
+        call find_null_space(row, hardly_new, stress)
+        if (size(stress, 2) /= model%share%n) then
+            status = sample_singular
+            return
+        end if
+        open = parts_of(loop, rows, reaction)
+        soft = stress*spread(compliances(model, loop, rows), 2, size(stress, 2))
+        energy = matmul(transpose(stress), soft)
+        part = -matmul(transpose(soft), open)
+        call solve_dense(workspace, energy, part, rcond, error_bound, is_singular)
+        if (is_singular) then
+            status = sample_singular
+            return
+        end if
+        open = matmul(stress, part)
+        do i = 1, rows%n
+            associate (r => reaction(:, loop%joint(rows%joint(i))), axis => rows%axis(:, i))
+                if (rows%sort(i) == of_force) then
+                    r(:3) = r(:3) + open(i)*axis
+                    r(4:) = r(4:) + loop%size*rows%twist(i)*open(i)*axis
+                else
+                    r(4:) = r(4:) + loop%size*open(i)*axis
+                end if
+            end associate
+        end do
+    end subroutine share_sample
+
+    !> The reactions along the directions that the joints hold: forces [N], moments over the mechanism's size.
+    function parts_of(loop, rows, reaction) result(part)
+        type(loop_type), intent(in) :: loop
+        type(rows_type), intent(in) :: rows
+        real(wp), intent(in) :: reaction(:, :)          !! (6, n_joint)
+        real(wp) :: part(rows%n)
+        integer :: i
+
+        do i = 1, rows%n
+            associate (r => reaction(:, loop%joint(rows%joint(i))), axis => rows%axis(:, i))
+                if (rows%sort(i) == of_force) then
+                    part(i) = dot_product(axis, r(:3))
+                else
+                    part(i) = dot_product(axis, r(4:))/(loop%size*dot_product(axis, axis))
+                end if
+            end associate
+        end do
+    end function parts_of
+end module linkdyn_shared_reactions

@@ -1,0 +1,400 @@
+!> Over-constrained mechanisms: joints let go of directions that the others hold already.
+!>
+!> Bennett's loop, Sarrus' linkage, an Agile Eye, a planar four-bar in space move because constraints depend on one another. As
+!> many of them can go as are redundant, and the motion stays: a hinge becomes cylindrical, universal or spherical, a slide
+!> cylindrical, a universal joint spherical. What then closes the loops and gives one solution for the forces is an ordinary
+!> mechanism, of joints of their `kind`; results keep the joints as the scene has them, by their `told_kind`. What the reactions
+!> really are is found afterwards (`linkdyn_shared_reactions`): to those of the released mechanism comes a stress that balances
+!> itself.
+!>
+!> *Which directions.* A direction can go if some such self-stress acts along it. Directions are taken one after the other, each
+!> the one along which what is left of the self-stress acts most, in the worst of many poses; a hinge may be freed
+!> about axes fixed to either of its links, lest the mechanism be singular in a pose where the given one is not.
+!>
+!> **Source**: self-stress and statical indeterminacy, S. Pellegrino, C. R. Calladine, Int. J. Solids Struct. 22 (1986) 409; which
+!> reactions of over-constrained mechanisms are unique, M. Wojtyra, Mech. Mach. Theory 44 (2009) 2265.
+module linkdyn_release
+    use linkdyn_constants, only: pi
+    use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, list_rows, joint_frame, any_turned_over, &
+        of_force, of_moment
+    use linkdyn_cross, only: cross
+    use linkdyn_joint_table, only: is_geared, joint_groove, joint_plate, joint_loose
+    use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_null_space, only: find_null_space
+    use linkdyn_redundancy, only: most_links, hardly_new
+    use linkdyn_scene, only: share_by_stiffness, coordinate_joint, joint_revolute, joint_prismatic, joint_cylindrical, &
+        joint_universal, joint_spherical, joint_fixed
+    implicit none (type, external)
+    private
+    public :: release_joints, compliances
+
+    integer, parameter :: most_poses = 64, least_poses = 8    !! at which the self-stress is looked at: fewer of large mechanisms,
+    integer, parameter :: small = 576                   !! of one with n links this many over their square
+    integer, parameter :: n_angle = 6                   !! axes across a hinge that are tried, of each of its links
+    real(wp), parameter :: acts = 1.0e-3_wp             !! part of a self-stress along a direction that can go
+    real(wp), parameter :: rounding = 1.0e-6_wp         !! of equals the first is taken, however they are rounded
+
+    !> A way for a joint to hold less.
+    type :: move_type
+        integer :: i = 0                                !! joint of the loop
+        integer :: needs = 0                            !! its kind before
+        integer :: kind = 0                             !! and after
+        integer :: side = 0                             !! of the marker whose axes turn; 0: none do
+        real(wp) :: z(3) = 0                            !! its z axis then, in its axes before
+        integer :: n = 0                                !! directions that it no longer holds
+        integer :: sort(6) = 0
+        real(wp) :: direction(3, 6) = 0                 !! in the axes of the marker on `side`, or on the first link
+    end type move_type
+
+    !> The mechanism in one pose.
+    type :: stressed_pose
+        type(loop_type) :: loop
+        type(rows_type) :: rows
+        real(wp), allocatable :: stress(:, :)           !! orthonormal; those left (row, state of self-stress)
+        real(wp), allocatable :: whole(:, :)            !! all
+    end type stressed_pose
+
+contains
+
+    !> Let joints go of as many directions as are redundant. Without redundancy, or if no joint can, nothing happens.
+    subroutine release_joints(model, is_released)
+        type(model_type), intent(inout) :: model
+        logical, intent(out) :: is_released
+        type(stressed_pose), allocatable :: pose(:)
+        type(move_type), allocatable :: move(:), taken(:), best(:)
+        real(wp) :: score, best_score
+        integer :: i
+
+        is_released = .false.
+        if (model%n_link > most_links) return
+        call look_at_poses(model, pose)
+        if (size(pose) == 0) return
+        if (size(pose(1)%stress, 2) == 0) return
+        call list_moves(model, pose(1)%loop, move)
+        best_score = acts
+        do i = 1, size(pose(1)%loop%joint)
+            call choose_moves(pose, move, i, taken, score)
+            if (score <= best_score*(1 + rounding)) cycle
+            best_score = score
+            best = taken
+        end do
+        if (.not. allocated(best)) return
+        do i = 1, size(best)
+            call make_move(model, pose(1)%loop%joint(best(i)%i), best(i))
+        end do
+        call note_shares(model, pose)
+        is_released = .true.
+    end subroutine release_joints
+
+    !> Self-stresses in poses off the start; none if the first of these cannot be closed. The others are all over the place: those
+    !> that close as the joints can be built, and have as much self-stress, count.
+    subroutine look_at_poses(model, pose)
+        type(model_type), intent(in) :: model
+        type(stressed_pose), allocatable, intent(out) :: pose(:)
+        type(stressed_pose) :: here
+        integer, allocatable :: joint(:)
+        logical :: is_closed
+        integer :: p, i
+
+        allocate (pose(0))
+        joint = pack([(i, i=1, model%n_joint)], .not. is_geared(model%joint(:model%n_joint)%kind))
+        do p = 1, max(least_poses, min(most_poses, small/model%n_link**2))
+            call make_loop(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed, p - 1)
+            if (is_closed) call close_loop(model, here%loop, is_closed)
+            if (is_closed) is_closed = .not. any_turned_over(here%loop)
+            if (p == 1 .and. .not. is_closed) return
+            if (.not. is_closed) cycle
+            call list_rows(model, here%loop, here%rows)
+            call find_null_space(here%rows%row(:, :here%rows%n), hardly_new, here%stress)
+            here%whole = here%stress
+            if (p > 1) is_closed = size(here%stress, 2) == size(pose(1)%stress, 2)
+            if (is_closed) pose = [pose, here]
+        end do
+    end subroutine look_at_poses
+
+    ! ---------------------------------------------------------------- moves
+
+    !> All ways for joints to hold less. Joints whose variables are coordinates stay as they are.
+    subroutine list_moves(model, loop, move)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        type(move_type), allocatable, intent(out) :: move(:)
+        real(wp), parameter :: x(3) = [1, 0, 0], y(3) = [0, 1, 0], z(3) = [0, 0, 1], none(3, 0) = 0
+        real(wp), parameter :: xy(3, 2) = reshape([x, y], [3, 2]), xyz(3, 3) = reshape([x, y, z], [3, 3])
+        integer :: i, j
+
+        allocate (move(0))
+        do i = 1, size(loop%joint)
+            j = loop%joint(i)
+            if (model%joint(j)%kind /= model%joint(j)%told_kind .or. is_in_use(model, j)) cycle
+            select case (model%joint(j)%kind)
+            case (joint_revolute)
+                if (model%is_planar) then
+                    call add_lines()
+                    call add(joint_revolute, joint_loose, xy, none)
+                    cycle
+                end if
+                call add(joint_revolute, joint_cylindrical, reshape(z, [3, 1]), none)
+                call add_forks()
+                call add(joint_revolute, joint_spherical, none, xy)
+                call add(joint_revolute, joint_groove, reshape(z, [3, 1]), xy)
+                call add(joint_revolute, joint_plate, xy, xy)
+                call add(joint_revolute, joint_loose, xyz, xy)
+                call add(joint_cylindrical, joint_groove, none, xy)
+                call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
+                call add(joint_groove, joint_loose, xy, none)
+            case (joint_prismatic)
+                if (model%is_planar) cycle
+                call add(joint_prismatic, joint_cylindrical, none, reshape(z, [3, 1]))
+                call add(joint_prismatic, joint_groove, none, xyz)
+                call add(joint_prismatic, joint_loose, xy, xyz)
+                call add(joint_cylindrical, joint_groove, none, xy)
+            case (joint_cylindrical)
+                call add(joint_cylindrical, joint_groove, none, xy)
+                call add(joint_cylindrical, joint_loose, xy, xy)
+            case (joint_spherical)
+                call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
+                call add(joint_spherical, joint_plate, xy, none)
+                call add(joint_spherical, joint_loose, xyz, none)
+            case (joint_fixed)
+                if (model%is_planar) then
+                    call add(joint_fixed, joint_loose, xy, reshape(z, [3, 1]))
+                else
+                    call add(joint_fixed, joint_revolute, none, reshape(z, [3, 1]))
+                    call add(joint_fixed, joint_spherical, none, xyz)
+                    call add(joint_fixed, joint_loose, xyz, xyz)
+                end if
+            end select
+        end do
+
+    contains
+
+        !> Of forces and moments along these axes of the first marker it lets go.
+        subroutine add(needs, kind, force, moment, side, axis)
+            integer, intent(in) :: needs, kind
+            real(wp), intent(in) :: force(:, :), moment(:, :)
+            integer, intent(in), optional :: side
+            real(wp), intent(in), optional :: axis(3)
+            type(move_type) :: one
+
+            one%i = i
+            one%needs = needs
+            one%kind = kind
+            if (present(side)) one%side = side
+            if (present(axis)) one%z = axis
+            one%n = size(force, 2) + size(moment, 2)
+            one%sort(:one%n) = of_moment
+            one%sort(:size(force, 2)) = of_force
+            one%direction(:, :size(force, 2)) = force
+            one%direction(:, size(force, 2) + 1:one%n) = moment
+            move = [move, one]
+        end subroutine add
+
+        !> A hinge becomes a universal joint, free about an axis across its own that one of its links carries.
+        subroutine add_forks()
+            real(wp) :: axis(3)
+            integer :: side, k
+
+            do side = 1, 2
+                do k = 0, n_angle - 1
+                    axis = cos(k*pi/n_angle)*x + sin(k*pi/n_angle)*y
+                    call add(joint_revolute, joint_universal, none, reshape(axis, [3, 1]), side, axis)
+                end do
+            end do
+        end subroutine add_forks
+
+        !> In a plane a pin goes into a slot of the first link.
+        subroutine add_lines()
+            real(wp) :: along(3), across(3)
+            integer :: k
+
+            do k = 0, n_angle - 1
+                along = cos(k*pi/n_angle)*x + sin(k*pi/n_angle)*y
+                across = [-along(2), along(1), 0.0_wp]
+                call add(joint_revolute, joint_plate, reshape(along, [3, 1]), none, 1, across)
+            end do
+        end subroutine add_lines
+    end subroutine list_moves
+
+    !> Does a coordinate, a spring or a branch refer to the joint?
+    pure logical function is_in_use(model, j)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j
+
+        associate (scene => model%scene)
+            is_in_use = any(scene%coordinate%kind == coordinate_joint .and. scene%coordinate%joint == j) &
+                        .or. any(scene%spring%joint == j) .or. scene%joint(j)%branch /= 0
+        end associate
+    end function is_in_use
+
+    !> As many moves as there are states of self-stress: the best at one joint, then the best that are left.
+    subroutine choose_moves(pose, move, first, taken, score)
+        type(stressed_pose), intent(in) :: pose(:)
+        type(move_type), intent(in) :: move(:)
+        integer, intent(in) :: first                    !! joint of the loop with which to begin
+        type(move_type), allocatable, intent(out) :: taken(:)
+        real(wp), intent(out) :: score                  !! of the worst of them
+        type(stressed_pose) :: left(size(pose))
+        integer :: kind(size(pose(1)%loop%kind)), k
+        real(wp) :: one_score
+
+        allocate (taken(0))
+        left = pose
+        kind = pose(1)%loop%kind
+        score = 1
+        do while (size(left(1)%stress, 2) > 0)
+            call find_best(left, move, kind, merge(first, 0, size(taken) == 0), k, one_score)
+            score = min(score, one_score)
+            if (score < acts) return
+            call take_away(left, move(k))
+            kind(move(k)%i) = move(k)%kind
+            taken = [taken, move(k)]
+        end do
+    end subroutine choose_moves
+
+    !> The move along whose direction most of what is left of the self-stress acts, at the worst of the poses.
+    subroutine find_best(pose, move, kind, at, best, score)
+        type(stressed_pose), intent(in) :: pose(:)
+        type(move_type), intent(in) :: move(:)
+        integer, intent(in) :: kind(:)                  !! of the joints by now
+        integer, intent(in) :: at                       !! of the loop's joints this one; 0: any
+        integer, intent(out) :: best
+        real(wp), intent(out) :: score
+        real(wp) :: least
+        integer :: k, p
+
+        best = 0
+        score = 0
+        do k = 1, size(move)
+            if (kind(move(k)%i) /= move(k)%needs .or. (at > 0 .and. move(k)%i /= at)) cycle
+            least = minval([(strength_of(pose(p), move(k)), p=1, size(pose))])
+            if (least <= score*(1 + rounding)) cycle
+            best = k
+            score = least
+        end do
+    end subroutine find_best
+
+    !> What each state of self-stress left has along the directions that go (direction, state).
+    function action_of(pose, move) result(action)
+        type(stressed_pose), intent(in) :: pose
+        type(move_type), intent(in) :: move
+        real(wp) :: action(move%n, size(pose%stress, 2))
+        real(wp) :: frame(3, 3)
+        integer :: n, k
+
+        action = 0
+        frame = joint_frame(pose%loop, move%i, max(move%side, 1))
+        do n = 1, pose%rows%n
+            if (pose%rows%joint(n) /= move%i) cycle
+            do k = 1, move%n
+                if (pose%rows%sort(n) == move%sort(k)) action(k, :) = action(k, :) &
+                    + dot_product(matmul(frame, move%direction(:, k)), pose%rows%axis(:, n))*pose%stress(n, :)
+            end do
+        end do
+    end function action_of
+
+    !> How surely a move takes as many states of self-stress away as it lets directions go: the least singular value, or less.
+    function strength_of(pose, move) result(strength)
+        type(stressed_pose), intent(in) :: pose
+        type(move_type), intent(in) :: move
+        real(wp) :: strength
+        real(wp) :: action(move%n, size(pose%stress, 2))
+        integer :: k, i
+
+        strength = 0
+        if (move%n > size(pose%stress, 2)) return
+        action = action_of(pose, move)
+        strength = 1
+        ! Gram and Schmidt: what is left of each direction beside those before it
+        do k = 1, move%n
+            strength = min(strength, norm2(action(k, :)))
+            if (strength < acts) return
+            action(k, :) = action(k, :)/norm2(action(k, :))
+            do i = k + 1, move%n
+                action(i, :) = action(i, :) - dot_product(action(k, :), action(i, :))*action(k, :)
+            end do
+        end do
+    end function strength_of
+
+    !> Of the states of self-stress those are left that do not act along the directions that go.
+    subroutine take_away(pose, move)
+        type(stressed_pose), intent(inout) :: pose(:)
+        type(move_type), intent(in) :: move
+        real(wp), allocatable :: action(:, :), kept(:, :)
+        integer :: p
+
+        do p = 1, size(pose)
+            action = action_of(pose(p), move)
+            call find_null_space(action, 0.0_wp, kept)
+            pose(p)%stress = matmul(pose(p)%stress, kept)
+        end do
+    end subroutine take_away
+
+    !> The joint's new kind and frames.
+    subroutine make_move(model, j, move)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: j
+        type(move_type), intent(in) :: move
+        real(wp) :: z(3)
+
+        associate (joint => model%joint(j), side => move%side)
+            joint%kind = move%kind
+            joint%frame = joint%told_frame
+            if (side == 0) return
+            z = matmul(joint%told_frame(:, :, side), move%z)
+            joint%frame(:, 1, side) = cross(joint%told_frame(:, 3, side), z)
+            joint%frame(:, 2, side) = joint%told_frame(:, 3, side)
+            joint%frame(:, 3, side) = z
+        end associate
+    end subroutine make_move
+
+    ! ---------------------------------------------------------------- what is shared
+
+    !> What a unit of each reaction gives way, up to a common factor: forces are in newtons, moments over the mechanism's size.
+    function compliances(model, loop, rows) result(c)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        type(rows_type), intent(in) :: rows
+        real(wp) :: c(rows%n)
+        real(wp) :: stiffness
+        integer :: i
+
+        c = 1
+        if (model%scene%redundancy /= share_by_stiffness) return
+        do i = 1, rows%n
+            ! radial, axial; tilt, torsion
+            stiffness = model%scene%joint(loop%joint(rows%joint(i)))%stiffness(2*(rows%sort(i) - of_force) + rows%direction(i))
+            c(i) = 0
+            if (stiffness > 0) c(i) = merge(1.0_wp, loop%size**2, rows%sort(i) == of_force)/stiffness
+        end do
+    end function compliances
+
+    !> The joints whose reactions the equations do not determine, and the links between them.
+    subroutine note_shares(model, pose)
+        type(model_type), intent(inout) :: model
+        type(stressed_pose), intent(in) :: pose(:)
+        logical :: is_stressed(2, model%n_joint), is_between(model%n_link)
+        integer :: p, i, j, side
+
+        is_stressed = .false.
+        do p = 1, size(pose)
+            do i = 1, pose(p)%rows%n
+                j = pose(p)%loop%joint(pose(p)%rows%joint(i))
+                if (maxval(abs(pose(p)%whole(i, :))) > hardly_new) is_stressed(pose(p)%rows%sort(i), j) = .true.
+            end do
+        end do
+        is_between = .false.
+        do j = 1, model%n_joint
+            if (.not. any(is_stressed(:, j))) cycle
+            do side = 1, 2
+                if (model%joint(j)%link(side) > 0) is_between(model%joint(j)%link(side)) = .true.
+            end do
+        end do
+        model%share%n = size(pose(1)%whole, 2)
+        model%share%joint = pack([(j, j=1, model%n_joint)], any(is_stressed, dim=1))
+        model%share%link = pack([(i, i=1, model%n_link)], is_between)
+        model%share%of_force = is_stressed(of_force, model%share%joint)
+        model%share%of_moment = is_stressed(of_moment, model%share%joint)
+    end subroutine note_shares
+end module linkdyn_release
