@@ -1,7 +1,7 @@
 !> Which assembly a mechanism has at its start, and what decided it, in words.
 module linkdyn_choice
     use linkdyn_model, only: model_type, step_type, step_rrr, step_rrp, step_rpr, step_csp, step_group, by_branch, by_start, &
-        by_markers
+        by_markers, by_fit
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
     private
@@ -40,6 +40,8 @@ contains
             text = text//trim(merge("nearest to 'start'", "as 'start' says   ", len(text) > 0))
         case (by_markers)
             text = text//"as the markers are written"
+        case (by_fit)
+            text = text//"for all joints to fit"
         case default
             if (step%kind == step_group .or. step%kind == step_csp) then
                 text = text//"nearest to joint variables of zero"

@@ -13,6 +13,7 @@ module linkdyn_shared_reactions
     use linkdyn_dense, only: dense_workspace, solve_dense, hold_blas_threads, release_blas_threads
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, holds_spin
+    use linkdyn_motion_measures, only: gapes
     use linkdyn_null_space, only: find_null_space
     use linkdyn_redundancy, only: hardly_new
     use linkdyn_release, only: compliances
@@ -22,8 +23,6 @@ module linkdyn_shared_reactions
     private
     public :: share_reactions
 
-    !> How far a joint may be open that others hold [scene sizes, rad]: parts are made less exactly, and engines close to 1e-12.
-    real(wp), parameter :: gapes = 1.0e-6_wp
     integer, parameter :: few = 64                      !! samples that a thread takes at a time
 
 contains
@@ -35,7 +34,7 @@ contains
         real(wp), intent(in) :: position(:, :, :)       !! origins of the links [m] (3, n_link, n)
         real(wp), intent(in) :: rotation(:, :, :, :)    !! their axes (3, 3, n_link, n)
         integer, intent(inout) :: status(:)             !! (n)
-        real(wp), intent(inout), optional :: reaction(:, :, :)    !! world axes [N, N m] (6, n_joint, n)
+        real(wp), intent(inout), optional :: reaction(:, :, :)    !! world axes [N, N m] (n_component, n_joint, n)
         integer :: first
 
         call hold_blas_threads()
@@ -98,10 +97,10 @@ contains
         type(loop_type), intent(in) :: loop
         type(dense_workspace), intent(inout) :: workspace
         integer, intent(inout) :: status
-        real(wp), intent(inout), optional :: reaction(:, :)    !! (6, n_joint)
+        real(wp), intent(inout), optional :: reaction(:, :)    !! (n_component, n_joint)
         type(rows_type) :: rows
         real(wp), allocatable :: row(:, :), stress(:, :), soft(:, :), energy(:, :), part(:), open(:)
-        real(wp) :: rcond, error_bound
+        real(wp) :: rcond, error_bound, wrench(6)
         logical :: is_singular
         integer :: i
 
@@ -128,13 +127,15 @@ contains
         end if
         open = matmul(stress, part)
         do i = 1, rows%n
-            associate (r => reaction(:, loop%joint(rows%joint(i))), axis => rows%axis(:, i))
-                if (rows%sort(i) == of_force) then
-                    r(:3) = r(:3) + open(i)*axis
-                    r(4:) = r(4:) + loop%size*rows%twist(i)*open(i)*axis
-                else
-                    r(4:) = r(4:) + loop%size*open(i)*axis
-                end if
+            wrench = 0
+            if (rows%sort(i) == of_force) then
+                wrench(:3) = rows%axis(:, i)
+                wrench(4:) = loop%size*rows%twist(i)*rows%axis(:, i)
+            else
+                wrench(4:) = loop%size*rows%axis(:, i)
+            end if
+            associate (r => reaction(:, loop%joint(rows%joint(i))))
+                r = r + open(i)*wrench(loop%column)
             end associate
         end do
     end subroutine share_sample
@@ -143,12 +144,14 @@ contains
     function parts_of(loop, rows, reaction) result(part)
         type(loop_type), intent(in) :: loop
         type(rows_type), intent(in) :: rows
-        real(wp), intent(in) :: reaction(:, :)          !! (6, n_joint)
-        real(wp) :: part(rows%n)
+        real(wp), intent(in) :: reaction(:, :)          !! (n_component, n_joint)
+        real(wp) :: part(rows%n), r(6)
         integer :: i
 
         do i = 1, rows%n
-            associate (r => reaction(:, loop%joint(rows%joint(i))), axis => rows%axis(:, i))
+            r = 0
+            r(loop%column) = reaction(:, loop%joint(rows%joint(i)))
+            associate (axis => rows%axis(:, i))
                 if (rows%sort(i) == of_force) then
                     part(i) = dot_product(axis, r(:3))
                 else

@@ -11,7 +11,9 @@ module linkdyn_builder
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, link_type, joint_type, step_csp, step_group, is_dyad, is_length, is_screw, scene_size, &
+    use linkdyn_motion_measures, only: released_fit
+    use linkdyn_model, only: model_type, link_type, joint_type, step_type, by_nothing, by_markers, by_fit, &
+        step_csp, step_group, is_dyad, is_length, is_screw, scene_size, &
         stride_part, orientation_of
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
@@ -44,6 +46,7 @@ contains
         call check_code(status)
         if (.not. status%is_ok()) return
         call plan_scene(scene, model, status, closed_forms)
+        if (status%is_ok() .and. model%share%n > 0) call choose_fitting_branches(scene, model, closed_forms)
         if (.not. status%is_ok() .or. allocated(scene%hold)) return
         if (size(model%scene%hold) == 0) return
         ! Now it is known how the links stand at the start: idle spins are held by directions that suit.
@@ -51,6 +54,63 @@ contains
         with_holds%hold = holds_at_start(model)
         call plan_scene(with_holds, model, status, closed_forms)
     end subroutine build_model
+
+    !> Of an over-constrained mechanism not every way to close one loop lets the others close. Where nothing else chooses, such a way
+    !> is taken that does; if there is none, the model stays as it is.
+    subroutine choose_fitting_branches(scene, model, closed_forms)
+        type(scene_type), intent(in) :: scene
+        type(model_type), intent(inout) :: model
+        logical, intent(in), optional :: closed_forms
+        integer, parameter :: most = 6                   !! loops that are tried both ways
+        type(scene_type) :: turned
+        type(model_type) :: trial
+        type(status_type) :: status
+        integer, allocatable :: open(:)
+        integer :: way, i, k
+
+        if (joints_fit(model)) return
+        open = pack([(i, i=1, size(model%step))], is_open(model%step))
+        open = open(:min(most, size(open)))
+        do way = 1, 2**size(open) - 1
+            turned = scene
+            do k = 1, size(open)
+                associate (step => model%step(open(k)))
+                    turned%joint(step%joint(2))%branch = nint(model%branch(step%first))*merge(-1, 1, btest(way, k - 1))
+                end associate
+            end do
+            status = status_type()
+            call plan_scene(turned, trial, status, closed_forms)
+            if (.not. status%is_ok()) cycle
+            if (.not. joints_fit(trial)) cycle
+            model = trial
+            model%chosen_by(model%step(open)%first) = by_fit
+            return
+        end do
+
+    contains
+
+        !> A closed form of which nothing says how it closes?
+        elemental logical function is_open(step)
+            type(step_type), intent(in) :: step
+
+            is_open = step%has_branches
+            if (is_open) is_open = model%chosen_by(step%first) == by_nothing .or. model%chosen_by(step%first) == by_markers
+        end function is_open
+    end subroutine choose_fitting_branches
+
+    !> Do joints fit at the start that were released?
+    logical function joints_fit(model)
+        type(model_type), intent(in) :: model
+        type(kinematic_state) :: state
+        logical :: fit(lanes)
+        integer :: j
+
+        call prepare_kinematics(model, 0, state)
+        state%q = spread(model%start_q, 1, lanes)
+        call evaluate_kinematics(model, state)
+        fit = released_fit(model, [(j, j=1, model%n_joint)], state)
+        joints_fit = fit(1) .and. .not. (state%not_converged(1) .or. state%singular(1) .or. state%unreachable(1))
+    end function joints_fit
 
     !> The directions by which idle spins are best held.
     function holds_at_start(model) result(hold)

@@ -17,6 +17,7 @@ module linkdyn_group_start
     use linkdyn_lane_count, only: lanes
     use linkdyn_mix, only: counter_uniform
     use linkdyn_model, only: model_type, group_type, step_type, orientation_of, place_size, scene_size
+    use linkdyn_motion_measures, only: released_fit
     use linkdyn_planar_pass, only: hang_planar_link
     use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion
     use linkdyn_scene, only: joint_n_variable, coordinate_joint, pose_position, frame_link
@@ -56,7 +57,7 @@ contains
                 end do
                 call clear_flags(state)
                 call run_step(model, step, state)
-                has_closed = .not. (state%not_converged .or. state%singular)
+                has_closed = .not. (state%not_converged .or. state%singular) .and. released_fit(model, group%joint, state)
                 distance = measure_distance(model, group%link, group%joint, state, .false.)
                 ! Nothing is nearer than what the scene describes in full.
                 if (.not. present(every) .and. first == 1 .and. all(model%scene%link(group%link)%has_start) .and. has_closed(1) &

@@ -19,7 +19,7 @@ module linkdyn_joint_rates
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: joint_view, view_joint, driven_axis, measure_variable, coordinate_of, joint_rate, slide_column
+    public :: joint_view, view_joint, driven_axis, told_frame, measure_variable, coordinate_of, joint_rate, slide_column
     public :: measure_joints, measure_one_joint, actuator_rates, actuator_columns, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.

@@ -1,7 +1,7 @@
 !> Figures of a motion: energies, how well the loops are closed.
 module linkdyn_motion_measures
     use linkdyn_applied_wrenches, only: spring_energy
-    use linkdyn_joint_rates, only: joint_view, view_joint
+    use linkdyn_joint_rates, only: joint_view, view_joint, told_frame
     use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, is_geared, &
         along_z, along_axes, along_x_and_y, &
         along_normal, joint_prismatic, &
@@ -9,18 +9,21 @@ module linkdyn_motion_measures
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of
+    use linkdyn_model, only: model_type, orientation_of, is_released, scene_size
     use linkdyn_newton_euler, only: inertia_times
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
     use linkdyn_point, only: point_velocity
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), vec2_of
-    use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
+    use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: measure_energy, measure_closure, add_columns
+    public :: measure_energy, measure_closure, released_fit, gapes, add_columns
+
+    !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
+    real(wp), parameter :: gapes = 1.0e-6_wp
 
 contains
 
@@ -74,62 +77,99 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: gap(lanes)    !! [m, rad]
-        type(joint_view) :: view
-        type(vec3) :: apart
         integer :: j
 
         gap = 0
-        if (model%is_planar) then
-            call measure_planar_closure(model, state%plane, gap)
-            return
-        end if
         do j = 1, model%n_joint
-            if (is_geared(model%joint(j)%kind)) cycle
-            call view_joint(model, state, j, state%velocity, state%omega, view)
-            apart = view%slide
-            associate (kind => model%joint(j)%kind, first => view%frame(1), second => view%frame(2))
-                if (force_directions(kind) == along_x_and_y) &
-                    apart = apart - (apart.dot.first%z)*first%z
-                if (force_directions(kind) == along_z) apart = (apart.dot.first%z)*first%z
-                gap = max(gap, sqrt(apart.dot.apart))
-                if (is_threaded(kind)) gap = max(gap, abs(model%joint(j)%pitch)*thread_gap(view, model%joint(j)%pitch))
-                select case (moment_directions(kind))
-                case (along_x_and_y)
-                    gap = max(gap, length_of(first%z.cross.second%z))
-                case (along_axes)
-                    gap = max(gap, length_of(first%z.cross.second%z), length_of(first%x.cross.second%x))
-                case (along_normal)
-                    gap = max(gap, abs(first%z.dot.second%z))
-                end select
-            end associate
+            if (.not. is_geared(model%joint(j)%kind)) gap = max(gap, gap_of_joint(model, state, j))
         end do
     end subroutine measure_closure
 
-    subroutine measure_planar_closure(model, plane, gap)
+    !> Do those of some joints fit that let go of what others hold? Of loops that close without these directions they need not.
+    function released_fit(model, joint, state) result(fit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: joint(:)
+        type(kinematic_state), intent(in) :: state
+        logical :: fit(lanes)
+        integer :: i
+
+        fit = .true.
+        do i = 1, size(joint)
+            if (is_released(model%joint(joint(i)))) fit = fit .and. gap_of_joint(model, state, joint(i)) <= gapes*scene_size(model)
+        end do
+    end function released_fit
+
+    !> By what the sides of a joint miss each other, as the scene has it.
+    function gap_of_joint(model, state, j) result(gap)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        integer, intent(in) :: j
+        real(wp) :: gap(lanes)                 !! [m, rad]
+        type(joint_view) :: view
+        type(vec3) :: apart
+        type(mat3) :: first, second
+        integer :: kind
+
+        if (model%is_planar) then
+            gap = planar_gap(model, state%plane, j)
+            return
+        end if
+        call view_joint(model, state, j, state%velocity, state%omega, view)
+        apart = view%slide
+        kind = model%joint(j)%kind
+        first = view%frame(1)
+        second = view%frame(2)
+        if (is_released(model%joint(j))) then
+            kind = model%joint(j)%told_kind
+            first = told_frame(model, state, j, 1, view)
+            second = told_frame(model, state, j, 2, view)
+        end if
+        if (force_directions(kind) == along_x_and_y) apart = apart - (apart.dot.first%z)*first%z
+        if (force_directions(kind) == along_z) apart = (apart.dot.first%z)*first%z
+        gap = sqrt(apart.dot.apart)
+        if (is_threaded(kind)) gap = max(gap, abs(model%joint(j)%pitch)*thread_gap(view, model%joint(j)%pitch))
+        select case (moment_directions(kind))
+        case (along_x_and_y)
+            gap = max(gap, apart_by(first%z, second%z))
+        case (along_axes)
+            gap = max(gap, apart_by(first%z, second%z), apart_by(first%x, second%x))
+        case (along_normal)
+            gap = max(gap, abs(first%z.dot.second%z))
+        end select
+    end function gap_of_joint
+
+    !> Between two unit vectors: the sine of the angle, one if that is more than right.
+    pure function apart_by(a, b) result(sine)
+        type(vec3), intent(in) :: a, b
+        real(wp) :: sine(lanes)
+
+        sine = length_of(a.cross.b)
+        where ((a.dot.b) < 0) sine = 1
+    end function apart_by
+
+    pure function planar_gap(model, plane, j) result(gap)
         type(model_type), intent(in) :: model
         type(planar_motion), intent(in) :: plane
-        real(wp), intent(inout) :: gap(lanes)
+        integer, intent(in) :: j
+        real(wp) :: gap(lanes)
         type(vec2) :: apart, point(2), axis(2)
-        integer :: j, side, o
+        integer :: side, o
 
-        do j = 1, model%n_joint
-            if (is_geared(model%joint(j)%kind)) cycle
-            associate (joint => model%joint(j))
-                do side = 1, 2
-                    o = orientation_of(model, joint%link(side))
-                    point(side) = plane%position(joint%link(side)) + (plane%rotation(o).rotate.joint%point(:2, side))
-                    axis(side) = plane%rotation(o).rotate.joint%frame(:2, merge(3, 1, joint%kind == joint_prismatic), side)
-                end do
-                apart = point(2) - point(1)
-                if (joint%kind == joint_prismatic) then
-                    gap = max(gap, abs(axis(1).cross.apart), abs(axis(1).cross.axis(2)))
-                else
-                    gap = max(gap, sqrt(apart.dot.apart))
-                    if (joint%kind == joint_fixed) gap = max(gap, abs(axis(1).cross.axis(2)))
-                end if
-            end associate
-        end do
-    end subroutine measure_planar_closure
+        associate (joint => model%joint(j))
+            do side = 1, 2
+                o = orientation_of(model, joint%link(side))
+                point(side) = plane%position(joint%link(side)) + (plane%rotation(o).rotate.joint%point(:2, side))
+                axis(side) = plane%rotation(o).rotate.joint%told_frame(:2, merge(3, 1, joint%told_kind == joint_prismatic), side)
+            end do
+            apart = point(2) - point(1)
+            if (joint%told_kind == joint_prismatic) then
+                gap = max(abs(axis(1).cross.apart), abs(axis(1).cross.axis(2)))
+            else
+                gap = sqrt(apart.dot.apart)
+                if (joint%told_kind == joint_fixed) gap = max(gap, abs(axis(1).cross.axis(2)))
+            end if
+        end associate
+    end function planar_gap
 
     !> By what angle a nut is off its thread.
     pure function thread_gap(view, pitch) result(angle)

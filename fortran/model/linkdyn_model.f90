@@ -7,7 +7,7 @@ module linkdyn_model
     private
     public :: model_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type, share_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
-    public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing
+    public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
@@ -32,6 +32,7 @@ module linkdyn_model
     integer, parameter :: by_start = 2       !! it is the nearest to the starts given
     integer, parameter :: by_markers = 3     !! the links close where their markers are written
     integer, parameter :: by_nothing = 4     !! the first of both; or the nearest to joint variables of zero
+    integer, parameter :: by_fit = 5         !! only so do joints fit that others hold already
     real(wp), parameter :: stride_part = 0.1_wp   !! stride of a coordinate: of a radian, or of the mechanism's size
     real(wp), parameter :: most_turned = 2.88_wp  !! of an angle from its start whose turns nobody counts: 165 degrees [rad]
     integer, parameter :: n_probe = 2        !! vectors with which the margin of a group is measured

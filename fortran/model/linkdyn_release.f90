@@ -33,6 +33,7 @@ module linkdyn_release
     integer, parameter :: small = 576                   !! of one with n links this many over their square
     integer, parameter :: n_angle = 6                   !! axes across a hinge that are tried, of each of its links
     real(wp), parameter :: acts = 1.0e-3_wp             !! part of a self-stress along a direction that can go
+    real(wp), parameter :: nearly = 0.6_wp              !! as strong as the strongest
     real(wp), parameter :: rounding = 1.0e-6_wp         !! of equals the first is taken, however they are rounded
 
     !> A way for a joint to hold less.
@@ -73,7 +74,8 @@ contains
         if (size(pose(1)%stress, 2) == 0) return
         call list_moves(model, pose(1)%loop, move)
         best_score = acts
-        do i = 1, size(pose(1)%loop%joint)
+        do i = 1, size(move)
+            if (.not. begins(pose(1), move, i)) cycle
             call choose_moves(pose, move, i, taken, score)
             if (score <= best_score*(1 + rounding)) cycle
             best_score = score
@@ -228,11 +230,22 @@ contains
         end associate
     end function is_in_use
 
-    !> As many moves as there are states of self-stress: the best at one joint, then the best that are left.
+    !> Is a move one to begin with? Of those of a joint that lead to the same kind, the first; the others follow from it.
+    pure logical function begins(pose, move, k)
+        type(stressed_pose), intent(in) :: pose
+        type(move_type), intent(in) :: move(:)
+        integer, intent(in) :: k
+
+        begins = pose%loop%kind(move(k)%i) == move(k)%needs .and. &
+                 .not. any(move(:k - 1)%i == move(k)%i .and. move(:k - 1)%kind == move(k)%kind &
+                            .and. move(:k - 1)%needs == move(k)%needs)
+    end function begins
+
+    !> As many moves as there are states of self-stress: to one kind at one joint, then the best that are left.
     subroutine choose_moves(pose, move, first, taken, score)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
-        integer, intent(in) :: first                    !! joint of the loop with which to begin
+        integer, intent(in) :: first                    !! move with which to begin, or another of the joint to the same kind
         type(move_type), allocatable, intent(out) :: taken(:)
         real(wp), intent(out) :: score                  !! of the worst of them
         type(stressed_pose) :: left(size(pose))
@@ -254,24 +267,37 @@ contains
     end subroutine choose_moves
 
     !> The move along whose direction most of what is left of the self-stress acts, at the worst of the poses.
-    subroutine find_best(pose, move, kind, at, best, score)
+    subroutine find_best(pose, move, kind, like, best, score)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
         integer, intent(in) :: kind(:)                  !! of the joints by now
-        integer, intent(in) :: at                       !! of the loop's joints this one; 0: any
+        integer, intent(in) :: like                     !! only moves like this one; 0: any
         integer, intent(out) :: best
         real(wp), intent(out) :: score
-        real(wp) :: least
+        real(wp) :: strength(size(move)), most
         integer :: k, p
 
+        strength = 0
+        do k = 1, size(move)
+            if (kind(move(k)%i) /= move(k)%needs) cycle
+            if (like > 0) then
+                if (move(k)%i /= move(like)%i .or. move(k)%kind /= move(like)%kind) cycle
+            end if
+            strength(k) = minval([(strength_of(pose(p), move(k)), p=1, size(pose))])
+        end do
+        ! what lets more go leaves less to find, and less to compute
         best = 0
         score = 0
+        most = maxval(strength)
+        if (most < acts) return
         do k = 1, size(move)
-            if (kind(move(k)%i) /= move(k)%needs .or. (at > 0 .and. move(k)%i /= at)) cycle
-            least = minval([(strength_of(pose(p), move(k)), p=1, size(pose))])
-            if (least <= score*(1 + rounding)) cycle
+            if (strength(k) < nearly*most) cycle
+            if (best > 0) then
+                if (move(k)%n < move(best)%n .or. &
+                    (move(k)%n == move(best)%n .and. strength(k) <= strength(best)*(1 + rounding))) cycle
+            end if
             best = k
-            score = least
+            score = strength(k)
         end do
     end subroutine find_best
 
