@@ -145,7 +145,7 @@ contains
         if (present(unknown)) equations%unknown = unknown
         if (.not. present(unknown)) call share_among_drives(model, equations)
         equations%wants_reactions = wants_reactions
-        equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
+        equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 .or. equations%shares_drives &
                                 .or. (solver == solver_reduced .and. .not. all(model%leg%is_carried))
         if (solver == solver_reduced .and. wants_reactions) then
             call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")

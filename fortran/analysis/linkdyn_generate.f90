@@ -129,6 +129,8 @@ contains
         if (size(model%scene%laws%law) > 0 .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: "//trim(model%scene%laws%law(1)%name)//" follows the state of the mechanism "// &
             "(expected forces of time, or the kernel kinematics)")
+        if (model%share%n > 0 .and. any(result_name == "reaction" .and. wish%has)) call fail(status, status_bad_input, &
+            "no code can be generated for reactions that the equations leave open (expected other results, such as driving_force)")
         call hold_texts()
         call name_files(name, code, status)
         code%title = model%scene%title

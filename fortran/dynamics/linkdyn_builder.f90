@@ -196,7 +196,7 @@ contains
         unplanned = model
         call plan(model, status)
         if (status%is_ok() .or. model%scene%redundancy == share_refused) return
-        call release_joints(unplanned, is_freed)
+        call release_joints(unplanned, is_freed, again)
         if (.not. is_freed) return
         model = unplanned
         call plan(model, again)

@@ -25,6 +25,8 @@ module linkdyn_release
     use linkdyn_redundancy, only: most_links, hardly_new
     use linkdyn_scene, only: share_by_stiffness, coordinate_joint, joint_revolute, joint_prismatic, joint_cylindrical, &
         joint_universal, joint_spherical, joint_fixed
+    use linkdyn_status, only: status_type, fail, status_bad_input
+    use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
     public :: release_joints, compliances
@@ -59,9 +61,12 @@ module linkdyn_release
 contains
 
     !> Let joints go of as many directions as are redundant. Without redundancy, or if no joint can, nothing happens.
-    subroutine release_joints(model, is_released)
+    !>
+    !> **Errors**: `status_bad_input` if the joints' stiffness does not decide how they share.
+    subroutine release_joints(model, is_released, status)
         type(model_type), intent(inout) :: model
         logical, intent(out) :: is_released
+        type(status_type), intent(inout) :: status
         type(stressed_pose), allocatable :: pose(:)
         type(move_type), allocatable :: move(:), taken(:), best(:)
         real(wp) :: score, best_score
@@ -86,8 +91,34 @@ contains
             call make_move(model, pose(1)%loop%joint(best(i)%i), best(i))
         end do
         call note_shares(model, pose)
+        call check_stiffness(model, pose(1), status)
         is_released = .true.
     end subroutine release_joints
+
+    !> Is there a stiffness in every state of self-stress?
+    subroutine check_stiffness(model, pose, status)
+        type(model_type), intent(in) :: model
+        type(stressed_pose), intent(in) :: pose
+        type(status_type), intent(inout) :: status
+        real(wp), allocatable :: soft(:, :), left(:, :)
+        real(wp) :: compliance(pose%rows%n)
+        character(len=:), allocatable :: names
+        integer :: i
+
+        compliance = compliances(model, pose%loop, pose%rows)
+        soft = pose%whole*spread(sqrt(compliance/max(maxval(compliance), tiny(1.0_wp))), 2, size(pose%whole, 2))
+        call find_null_space(soft, sqrt(epsilon(1.0_wp)), left)
+        if (size(left, 2) == 0) return
+        names = ""
+        do i = 1, size(model%share%joint)
+            if (i > 1) names = names//", "
+            names = names//quoted(model%joint(model%share%joint(i))%name)
+        end do
+        call fail(status, status_bad_input, "redundancy = 'stiffness': "//to_text(size(left, 2)) &
+                  //trim(merge(" way ", " ways", size(left, 2) == 1))//" to share the reactions of joints " &
+                  //names &
+                  //" bend no joint that has a 'stiffness' (expected it of more of them, or 'minimum-norm')")
+    end subroutine check_stiffness
 
     !> Self-stresses in poses off the start; none if the first of these cannot be closed. The others are all over the place: those
     !> that close as the joints can be built, and have as much self-stress, count.

@@ -28,7 +28,7 @@ def loop(kinds: list[str], corners: list[list[float]], axes: list[list[float]] |
 
 def message_of(scene: dict) -> str:
     with pytest.raises(linkdyn.SceneError) as refusal:
-        linkdyn.Scene(scene)
+        linkdyn.Scene(scene | {"redundancy": "refuse"})
     return str(refusal.value)
 
 

@@ -1,0 +1,479 @@
+"""More constraints and more drives than needed: reactions by least squares and by elasticity of our own, from poses and told joints alone."""
+
+from __future__ import annotations
+
+import copy
+import itertools
+import subprocess
+from collections.abc import Sequence
+from typing import Any
+
+import linkdyn
+import numpy as np
+import pytest
+import tomli_w
+from linkdyn.cli import executable, quadruple_twin
+from numpy.typing import NDArray
+from test_redundancy_words import CORNERS, Z, loop
+
+pytestmark = pytest.mark.accuracy
+
+Array = NDArray[np.float64]
+GRAVITY = [0.0, 0.0, -9.81]
+# forces and moments that a joint holds, by axes of its first marker, z along its axis
+HELD = {"revolute": ([0, 1, 2], [0, 1]), "spherical": ([0, 1, 2], []), "cylindrical": ([0, 1], [0, 1]), "prismatic": ([0, 1], [0, 1, 2])}
+SUFFICIENT = 1e-12    # of the largest reaction: closed by iteration to 1e-13, least squares of some hundred equations
+ELASTIC = 1e-9        # stiffnesses of bearings and the whole differ by some thousand
+
+
+# ---------------------------------------------------------------- mechanisms
+
+
+def hinges(points: Sequence[Any], axes: Sequence[Any], kinds: Sequence[str] | None = None, rate: float = 0.3) -> dict[str, Any]:
+    """A loop of links between joints at these points, their mass off the loop."""
+    scene = loop(list(kinds or ["revolute"] * len(points)), [[float(x) for x in p] for p in points], [[float(x) for x in a] for a in axes])
+    scene["gravity"] = GRAVITY
+    for i, link in enumerate(scene["link"]):
+        link["mass"] = 1.0 + i
+        link["cog"] = [0.05 + 0.01 * i, -0.03, 0.02 * (i + 1)]
+        link["inertia"] = [0.01 + 0.001 * i, 0.02, 0.015, 0.001, 0.0, -0.002]
+    scene["coordinate"][0]["motion"] = {"law": "constant-rate", "start": 0.0, "rate": rate}
+    return scene
+
+
+def bennett() -> dict[str, Any]:
+    """Bennett's loop: opposite links alike, a/sin(alpha) = b/sin(beta)."""
+    a, b, alpha, first = 0.3, 0.5, np.radians(30), np.radians(50)
+    beta = np.arcsin(b / a * np.sin(alpha))
+    second = 2 * np.arctan(np.sin((beta + alpha) / 2) / np.sin((beta - alpha) / 2) / np.tan(first / 2))
+    pose, points, axes = np.eye(4), [], []
+    for turn, length, twist in zip((first, second, -first, -second), (a, b, a, b), (alpha, beta, alpha, beta), strict=True):
+        points.append(pose[:3, 3])
+        axes.append(pose[:3, 2])
+        c, s = np.cos(turn), np.sin(turn)
+        pose = pose @ np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+        c, s = np.cos(twist), np.sin(twist)
+        pose = pose @ np.array([[1, 0, 0, length], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
+    assert np.abs(pose - np.eye(4)).max() < 1e-15
+    return hinges(points, axes)
+
+
+def sarrus() -> dict[str, Any]:
+    """Sarrus' linkage: two legs of three parallel hinges, square to each other, lift a platform straight up."""
+    height, length, width = 0.5, 0.4, 0.3
+    out = width + np.sqrt(length**2 - (height / 2) ** 2)
+    points = [[0, width, 0], [0, out, height / 2], [0, width, height], [width, 0, height], [out, 0, height / 2], [width, 0, 0]]
+    return hinges(points, [[1, 0, 0]] * 3 + [[0, 1, 0]] * 3)
+
+
+def spherical() -> dict[str, Any]:
+    """Four hinges whose axes meet in a point."""
+    angles = np.array([(0, 0.1), (0.5, 0.6), (1.3, 1.1), (2.2, 0.9)])
+    axes = [[np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)] for u, v in angles]
+    return hinges(0.3 * np.array(axes), axes)
+
+
+def slider() -> dict[str, Any]:
+    """A slider-crank of a plane, drawn in space."""
+    return hinges([[0, 0, 0], [0.2, 0.3, 0], [0.9, 0, 0], [1.5, 0, 0]], [Z, Z, Z, [1, 0, 0]], ["revolute"] * 3 + ["prismatic"])
+
+
+def shaft() -> dict[str, Any]:
+    """Two bearings on one axis."""
+    scene = hinges([[0, 0, 0], [0, 0, 0.5]], [Z, Z])
+    scene["link"][0]["cog"] = [0.01, 0.02, 0.2]
+    return scene
+
+
+def agile_eye() -> dict[str, Any]:
+    """Three legs of three hinges, all axes through one point: three turns of a camera."""
+    frame, links, joints = {}, [{"name": "eye", "mass": 1.0, "cog": [0.02, 0.03, 0.05], "inertia": [0.01, 0.012, 0.009, 0, 0, 0], "markers": {}}], []
+    for i in range(3):
+        u = np.roll([1.0, 0.0, 0.0], i)
+        v = -np.roll([0.0, 1.0, 0.0], i)
+        w = np.cross(u, v)
+        at = {name: {"at": (r * axis).tolist(), "axis": axis.tolist()} for name, r, axis in (("A", 0.3, u), ("B", 0.25, w), ("C", 0.2, v))}
+        frame[f"A{i}"] = at["A"]
+        links[0]["markers"][f"C{i}"] = at["C"]
+        links += [{"name": f"in{i}", "mass": 0.5, "cog": (0.1 * (u + w)).tolist(), "inertia": [0.003, 0.004, 0.002, 0, 0, 0],
+                   "markers": {"A": at["A"], "B": at["B"]}},
+                  {"name": f"out{i}", "mass": 0.4, "cog": (0.1 * (v + w)).tolist(), "inertia": [0.002, 0.003, 0.002, 0, 0, 0],
+                   "markers": {"B": at["B"], "C": at["C"]}}]
+        joints += [{"name": f"{end}{i}", "type": "revolute", "between": between} for end, between in (
+            ("A", [f"frame.A{i}", f"in{i}.A"]), ("B", [f"in{i}.B", f"out{i}.B"]), ("C", [f"out{i}.C", f"eye.C{i}"]))]
+    motion = [{"law": "harmonic", "amplitude": 0.3, "frequency": f"{0.5 + 0.1 * i} Hz", "phase": 0.4 * i} for i in range(3)]
+    return {"space": "spatial", "gravity": GRAVITY, "frame": {"markers": frame}, "link": links, "joint": joints,
+            "coordinate": [{"joint": f"A{i}", "motion": motion[i]} for i in range(3)], "actuator": [{"joint": f"A{i}"} for i in range(3)]}
+
+
+def three_cranks() -> dict[str, Any]:
+    """A parallelogram with a third crank, in the plane."""
+    cranks = [("A", 0.0), ("B", 1.0), ("C", 2.0)]
+    body = {"mass": 1.0, "inertia": 0.1, "cog": [0.1, 0.2]}
+    return {
+        "space": "planar", "gravity": [0.0, -9.81], "frame": {"markers": {name: {"at": [x, 0.0]} for name, x in cranks}},
+        "link": [*({"name": f"crank{name}", **body, "markers": {"O": {"at": [0.0, 0.0]}, "E": {"at": [0.0, 0.5]}}} for name, _ in cranks),
+                 {"name": "bar", **body, "markers": {name: {"at": [x, 0.0]} for name, x in cranks}}],
+        "joint": [{"name": f"{end}{name}", "type": "revolute", "between": between} for name, _ in cranks for end, between in (
+            ("O", [f"frame.{name}", f"crank{name}.O"]), ("E", [f"crank{name}.E", f"bar.{name}"]))],
+        "coordinate": [{"joint": "OA", "motion": {"law": "constant-rate", "start": "10 deg", "rate": 1.0}}], "actuator": [{"joint": "OA"}],
+    }
+
+
+SPATIAL = {"bennett": bennett, "sarrus": sarrus, "spherical": spherical, "slider": slider, "shaft": shaft, "agile_eye": agile_eye}
+
+
+# ---------------------------------------------------------------- statics of our own
+
+
+def frame_about(axis: Array) -> Array:
+    z = axis / np.linalg.norm(axis)
+    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x /= np.linalg.norm(x)
+    return np.array([x, np.cross(z, x), z]).T
+
+
+class Statics:
+    """Equilibrium of the links of a spatial scene at one pose: A x = b, x the forces and moments of the joints and the drives' torques."""
+
+    def __init__(self, scene: dict[str, Any], position: Array, rotation: Array) -> None:
+        self.scene, self.position, self.rotation = scene, position, rotation
+        self.links = [link["name"] for link in scene["link"]]
+        driven = {actuator["joint"] for actuator in scene["actuator"]}
+        self.joint: list[int] = []
+        self.sort: list[str] = []
+        self.axis: list[Array] = []
+        columns = []
+        for j, joint in enumerate(scene["joint"]):
+            (first, p1, axis), (second, p2, _) = map(self.marker, joint["between"])
+            axes = frame_about(axis)
+            forces, moments = HELD[joint["type"]]
+            directions = [("force", k) for k in forces] + [("moment", k) for k in moments]
+            for sort, k in [*directions, *([("drive", 2)] if joint["name"] in driven else [])]:
+                column = np.zeros(6 * len(self.links))
+                for link, sign in ((second, 1), (first, -1)):
+                    if link < 0:
+                        continue
+                    force = axes[:, k] * (sort == "force")
+                    moment = np.cross(p2 - position[link], force) + axes[:, k] * (sort != "force")
+                    column[6 * link:6 * link + 6] += sign * np.concatenate([force, moment])
+                columns.append(column)
+                self.joint.append(j)
+                self.sort.append(sort if sort != "force" or k < 2 else "thrust")
+                self.axis.append(axes[:, k])
+        self.matrix = np.array(columns).T
+        self.right = np.zeros(6 * len(self.links))
+        for i, link in enumerate(scene["link"]):
+            weight = link["mass"] * np.array(scene["gravity"])
+            self.right[6 * i:6 * i + 6] = -np.concatenate([weight, np.cross(rotation[i] @ link["cog"], weight)])
+
+    def marker(self, name: str) -> tuple[int, Array, Array]:
+        link, marker = name.split(".")
+        if link == "frame":
+            spec = self.scene["frame"]["markers"][marker]
+            return -1, np.array(spec["at"]), np.array(spec["axis"])
+        i = self.links.index(link)
+        spec = self.scene["link"][i]["markers"][marker]
+        return i, self.position[i] + self.rotation[i] @ spec["at"], self.rotation[i] @ spec["axis"]
+
+    def least_squares(self) -> Array:
+        """The least sum of squares of forces, and of moments over the mechanism's size. Drives are determined."""
+        markers = [marker for part in (self.scene["frame"], *self.scene["link"]) for marker in part["markers"].values()]
+        size = max(abs(x) for marker in markers for x in marker["at"])
+        scale = np.array([size if sort == "moment" else 1.0 for sort in self.sort])
+        return scale * np.linalg.lstsq(self.matrix * scale, self.right, rcond=1e-10)[0]
+
+    def elastic(self) -> Array:
+        """Links on elastic joints, by their displacements. The drives' torques are determined: those of any solution."""
+        drives = np.array([sort == "drive" for sort in self.sort])
+        x = np.linalg.lstsq(self.matrix, self.right, rcond=1e-10)[0] * drives
+        names = {"force": "radial", "thrust": "axial", "moment": "tilt"}
+        stiffness = np.array([self.scene["joint"][j]["stiffness"][names[sort]] for j, sort in zip(self.joint, self.sort, strict=True) if sort != "drive"])
+        held = self.matrix[:, ~drives]
+        displacement = np.linalg.lstsq(held * stiffness @ held.T, self.right - self.matrix @ x, rcond=1e-13)[0]
+        x[~drives] = stiffness * (held.T @ displacement)
+        return x
+
+    def reactions(self, x: Array) -> Array:
+        total = np.zeros((len(self.scene["joint"]), 6))
+        for j, sort, axis, size in zip(self.joint, self.sort, self.axis, x, strict=True):
+            if sort != "drive":
+                total[j, 3 * (sort == "moment"):3 * (sort == "moment") + 3] += size * axis
+        return total
+
+    def drives(self, x: Array) -> Array:
+        return x[[sort == "drive" for sort in self.sort]]
+
+
+def at_rest(scene: dict[str, Any], q: Array) -> tuple[Any, list[Statics]]:
+    opened = linkdyn.Scene(scene)
+    run = opened.inverse(q=q, qd=0 * q, qdd=0 * q)
+    poses = opened.poses(q=q)
+    return run, [Statics(scene, position, rotation) for position, rotation in zip(poses.position, poses.rotation, strict=True)]
+
+
+def some_poses(scene: dict[str, Any]) -> Array:
+    n = len(scene["coordinate"])
+    return np.random.default_rng(3).uniform(-0.4, 0.6, size=(4, n))
+
+
+@pytest.mark.parametrize("name", SPATIAL)
+def test_least_squares(name: str) -> None:
+    scene = SPATIAL[name]()
+    run, statics = at_rest(scene, some_poses(scene))
+    assert not run.status.values.any() and run.attrs["redundancy"] == "minimum-norm"
+    for i, pose in enumerate(statics):
+        x = pose.least_squares()
+        expected = pose.reactions(x)
+        np.testing.assert_allclose(run.reaction.values[i], expected, rtol=0, atol=SUFFICIENT * np.abs(expected).max())
+        np.testing.assert_allclose(run.driving_force.values[i], pose.drives(x), rtol=0, atol=SUFFICIENT * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["bennett", "sarrus", "spherical", "shaft", "agile_eye"])
+def test_elastic_joints(name: str) -> None:
+    scene = SPATIAL[name]() | {"redundancy": "stiffness"}
+    for i, joint in enumerate(scene["joint"]):
+        joint["stiffness"] = {"radial": 1e8 * (1 + i), "axial": 5e7 * (2 + i), "tilt": 1e5 * (1 + 0.3 * i)}
+    run, statics = at_rest(scene, some_poses(scene))
+    assert not run.status.values.any()
+    for i, pose in enumerate(statics):
+        expected = pose.reactions(pose.elastic())
+        np.testing.assert_allclose(run.reaction.values[i], expected, rtol=0, atol=ELASTIC * np.abs(expected).max())
+
+
+def test_rigid_joints_of_a_stiff_scene() -> None:
+    """What has no stiffness is rigid: as if it were very stiff. Without any, nothing is decided, which is said."""
+    scene = shaft() | {"redundancy": "stiffness"}
+    q = np.array([[0.3]])
+    scene["joint"][0]["stiffness"] = {"radial": 1e6, "axial": 1e6, "tilt": 1e3}
+    rigid, _ = at_rest(scene, q)
+    scene["joint"][1]["stiffness"] = {"radial": 1e16, "axial": 1e16, "tilt": 1e13}
+    _, statics = at_rest(scene, q)
+    expected = statics[0].reactions(statics[0].elastic())
+    np.testing.assert_allclose(rigid.reaction.values[0], expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+    for joint in scene["joint"]:
+        del joint["stiffness"]
+    with pytest.raises(linkdyn.SceneError, match="stiffness"):
+        linkdyn.Scene(scene)
+
+
+# ---------------------------------------------------------------- in motion
+
+
+@pytest.mark.parametrize("name", SPATIAL)
+def test_power_and_other_roads(name: str) -> None:
+    """Power balance, LAPACK's solution, elimination on lanes (few samples) and by record (many)."""
+    scene = linkdyn.Scene(SPATIAL[name]())
+    t = np.linspace(0, 1.5, 400)
+    run = scene.inverse(t=t, want=["driving_force", "reaction", "checks"])
+    assert not run.status.values.any()
+    assert np.abs(run.power_imbalance.values).max() < 1e-12
+    size = np.abs(run.reaction.values).max()
+    for solver, step in (("lapack", 40), ("gauss-jordan", 40), ("elimination", 40)):
+        few = scene.inverse(t=t[::step], solver=solver)
+        np.testing.assert_allclose(few.reaction.values, run.reaction.values[::step], rtol=0, atol=1e-10 * size)
+
+
+def test_a_planar_four_bar_in_space() -> None:
+    """Forces in the plane are determined: those of the planar scene, to the last digits, in motion."""
+    spatial = hinges(CORNERS, [Z] * 4, rate=2.0)
+    planar = {"space": "planar", "frame": {"markers": {k: {"at": m["at"][:2]} for k, m in spatial["frame"]["markers"].items()}},
+              "link": [{"name": link["name"], "mass": link["mass"], "cog": link["cog"][:2], "inertia": link["inertia"][2],
+                        "markers": {k: {"at": m["at"][:2]} for k, m in link["markers"].items()}} for link in spatial["link"]],
+              **{key: spatial[key] for key in ("joint", "coordinate", "actuator")}}
+    del spatial["gravity"]
+    t = np.linspace(0, 0.5, 9)
+    here, there = (linkdyn.Scene(scene).inverse(t=t) for scene in (spatial, planar))
+    assert not here.status.values.any()
+    np.testing.assert_allclose(here.driving_force.values, there.driving_force.values, rtol=1e-12)
+    np.testing.assert_allclose(here.reaction.values[..., :2], there.reaction.values[..., :2], rtol=0, atol=1e-12 * np.abs(there.reaction.values).max())
+
+
+def test_a_third_crank_in_the_plane() -> None:
+    """Equilibrium of all links, and no smaller sum of squares by a self-stress of the three cranks."""
+    scene = three_cranks()
+    q = np.array([[0.3], [1.2]])
+    run = linkdyn.Scene(scene).inverse(q=q, qd=0 * q, qdd=0 * q)
+    assert not run.status.values.any()
+    for angle, reaction, torque in zip(q[:, 0], run.reaction.values, run.driving_force.values[:, 0], strict=True):
+        # unknown: two forces a pin (frame on crank, crank on bar), the torque
+        c, s = np.cos(angle), np.sin(angle)
+        rows, right = [], []
+        for i in range(3):                                   # cranks: their marker E is at [0, 0.5]
+            arm, cog = 0.5 * np.array([-s, c]), np.array([0.1 * c - 0.2 * s, 0.1 * s + 0.2 * c])
+            for k in range(2):
+                row = np.zeros(13)
+                row[4 * i + k], row[4 * i + 2 + k] = 1, -1
+                rows.append(row)
+                right.append(9.81 if k else 0.0)
+            row = np.zeros(13)
+            row[4 * i + 2:4 * i + 4] = [arm[1], -arm[0]]     # moment of minus the force on the bar about O
+            row[12] = i == 0
+            rows.append(row)
+            right.append(9.81 * cog[0])
+        for k in range(2):
+            row = np.zeros(13)
+            row[[2 + k, 6 + k, 10 + k]] = 1
+            rows.append(row)
+            right.append(9.81 if k else 0.0)
+        row = np.zeros(13)
+        row[[3, 7, 11]] = [0.0, 1.0, 2.0]
+        rows.append(row)
+        right.append(9.81 * 0.1)
+        x = np.linalg.lstsq(np.array(rows)[:, :12], np.array(right) - np.array(rows)[:, 12] * torque, rcond=1e-12)[0]
+        np.testing.assert_allclose(np.array(rows) @ np.append(x, torque), right, atol=1e-12)
+        np.testing.assert_allclose(reaction[:, :2].reshape(12), x, atol=1e-12 * np.abs(x).max())
+
+
+def test_forward_after_inverse() -> None:
+    """Under the torque that inverse dynamics asks for, Bennett's loop moves as it was asked to; freely, it keeps its energy."""
+    scene = bennett()
+    scene["coordinate"][0]["motion"] = {"law": "harmonic", "amplitude": 0.3, "frequency": "1 Hz"}
+    t = np.linspace(0, 1, 11)
+    run = linkdyn.Scene(scene).forward(t=t, rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(run.q.values[:, 0], 0.3 * np.sin(2 * np.pi * t), atol=1e-9)
+    inverse = linkdyn.Scene(scene).inverse(t=t)
+    np.testing.assert_allclose(run.reaction.values, inverse.reaction.values, rtol=0, atol=1e-7 * np.abs(inverse.reaction.values).max())
+    scene["actuator"] = []
+    free = linkdyn.Scene(scene).forward(t=t[:4], rtol=1e-11, atol=1e-11)
+    energy = (free.kinetic_energy + free.potential_energy).values
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+
+
+def test_quadruple_precision(tmp_path: Any) -> None:
+    """The twin finds the same reactions."""
+    if quadruple_twin() is None:
+        pytest.skip("no quadruple twin")
+    scene = bennett()
+    file = tmp_path / "scene.toml"
+    file.write_text(tomli_w.dumps(scene | {"time": {"end": 1.0, "samples": 4}}))
+    out = tmp_path / "run.csv"
+    subprocess.run([str(quadruple_twin()), "inverse", str(file), "-o", str(out)], check=True, capture_output=True, timeout=120)
+    lines = [line for line in out.read_text().splitlines() if not line.startswith("#")]
+    names = lines[0].split(",")
+    column = next(i for i, name in enumerate(names) if name.startswith("reaction J3 Fz") or ("J3" in name and "Fz" in name))
+    found = [float(line.split(",")[column]) for line in lines[1:]]
+    run = linkdyn.Scene(scene).inverse(t=np.linspace(0, 1, 4))
+    np.testing.assert_allclose(run.reaction.sel(joint="J3", component="Fz").values, found, rtol=1e-10)
+
+
+# ---------------------------------------------------------------- drives
+
+
+def test_drives_that_share() -> None:
+    """Cranks of a parallelogram turn alike: three drives share as they are asked to."""
+    scene = three_cranks()
+    alone = linkdyn.Scene(scene).inverse(t=[0.0, 0.4]).driving_force.values[:, 0]
+    scene["actuator"] = [{"joint": "OA"}, {"joint": "OB"}, {"joint": "OC", "share": 2.0}]
+    shared = linkdyn.Scene(scene).inverse(t=[0.0, 0.4], want=["driving_force", "reaction", "checks"])
+    np.testing.assert_allclose(shared.driving_force.values, np.outer(alone, [1, 1, 4]) / 6, rtol=1e-12)
+    assert np.abs(shared.power_imbalance.values).max() < 1e-14
+
+
+def eight_legs() -> tuple[dict[str, Any], Array, Array]:
+    """A platform on eight driven legs, two more than it has freedoms."""
+    n = 8
+    number = np.arange(n)
+    foot = 2 * np.pi * (number + 0.15 * (-1) ** number) / n
+    tip = 2 * np.pi * (number - 0.42 * (-1) ** number) / n
+    base = np.array([0.5 * np.cos(foot), 0.5 * np.sin(foot), 0 * foot]).T
+    platform = np.array([0.3 * np.cos(tip), 0.3 * np.sin(tip), 0 * tip]).T
+    half = {"mass": 1.0, "cog": [0, 0, 0.1], "inertia": [0.01, 0.01, 0.001, 0, 0, 0]}
+    scene = {
+        "space": "spatial", "gravity": GRAVITY, "frame": {"markers": {f"B{i}": {"at": base[i].tolist()} for i in range(n)}},
+        "link": [{"name": "platform", "mass": 20.0, "cog": [0, 0, 0.05], "inertia": [0.5, 0.6, 0.9, 0, 0, 0],
+                  "markers": {f"P{i}": {"at": platform[i].tolist()} for i in range(n)}}],
+        "chain": [{"type": "UPS", "name": "leg", "base": [f"frame.B{i}" for i in range(n)], "platform": [f"platform.P{i}" for i in range(n)],
+                   "lower": half, "upper": half, "actuated": True, "axis": [[-float(np.sin(a)), float(np.cos(a)), 0.0] for a in foot]}],
+        "coordinate": [{"link": "platform", "start": {"position": [0, 0, 0.6], "angles": [0, 0, 0.1]}}],
+    }
+    return scene, base, platform
+
+
+def test_eight_legs() -> None:
+    """Leg forces are a linear map of the legs' directions (the least squares), power balances, every solver agrees."""
+    scene, base, platform = eight_legs()
+    rng = np.random.default_rng(5)
+    q = np.array([0, 0, 0.6, 0, 0, 0.1]) + 0.05 * rng.normal(size=(40, 6))
+    qd, qdd = 0.3 * rng.normal(size=(40, 6)), rng.normal(size=(40, 6))
+    opened = linkdyn.Scene(scene)
+    run = opened.inverse(q=q, qd=qd, qdd=qdd, want=["driving_force", "reaction", "checks"])
+    assert not run.status.values.any() and np.abs(run.power_imbalance.values).max() < 1e-14
+    poses = opened.poses(q=q)
+    for force, position, rotation in zip(run.driving_force.values, poses.position[:, 0], poses.rotation[:, 0], strict=True):
+        arms = platform @ rotation.T
+        legs = position + arms - base
+        legs /= np.linalg.norm(legs, axis=1)[:, np.newaxis]
+        wrenches = np.concatenate([legs, np.cross(arms, legs)], axis=1)
+        part = np.linalg.lstsq(wrenches, force, rcond=None)[0]
+        np.testing.assert_allclose(wrenches @ part, force, rtol=0, atol=1e-12 * np.abs(force).max())
+    for solver in ("lapack", "gauss-jordan", "reduced"):
+        want = ["driving_force"] if solver == "reduced" else ["driving_force", "reaction"]
+        other = opened.inverse(q=q, qd=qd, qdd=qdd, solver=solver, want=want)
+        for name in want:
+            np.testing.assert_allclose(other[name].values, run[name].values, rtol=0, atol=1e-12 * np.abs(run[name].values).max())
+
+
+def test_two_bearings_each_with_a_motor() -> None:
+    scene = shaft()
+    scene["actuator"] = [{"joint": "J1"}, {"joint": "J2"}]
+    both = linkdyn.Scene(scene).inverse(t=[0.0, 0.2]).driving_force.values
+    alone = linkdyn.Scene(shaft()).inverse(t=[0.0, 0.2]).driving_force.values
+    np.testing.assert_allclose(both, np.repeat(alone / 2, 2, axis=1), rtol=1e-13)
+
+
+def test_drives_without_a_condition() -> None:
+    scene, *_ = eight_legs()
+    q = np.array([[0, 0, 0.6, 0, 0, 0.1]])
+    with pytest.raises(linkdyn.InputError, match="more actuators than coordinates"):
+        linkdyn.Scene(scene).inverse(q=q, qd=0 * q, qdd=0 * q, want=["driving_force", "rcond"])
+
+
+# ---------------------------------------------------------------- what does not fit, and what is told
+
+
+def test_a_loop_that_does_not_fit_cannot_move() -> None:
+    """An axis a thousandth of a radian off: nothing is redundant, the loop is rigid, and it is refused."""
+    scene = hinges(CORNERS, [Z, Z, Z, [0.001, 0.0, 1.0]])
+    with pytest.raises(linkdyn.SceneError, match="over-constrain|one too many"):
+        linkdyn.Scene(scene)
+
+
+def test_assemblies_that_do_not_fit_are_none() -> None:
+    """Three cranks: the antiparallelogram of two of them leaves no place for the third."""
+    assert linkdyn.Scene(three_cranks()).inverse(t=[0.0]).status.item() == 0
+    forced = three_cranks()
+    for joint, branch in itertools.product(("EC", "EA", "OC"), (1, -1)):
+        scene = copy.deepcopy(forced)
+        next(j for j in scene["joint"] if j["name"] == joint)["branch"] = branch
+        try:
+            run = linkdyn.Scene(scene).inverse(t=[0.0])
+        except linkdyn.SceneError:
+            continue                                         # no dyad closes there
+        assert run.status.item() in (0, 1)
+        if run.status.item() == 1:
+            return
+    pytest.fail("no branch leads to the antiparallelogram")
+
+
+def test_refusal_on_request() -> None:
+    with pytest.raises(linkdyn.SceneError, match="3 constraint directions are redundant"):
+        linkdyn.Scene(bennett() | {"redundancy": "refuse"})
+    scene = three_cranks() | {"redundancy": "refuse", "actuator": [{"joint": "OA"}, {"joint": "OB"}]}
+    del scene["joint"][5], scene["joint"][4], scene["link"][2]
+    with pytest.raises(linkdyn.InputError, match="too many actuators: 2 actuators for 1 coordinate"):
+        linkdyn.Scene(scene).inverse(t=[0.0])
+
+
+def test_what_is_told(tmp_path: Any) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(tomli_w.dumps(bennett() | {"time": {"end": 1.0, "samples": 3}}))
+    told = subprocess.run([executable(), "explain", file], capture_output=True, text=True, timeout=60, check=True).stdout
+    assert "Redundant constraints: 3" in told and "not determined by the equations: J1.force J1.moment" in told
+    summary = subprocess.run([executable(), "inverse", file, "-o", tmp_path / "run.nc"], capture_output=True, text=True, timeout=60, check=True).stdout
+    assert "not determined   J1.force J1.moment J2.force" in summary and "the least sum of squares" in summary
+    with pytest.raises(linkdyn.InputError, match="leave open have no error estimates"):
+        linkdyn.Scene(bennett()).inverse(t=[0.0], error=True)
+    assert linkdyn.Scene(bennett()).inverse(t=[0.0], error=True, want="driving_force").driving_force_error.item() < 1e-10
+    with pytest.raises(linkdyn.InputError, match="the equations leave open"):
+        linkdyn.Scene(bennett()).generate("inverse", want=["reaction"])
