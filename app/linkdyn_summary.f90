@@ -3,9 +3,9 @@
 module linkdyn_summary
     use linkdyn_assembly_trail, only: reached_crossing, reached_anew
     use linkdyn_inverse, only: solver_name, solver_reduced
-    use linkdyn_choice, only: choices_in_words
+    use linkdyn_choice, only: shares_in_words, choices_in_words
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, shared_reactions
+    use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_reaction, result_status, result_assembly, variable_index, samples_width, &
         label_of_value, estimated, estimate_of
@@ -290,7 +290,7 @@ contains
     contains
         !> Which reactions are a choice among many.
         subroutine print_shares()
-            write (unit, "(a)") "  not determined   "//shared_reactions(model)//": by the equations alone; taken: "// &
+            write (unit, "(a)") "  not determined   "//shares_in_words(model)//": taken is "// &
                 trim(merge("the least sum of squares ", "the least elastic energy ", &
                            model%scene%redundancy == share_by_least_norm))
         end subroutine print_shares

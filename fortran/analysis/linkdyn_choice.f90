@@ -5,7 +5,7 @@ module linkdyn_choice
     use linkdyn_text, only: to_text, join
     implicit none (type, external)
     private
-    public :: has_choice, choice_in_words, choices_in_words
+    public :: has_choice, choice_in_words, choices_in_words, shares_in_words
 
 contains
 
@@ -76,4 +76,24 @@ contains
         end do
         if (n > most) text = text//"; and "//to_text(n - most)//" more"
     end function choices_in_words
+
+    !> Reactions that the equations leave open, in words; the first joints by name.
+    function shares_in_words(model) result(text)
+        type(model_type), intent(in) :: model
+        character(len=:), allocatable :: text
+        integer, parameter :: most_named = 6
+        integer :: n, j
+
+        associate (share => model%share)
+            n = size(share%joint)
+            text = trim(merge("moments           ", "forces            ", .not. any(share%of_force)))
+            if (any(share%of_force) .and. any(share%of_moment)) text = "forces and moments"
+            text = text//" of "//trim(merge("joint ", "joints", n == 1))
+            do j = 1, min(n, most_named)
+                if (j > 1) text = text//","
+                text = text//" "//trim(model%joint(share%joint(j))%name)
+            end do
+            if (n > most_named) text = text//" and "//to_text(n - most_named)//" more"
+        end associate
+    end function shares_in_words
 end module linkdyn_choice

@@ -6,14 +6,14 @@ module linkdyn_explain
     use linkdyn_elimination_plan, only: elimination_plan
     use linkdyn_explain_record, only: explain_record
     use linkdyn_constants, only: pi
-    use linkdyn_choice, only: has_choice, choice_in_words
+    use linkdyn_choice, only: shares_in_words, has_choice, choice_in_words
     use linkdyn_gearing, only: led_name
     use linkdyn_joint_table, only: n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
         step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
-        is_released, shared_reactions
+        is_released
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable
     use linkdyn_status, only: status_type
@@ -103,7 +103,7 @@ contains
             if (is_released(model%joint(j))) write (unit, "(2x,a24,a)") adjustl(model%joint(j)%name), &
                 trim(joint_kind_name(model%joint(j)%told_kind))//", closes the loop as "//trim(joint_kind_name(model%joint(j)%kind))
         end do
-        write (unit, "(2x,a)") "not determined by the equations: "//shared_reactions(model)
+        write (unit, "(2x,a)") "not determined by the equations: "//shares_in_words(model)
         write (unit, "(2x,a)") "redundancy = """//trim(share_name(model%scene%redundancy))//""": of these the "// &
             trim(merge("least sum of squares", "least elastic energy", model%scene%redundancy == share_by_least_norm))
     end subroutine explain_redundancy
