@@ -22,6 +22,7 @@ GROUPS = {
     "Platforms": ("stewart_drilling", "stewart_workspace", "stewart_tsai", "stewart_taghirad", "stewart_aris", "stewart_mathworks",
                   "delta", "tripod"),
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
+    "More constraints than needed": ("agile_eye",),
     "Gears and belts": ("planetary_crank", "geared_fivebar"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
                   "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole"),

@@ -9,7 +9,7 @@ module linkdyn_sweep_design
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_pose_measures, only: pose_measures, prepare_pose_measures, belongs_to_pose
     use linkdyn_scene, only: scene_type
-    use linkdyn_status, only: status_type
+    use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_sweep_plan, only: sweep_plan, axis_values
     use linkdyn_sweep_quantities, only: quantity_row
     use linkdyn_sweep_source, only: design_source
@@ -135,6 +135,9 @@ contains
         if (design%needs_forces .or. design%measures%wants_map) call prepare_inverse(design%model, options, &
             any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0), design%forces, &
             design%status)
+        if (design%measures%wants_map .and. design%model%n_actuator > design%model%n_q) call fail(design%status, status_bad_input, &
+            "there are more actuators than coordinates: quantities of the map between both (condition, determinant, " &
+            //"amplifications) are not known then")
         options%wants_forces = .false.
         if (design%status%is_ok()) call prepare_inverse(design%model, options, .false., design%motion, design%status)
     end subroutine plan_equations

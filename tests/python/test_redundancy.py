@@ -477,3 +477,28 @@ def test_what_is_told(tmp_path: Any) -> None:
     assert linkdyn.Scene(bennett()).inverse(t=[0.0], error=True, want="driving_force").driving_force_error.item() < 1e-10
     with pytest.raises(linkdyn.InputError, match="the equations leave open"):
         linkdyn.Scene(bennett()).generate("inverse", want=["reaction"])
+
+
+@pytest.mark.parametrize("quantity", ["condition", "determinant", "force_amplification"])
+def test_no_map_of_shared_drives_in_sweeps(quantity: str) -> None:
+    scene, *_ = eight_legs()
+    axes = [{"coordinate": "platform.x", "linspace": [-0.1, 0.1, 3]}]
+    scene["sweep"] = {"on": "platform.P0", "reduce": ["driving_force"], "axis": axes}
+    assert linkdyn.Scene(scene).sweep().driving_force_max.shape[-1] == 8
+    scene["sweep"]["reduce"] = [quantity]
+    with pytest.raises(linkdyn.LinkdynError, match="more actuators than coordinates"):
+        linkdyn.Scene(scene).sweep()
+
+
+def test_designs_of_a_sweep() -> None:
+    """Each design shares its own reactions."""
+    scene = hinges(CORNERS, [Z] * 4)
+    masses = [1.0, 2.0, 3.0]
+    scene["sweep"] = {"reduce": ["reaction_force"], "axis": [{"coordinate": "J1", "linspace": [-0.5, 0.5, 21]},
+                                                             {"parameter": "link.link2.mass", "values": masses}]}
+    found = linkdyn.Scene(scene).sweep().reaction_force_max.values
+    q = np.linspace(-0.5, 0.5, 21)[:, np.newaxis]
+    for mass, largest in zip(masses, found, strict=True):
+        scene["link"][1]["mass"] = mass
+        run = linkdyn.Scene(scene).inverse(q=q, qd=0 * q, qdd=0 * q)
+        np.testing.assert_allclose(largest, np.linalg.norm(run.reaction.values[..., :3], axis=-1).max(axis=0), rtol=1e-12)
