@@ -112,10 +112,11 @@ contains
             end if
             c = group%coordinate(1, i)
             if (view%slides) then
-                call put_turn_row(view, row + 1, matrix)
-                right(:, row + 1) = view%turn
-                call put_row(view, perp(view%u), row + 2, matrix)
-                right(:, row + 2) = view%u.cross.view%gap
+                ! in the order of the joint's constraints, which records have, too
+                call put_row(view, perp(view%u), row + 1, matrix)
+                right(:, row + 1) = view%u.cross.view%gap
+                call put_turn_row(view, row + 2, matrix)
+                right(:, row + 2) = view%turn
                 state%slide(:, 1, group%joint(i)) = view%u.dot.view%gap
             else
                 call put_row(view, vec2_of([1.0_wp, 0.0_wp]), row + 1, matrix)
@@ -197,7 +198,7 @@ contains
                 cycle
             end if
             slides = model%joint(group%joint(i))%kind == joint_prismatic
-            is_length(row + 1:row + 2) = [.not. slides, .true.]
+            is_length(row + 1:row + 2) = [.true., .not. slides]
             row = row + 2
             if (model%joint(group%joint(i))%kind == joint_fixed) then
                 row = row + 1
@@ -381,8 +382,8 @@ contains
                 cycle
             end if
             if (view%slides) then
-                right(:, row + 1) = turning
-                right(:, row + 2) = view%u.cross.opening
+                right(:, row + 1) = view%u.cross.opening
+                right(:, row + 2) = turning
             else
                 right(:, row + 1) = opening%x
                 right(:, row + 2) = opening%y
