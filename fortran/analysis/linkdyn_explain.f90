@@ -54,6 +54,8 @@ contains
             write (unit, "(2x,a)") "gravity: ["//to_text(model%gravity(1))//", "//to_text(model%gravity(2))//", " &
                 //to_text(model%gravity(3))//"] m/s2"
         end if
+        if (model%scene%base%moves) &
+            write (unit, "(2x,a)") "the frame moves: motion and results are as seen from it, in its axes"
     end subroutine explain_scene
 
     subroutine explain_links(model, unit)

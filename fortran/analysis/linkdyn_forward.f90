@@ -759,6 +759,9 @@ contains
         do i = 1, model%n_actuator
             call add_kinks(model%scene%actuator(i)%drive%target, kink)
         end do
+        do i = 1, size(model%scene%base%motion)
+            call add_kinks(model%scene%base%motion(i), kink)
+        end do
         do i = 1, model%n_load
             do k = 1, 3
                 call add_kinks(model%scene%load(i)%force(k), kink)

@@ -129,6 +129,8 @@ contains
         if (size(model%scene%laws%law) > 0 .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: "//trim(model%scene%laws%law(1)%name)//" follows the state of the mechanism "// &
             "(expected forces of time, or the kernel kinematics)")
+        if (model%scene%base%moves .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
+            "no code can be generated: the frame of the scene moves (expected a frame at rest, or the kernel kinematics)")
         call hold_texts()
         call name_files(name, code, status)
         code%title = model%scene%title

@@ -10,6 +10,7 @@ module linkdyn_f2py_api
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assemblies, only: assembly_list, find_assemblies
     use linkdyn_assembly_trail, only: assembly_trail
+    use linkdyn_base_motion, only: evaluate_base_pose
     use linkdyn_code_texts, only: make_code_texts
     use linkdyn_dataset, only: dataset_type, sample_variable
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
@@ -44,7 +45,7 @@ module linkdyn_f2py_api
     private
     public :: api_version, api_choose_code, api_code, api_default_method
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
-    public :: api_describe_results, api_explain, api_motion, api_loads, api_state_loads
+    public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_loads, api_state_loads
     public :: api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
@@ -319,6 +320,29 @@ contains
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_motion
+
+    !> How the frame moves: x y z roll pitch yaw with their derivatives.
+    subroutine api_frame_motion(handle, n, t, n_pose_values, pose, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: handle
+        integer(c_int), intent(in) :: n, n_pose_values
+        real(c_double), intent(in) :: t(n)                                 ! [s]
+        real(c_double), intent(inout), target :: pose(n_pose_values)       ! (6, 3, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        real(c_double), pointer :: pose3(:, :, :)
+
+        call take_scene(handle, scene, status)
+        if (status%code == 0) call check_size("pose", int(n_pose_values, int64), 18, n, status)
+        if (status%code == 0) then
+            pose3(1:6, 1:3, 1:n) => pose
+            call evaluate_base_pose(scene%model, t, pose3)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_frame_motion
 
     !> The loads of the scene alone.
     subroutine api_loads(handle, n, t, n_load_values, load, code, message)

@@ -149,6 +149,9 @@ contains
         do i = 1, size(scene%coordinate)
             call number_table(scene%coordinate(i)%motion)
         end do
+        do i = 1, size(scene%base%motion)
+            call number_table(scene%base%motion(i))
+        end do
         do i = 1, size(scene%load)
             do k = 1, 3
                 call number_table(scene%load(i)%force(k))

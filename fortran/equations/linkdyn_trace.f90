@@ -1,9 +1,10 @@
 !> The physics of a scene, run once on values: motion, equations, and what becomes of their unknowns.
 module linkdyn_trace
     use linkdyn_acting, only: acting_type
+    use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
-    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, &
+    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
         in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     use linkdyn_layout, only: layout_type
     use linkdyn_loads, only: apply_load
@@ -133,6 +134,11 @@ contains
             do i = 1, size(model%scene%spring)
                 call apply_spring(traced%mechanism, i, spring)
                 traced%acting = [traced%acting, spring]
+            end do
+            if (.not. model%scene%base%moves) return
+            do i = 1, model%n_link
+                if (.not. model%link(i)%is_massless) traced%acting = &
+                    [traced%acting, base_wrench(traced%mechanism, i, traced%in%of(in_base)%v)]
             end do
         end associate
     end subroutine trace_what_acts

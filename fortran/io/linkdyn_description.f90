@@ -30,6 +30,7 @@ contains
 
         text = "{"//pair("title", string(scene%title))//","//pair("file", string(scene%file))//","// &
             pair("planar", logical_value(scene%planar))//","//pair("gravity", numbers(scene%gravity))//","// &
+            pair("frame_moves", logical_value(scene%base%moves))//","// &
             pair("time", "{"//pair("first", number(scene%time%first))//","//pair("last", number(scene%time%last))// &
             ","//pair("n_sample", integer_value(scene%time%n_sample))//"}")
         text = text//',"links":['//link_object(scene%frame, "frame")

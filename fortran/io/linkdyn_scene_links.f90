@@ -20,7 +20,7 @@ module linkdyn_scene_links
 
 contains
 
-    !> The table [frame]: markers alone. A scene may do without.
+    !> The table [frame]: markers; its motion is for `read_base`. A scene may do without.
     subroutine read_frame(root, scene, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene
@@ -36,7 +36,7 @@ contains
         place = place_at(root, node, "frame")
         scene%frame%line = place%line
         call require_table(place, "a table with markers, written [frame]", status)
-        call allow_keys(place, [character(len=7) :: "markers"], status)
+        call allow_keys(place, [character(len=7) :: "markers", "motion"], status)
         call read_markers(place, scene%planar, scene%frame, status)
     end subroutine read_frame
 

@@ -53,7 +53,7 @@ contains
         if (states%is_motion) call find_out_rates(table, scene, states%has_spline_rates, status)
         allocate (states%time(n), states%q(size(scene%coordinate), n), states%qd(size(scene%coordinate), n), &
                   states%qdd(size(scene%coordinate), n))
-        call take_column(table, "time", .false., time_span, states%time, status)
+        call take_column(table, "time", scene%base%moves, time_span, states%time, status)
         do k = 1, size(scene%coordinate)
             associate (coordinate => scene%coordinate(k))
                 quantity = length

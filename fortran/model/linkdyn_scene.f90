@@ -14,6 +14,7 @@ module linkdyn_scene
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf, hold_spec
+    public :: base_spec
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     public :: joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
@@ -216,6 +217,13 @@ module linkdyn_scene
         integer :: line = 0
     end type spring_spec
 
+    !> The prescribed motion of the frame: the pose of its axes in axes at rest, in which gravity is constant.
+    type :: base_spec
+        logical :: moves = .false.                !! the scene says so
+        type(law_spec) :: motion(6)               !! x y z roll pitch yaw [m, rad]; law_none: zero
+        integer :: line = 0
+    end type base_spec
+
     !> An idle spin, settled at a ball joint: two directions there stay square to each other. See `linkdyn_idle_spin`.
     type :: hold_spec
         integer :: joint = 0
@@ -270,6 +278,7 @@ module linkdyn_scene
         logical :: planar = .false.
         real(wp) :: gravity(3) = 0                !! [m/s2]
         logical :: has_gravity = .false.
+        type(base_spec) :: base
         logical :: passes_change_points = .true.  !! on the smooth continuation; false: the assembly is lost there
         type(variable_spec), allocatable :: variable(:)
         type(link_spec) :: frame
@@ -287,12 +296,12 @@ module linkdyn_scene
 
 contains
 
-    !> Does any law over the state ask for the instant, too?
+    !> Does the frame move, or does any law over the state ask for the instant, too?
     pure logical function takes_time(scene)
         type(scene_type), intent(in) :: scene
         integer :: i, k
 
-        takes_time = .false.
+        takes_time = scene%base%moves
         do i = 1, size(scene%laws%law)
             associate (law => scene%laws%law(i))
                 if (law%over > 0) takes_time = takes_time .or. scene%laws%measure(law%over)%kind == measure_time

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import as_floats
 from ._averages import good_samples
+from ._frame_motion import gravity_at, with_frame
 from ._kinematics import LinkMotion, link_motion
 from .errors import InputError
 from .scene import Scene
@@ -41,12 +42,13 @@ def shaking(run: xr.Dataset, scene: Scene, about: ArrayLike | None = None) -> xr
     xarray.Dataset
         ``force`` [N] and ``moment`` [N m], (sample, component): what links, drives and springs together exert on the frame, world axes; and by
         ``cause`` ("inertia", "weight", "load"), of which they are the sum, ``force_by_cause`` and ``moment_by_cause`` (cause, sample, component).
+        Where the frame moves, inertia is that of the whole motion, and the axes are the frame's.
         Loads count as from outside. Planar: x, y and the moment about z. NaN at samples that failed.
 
     Raises
     ------
     InputError
-        A point of a wrong shape; a coordinate is an angle of a spherical joint.
+        A point of a wrong shape; a coordinate is an angle of a spherical joint; the frame moves, and the run has no time.
     """
     n_axes = 2 if scene.planar else 3
     point = np.zeros(3)
@@ -54,7 +56,7 @@ def shaking(run: xr.Dataset, scene: Scene, about: ArrayLike | None = None) -> xr
         point[:n_axes] = as_floats("shaking: about", about, (n_axes,))
         if not np.isfinite(point).all():
             raise InputError("shaking: about: expected finite numbers")
-    motion = link_motion(scene, run)
+    motion = with_frame(link_motion(scene, run), run, "shaking")
     parts = (inertia_wrench(motion, point), _weight(motion, run, point), _loads(motion, run, point))
     force, moment = (np.stack([part[i] for part in parts]) for i in (0, 1))
     force[:, ~good_samples(run)] = moment[:, ~good_samples(run)] = np.nan
@@ -90,10 +92,10 @@ def inertia_wrench(motion: LinkMotion, point: Vectors) -> tuple[Vectors, Vectors
 
 
 def _weight(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors, Vectors]:
-    n, gravity = len(motion.position), np.array(motion.scene.description["gravity"])
+    n, gravity = len(motion.position), gravity_at(motion.scene, run, "shaking")
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
     for k, link in enumerate(motion.scene.description["links"][1:], start=1):
-        weight = np.broadcast_to(link["mass"] * gravity, (n, 3))
+        weight = link["mass"] * gravity
         force += weight
         moment += np.cross(motion.of_point(k, link["cog"])[0] - point, weight)
     return force, moment
