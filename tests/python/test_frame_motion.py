@@ -422,3 +422,14 @@ def test_causes_add_up() -> None:
     assert list(parts.cause.values) == ["inertia", "frame", "weight", "spring S"]
     assert np.abs(parts.driving_force.sum("cause").values - run.driving_force.values).max() < 1e-9 * np.abs(run.driving_force.values).max()
     assert np.abs(parts.driving_force.sel(cause="frame").values).max() > 0.1
+
+
+def test_held_still_on_a_ship() -> None:
+    """In axes at rest the platform of the example stands still: its legs give it its weight and what pushes it, at every instant."""
+    held = linkdyn.load(ROOT / "examples" / "ship_hexapod" / "scene.toml")
+    run = held.inverse()
+    balls = [name for name in held.joints if name.endswith(".S")]
+    given = run.reaction.sel(joint=balls).values[..., :3].sum(axis=1) + [-4e3, 0, 0]
+    turn = np.array([turning(angles) for angles in held.frame_motion()[0][:, 3:]])
+    weight = np.einsum("nij,nj->ni", turn, given)
+    assert np.abs(weight - [0, 0, 9e3 * 9.81]).max() < 1e-3 * 9e3 * 9.81
