@@ -13,6 +13,7 @@ module linkdyn_equations
         assemble_accelerations
     use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs, apply_load_laws
     use linkdyn_base_forces, only: apply_base
+    use linkdyn_payload_forces, only: find_payloads
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
@@ -530,6 +531,7 @@ contains
 
         call judge_motion(model, workspace)
         workspace%acceleration = workspace%state%qdd
+        call find_payloads(model, workspace%state)
         if (workspace%state%has_applied) then
             call apply_known_forces(model, equations, workspace)
             where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined

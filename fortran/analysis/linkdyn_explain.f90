@@ -14,7 +14,7 @@ module linkdyn_explain
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
         step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin
     use linkdyn_planner, only: mobility_of, joint_constraints
-    use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable
+    use linkdyn_scene, only: joint_revolute, joint_kind_name, variable_name, joint_n_variable, payload_changes
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
@@ -70,6 +70,15 @@ contains
                     write (unit, "(2x,a24,a)") adjustl(link%name), "massless"
                 else
                     write (unit, "(2x,a24,a)") adjustl(link%name), to_text(link%mass)//" kg"
+                end if
+            end associate
+        end do
+        do i = 1, size(model%payload)
+            associate (spec => model%scene%payload(i))
+                if (payload_changes(spec)) then
+                    write (unit, "(2x,a24,a)") adjustl(spec%name), "payload, changes with time"
+                else
+                    write (unit, "(2x,a24,a)") adjustl(spec%name), "payload, "//to_text(spec%mass%value(1))//" kg"
                 end if
             end associate
         end do

@@ -4,6 +4,7 @@ module linkdyn_explain_matrix
     use linkdyn_acceleration_columns, only: mark_applied
     use linkdyn_applied_wrenches, only: clear_applied, apply_springs, apply_load_laws
     use linkdyn_base_forces, only: apply_base
+    use linkdyn_payload_forces, only: find_payloads
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_formulation, only: formulation_type, matrix_entry, build_formulation, style_lecture
     use linkdyn_kinds, only: wp
@@ -76,8 +77,9 @@ contains
         lane_load = spread(load, 1, lanes)
         call make_slots(formulation%n_slot + model%n_row, slot)
         call evaluate_kinematics(model, state)
+        state%time = model%scene%time%first
+        call find_payloads(model, state)
         if (state%has_applied) then
-            state%time = model%scene%time%first
             call clear_applied(model, state)
             call find_laws(model, state)
             call apply_springs(model, state)

@@ -16,6 +16,7 @@ module linkdyn_forward_record
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, step_pose, gives_attitude
     use linkdyn_motion, only: evaluate_loads
+    use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_rate_program, only: rate_outputs
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, &
         free_rate_samples, run_rates
@@ -226,6 +227,7 @@ contains
                                       record%samples%qd(k, lane), record%samples%qdd(k, lane))
             end do
             if (model%scene%base%moves) call evaluate_base(model, t(lane:lane), record%samples%base(:, lane:lane))
+            if (size(model%payload) > 0) call evaluate_payloads(model, t(lane:lane), record%samples%payload(:, lane:lane))
             if (model%n_load == 0) return
             call evaluate_loads(model, t(lane:lane), load)
             record%samples%load(:, lane) = reshape(load, [6*model%n_load])
@@ -239,6 +241,7 @@ contains
                 samples%qdd(:, lane) = samples%qdd(:, lane - 1)
                 samples%load(:, lane) = samples%load(:, lane - 1)
                 samples%base(:, lane) = samples%base(:, lane - 1)
+                samples%payload(:, lane) = samples%payload(:, lane - 1)
             end associate
         end subroutine copy_laws
 

@@ -21,7 +21,8 @@ module linkdyn_inverse
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words, failure_at
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_base
+    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_base, &
+        in_payload
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures
     use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, power_imbalance, joint_rate
@@ -35,6 +36,8 @@ module linkdyn_inverse
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_planar_motion, only: level_given
     use linkdyn_planar_pass, only: map_placed
+    use linkdyn_payload_forces, only: find_payloads, add_payload_energy
+    use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
@@ -387,8 +390,11 @@ contains
             end if
             if (wants_rates) call measure_joints(model, workspace%state, variable, rate)
             if (wants_driven) call measure_driven(model, workspace%state, driven, driven_rate)
-            if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
+            if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) then
                 call measure_energy(model, workspace%state, kinetic, potential)
+                call find_payloads(model, workspace%state)
+                call add_payload_energy(model, workspace%state, kinetic, potential)
+            end if
             if (associated(results%closure)) call measure_closure(model, workspace%state, gap)
             if (has_stand_ins) then
                 allocate (of_own(lanes, model%n_q))
@@ -741,7 +747,7 @@ contains
         integer, intent(out) :: n_left
         integer, allocatable, intent(out) :: left(:)           !! absent if there are none
         real(wp), intent(in), optional :: t(:)                 !! [s] (n); absent: 0
-        real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :), base(:, :)
+        real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :), base(:, :), payload(:, :)
         type(sample_arrays) :: arrays
         type(result_list) :: list
         integer :: n
@@ -772,6 +778,16 @@ contains
                 call evaluate_base(model, [0.0_wp], base)
             end if
             call set_block(arrays, in_base, size(base, 1), size(base, 2), base)
+        end if
+        if (size(model%payload) > 0) then
+            if (present(t)) then
+                allocate (payload(size(model%payload), n))
+                call evaluate_payloads(model, t, payload)
+            else
+                allocate (payload(size(model%payload), 1))
+                call evaluate_payloads(model, [0.0_wp], payload)
+            end if
+            call set_block(arrays, in_payload, size(payload, 1), size(payload, 2), payload)
         end if
         call list_results(results, n, list)
         call clear_measures(results)

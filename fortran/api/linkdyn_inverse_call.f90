@@ -15,7 +15,7 @@ module linkdyn_inverse_call
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
         result_transmission_angle, result_growth, result_assembly
     use linkdyn_roads, only: road_counts
-    use linkdyn_scene, only: scene_type, takes_time
+    use linkdyn_scene, only: scene_type, takes_time, payload_changes
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
     use linkdyn_text, only: to_text, quoted
     use linkdyn_turns, only: turn_count
@@ -227,6 +227,8 @@ contains
 
         if (scene%base%moves) then
             call fail(status, status_bad_input, "the frame of the scene moves with time"//expected)
+        else if (any(payload_changes(scene%payload))) then
+            call fail(status, status_bad_input, "the mass of a payload of the scene changes with time"//expected)
         else if (takes_time(scene)) then
             call fail(status, status_bad_input, "a law of the scene asks for the time as well as the state"//expected)
         end if

@@ -15,7 +15,7 @@ module linkdyn_base_forces
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_marker_motion, only: in_space
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, link_type
     use linkdyn_newton_euler, only: inertia_times
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_planar_point, only: carried
@@ -33,18 +33,32 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
         type(vec3) :: gravity, omega, alpha
+        real(wp) :: one(lanes)
         integer :: l
 
         if (.not. model%scene%base%moves) return
         call find_base(model, state, gravity, omega, alpha)
+        one = 1
         do l = 1, model%n_link
-            if (model%link(l)%is_massless) cycle
-            if (model%is_planar) then
-                call push_planar_link(model, l, gravity, omega%z, alpha%z, state)
-            else
-                call push_link(model, l, gravity, omega, alpha, state)
-            end if
+            if (.not. model%link(l)%is_massless) call push(model%link(l), l, one)
         end do
+        do l = 1, size(model%payload)
+            call push(model%payload(l)%body, model%payload(l)%link, state%payload(:, l))
+        end do
+
+    contains
+
+        subroutine push(body, link, share)
+            type(link_type), intent(in) :: body
+            integer, intent(in) :: link                !! that it moves with
+            real(wp), intent(in) :: share(lanes)       !! of the body's mass that is there
+
+            if (model%is_planar) then
+                call push_in_plane(model, body, link, share, gravity, omega%z, alpha%z, state)
+            else
+                call push_in_space(model, body, link, share, gravity, omega, alpha, state)
+            end if
+        end subroutine push
     end subroutine apply_base
 
     subroutine find_base(model, state, gravity, omega, alpha)
@@ -67,33 +81,37 @@ contains
         alpha = vec3(base(:, 7), base(:, 8), base(:, 9))
     end subroutine find_base
 
-    subroutine push_link(model, l, gravity, omega, alpha, state)
+    subroutine push_in_space(model, body, l, share, gravity, omega, alpha, state)
         type(model_type), intent(in) :: model
+        type(link_type), intent(in) :: body
         integer, intent(in) :: l
+        real(wp), intent(in) :: share(lanes)
         type(vec3), intent(in) :: gravity, omega, alpha    !! of the frame, world axes
         type(kinematic_state), intent(inout) :: state
         type(vec3) :: r, v, w, e, u, momentum
         integer :: o
 
         o = model%link(l)%orientation
-        associate (link => model%link(l), turn => state%rotation(o))
-            r = state%position(l) + (turn.rotate.link%cog)
-            v = state%velocity(l) + (turn.rotate.(state%omega_body(o).cross.link%cog))
-            call apply_force(model, l, r, link%mass*(gravity - (alpha.cross.r) - (omega.cross.(omega.cross.r)) &
+        associate (turn => state%rotation(o))
+            r = state%position(l) + (turn.rotate.body%cog)
+            v = state%velocity(l) + (turn.rotate.(state%omega_body(o).cross.body%cog))
+            call apply_force(model, l, r, (share*body%mass)*(gravity - (alpha.cross.r) - (omega.cross.(omega.cross.r)) &
                                                      - 2.0_wp*(omega.cross.v)), state)
             ! the moment in link axes
             u = state%omega_body(o)
             w = turn.unrotate.omega
             e = turn.unrotate.alpha
-            momentum = inertia_times(link, w)
-            u = inertia_times(link, e + (w.cross.u)) + (w.cross.(momentum + inertia_times(link, u))) + (u.cross.momentum)
-            call apply_moment(model, l, turn.rotate.(zero_vec3() - u), state)
+            momentum = inertia_times(body, w)
+            u = inertia_times(body, e + (w.cross.u)) + (w.cross.(momentum + inertia_times(body, u))) + (u.cross.momentum)
+            call apply_moment(model, l, turn.rotate.((-share)*u), state)
         end associate
-    end subroutine push_link
+    end subroutine push_in_space
 
-    subroutine push_planar_link(model, l, gravity, omega, alpha, state)
+    subroutine push_in_plane(model, body, l, share, gravity, omega, alpha, state)
         type(model_type), intent(in) :: model
+        type(link_type), intent(in) :: body
         integer, intent(in) :: l
+        real(wp), intent(in) :: share(lanes)
         type(vec3), intent(in) :: gravity
         real(wp), intent(in) :: omega(lanes), alpha(lanes)
         type(kinematic_state), intent(inout) :: state
@@ -102,17 +120,17 @@ contains
         integer :: o
 
         o = model%link(l)%orientation
-        associate (link => model%link(l), plane => state%plane)
-            arm = plane%rotation(o).rotate.link%cog(:2)
+        associate (plane => state%plane)
+            arm = plane%rotation(o).rotate.body%cog(:2)
             r = plane%position(l) + arm
             v = carried(plane, level_velocity, l, o, arm)
             force = zero_vec3()
-            force%x = link%mass*(gravity%x + alpha*r%y + omega**2*r%x + 2*omega*v%y)
-            force%y = link%mass*(gravity%y - alpha*r%x + omega**2*r%y - 2*omega*v%x)
+            force%x = (share*body%mass)*(gravity%x + alpha*r%y + omega**2*r%x + 2*omega*v%y)
+            force%y = (share*body%mass)*(gravity%y - alpha*r%x + omega**2*r%y - 2*omega*v%x)
             moment = zero_vec3()
-            moment%z = -link%inertia(3, 3)*alpha
+            moment%z = -(share*body%inertia(3, 3))*alpha
             call apply_force(model, l, in_space(r), force, state)
             call apply_moment(model, l, moment, state)
         end associate
-    end subroutine push_planar_link
+    end subroutine push_in_plane
 end module linkdyn_base_forces

@@ -11,6 +11,7 @@ module linkdyn_builder
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_payloads, only: take_payloads
     use linkdyn_model, only: model_type, link_type, joint_type, step_csp, step_group, is_dyad, is_length, is_screw, scene_size, &
         stride_part, orientation_of
     use linkdyn_newton_group, only: prepare_margins
@@ -85,6 +86,7 @@ contains
 
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
+        if (.not. allocated(model%scene%payload)) allocate (model%scene%payload(0))
         if (.not. allocated(model%scene%laws%measure)) allocate (model%scene%laws%measure(0))
         if (.not. allocated(model%scene%laws%law)) allocate (model%scene%laws%law(0))
         model%is_planar = scene%planar
@@ -109,6 +111,7 @@ contains
             model%joint(i)%first_variable = model%n_variable
             if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
+        call take_payloads(model)
         call spread_weld_starts(model)
         call number_tables(model%scene)
         call list_joints_of_links(model)
@@ -151,6 +154,9 @@ contains
         end do
         do i = 1, size(scene%base%motion)
             call number_table(scene%base%motion(i))
+        end do
+        do i = 1, size(scene%payload)
+            call number_table(scene%payload(i)%mass)
         end do
         do i = 1, size(scene%load)
             do k = 1, 3

@@ -34,6 +34,11 @@ contains
         do k = 1, size(model%scene%base%motion)
             call scale_law(merge(scale, 1.0_wp, k <= 3), [copy, of_base, k], similar%scene%base%motion(k))
         end do
+        do i = 1, size(model%payload)
+            similar%payload(i)%body%cog = scale*model%payload(i)%body%cog
+            similar%payload(i)%body%inertia = scale**2*model%payload(i)%body%inertia
+            similar%scene%payload(i)%inertia = scale**2*model%scene%payload(i)%inertia
+        end do
         do i = 1, model%n_link
             similar%link(i)%cog = scale*model%link(i)%cog
             similar%link(i)%inertia = scale**2*model%link(i)%inertia

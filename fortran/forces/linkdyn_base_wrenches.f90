@@ -9,7 +9,7 @@ module linkdyn_base_wrenches
     use linkdyn_bodies, only: own_axes, omega_of, rotation_of, point_position, point_velocity
     use linkdyn_inertia_wrench, only: mass_properties
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, properties_of
+    use linkdyn_mechanism, only: mechanism_type
     use linkdyn_value, only: value, operator(+), operator(*)
     use linkdyn_vector, only: vector, vector_of, operator(+), operator(-), operator(*), operator(.cross.), operator(.rotate.), &
         operator(.unrotate.)
@@ -19,19 +19,18 @@ module linkdyn_base_wrenches
 
 contains
 
-    !> On one link, at its centre of mass, world axes.
-    function base_wrench(mechanism, l, base) result(acting)
+    !> On one link or on what it carries, at the centre of mass, world axes.
+    function base_wrench(mechanism, l, p, base) result(acting)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: l                       !! link
+        type(mass_properties), intent(in) :: p         !! its own, or those of a payload
         type(value), intent(in) :: base(n_base)        !! as `linkdyn_base_motion` has them
         type(acting_type) :: acting
-        type(mass_properties) :: p
         type(vector) :: gravity, w, e, u, r, v, momentum
 
         gravity = vector_of(base(1:3))
         w = vector_of(base(4:6))
         e = vector_of(base(7:9))
-        p = properties_of(mechanism, l)
         r = point_position(mechanism%bodies, l, p%cog)
         v = point_velocity(mechanism%bodies, l, p%cog)
         acting%link = l

@@ -23,6 +23,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_motion, only: read_coordinates, read_base
     use linkdyn_scene_state_laws, only: read_measures, read_named_laws
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
+    use linkdyn_scene_payloads, only: read_payloads
     use linkdyn_scene_time, only: read_time
     use linkdyn_scene_sweep, only: read_sweep
     use linkdyn_scene_variables, only: read_variables, list_variables
@@ -150,6 +151,7 @@ contains
         call read_actuators(root, driven, shelf, scene, status)
         call read_loads(root, shelf, scene, status)
         call read_springs(root, shelf, scene, status)
+        call read_payloads(root, shelf, scene, status)
         scene%laws = shelf%book
         scene%table_file = files_of(shelf)
         call read_time(root, scene, status)

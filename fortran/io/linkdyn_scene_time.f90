@@ -137,6 +137,9 @@ contains
         do i = 1, size(scene%base%motion)
             call add_law(scene%base%motion(i), span)
         end do
+        do i = 1, size(scene%payload)
+            call add_law(scene%payload(i)%mass, span)
+        end do
         do i = 1, size(scene%load)
             do j = 1, 3
                 call add_law(scene%load(i)%force(j), span)
@@ -166,6 +169,11 @@ contains
             associate (coordinate => scene%coordinate(i))
                 call require_cover(root, scene, coordinate%motion, "coordinate "//quoted(coordinate%name), &
                     coordinate%line, status)
+            end associate
+        end do
+        do i = 1, size(scene%payload)
+            associate (payload => scene%payload(i))
+                call require_cover(root, scene, payload%mass, "payload on "//quoted(payload%name), payload%line, status)
             end associate
         end do
         do i = 1, size(scene%base%motion)

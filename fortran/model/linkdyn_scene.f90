@@ -14,7 +14,7 @@ module linkdyn_scene
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf, hold_spec
-    public :: base_spec
+    public :: base_spec, payload_spec, payload_changes, wants_instants
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     public :: joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
@@ -201,6 +201,18 @@ module linkdyn_scene
         integer :: line = 0
     end type load_spec
 
+    !> A mass on a marker of a link, beside the link's own.
+    type :: payload_spec
+        character(len=name_len) :: name = ""      !! "gripper.tip"
+        integer :: link = 0
+        integer :: marker = 0
+        type(law_spec) :: mass                    !! [kg]
+        real(wp) :: inertia(6) = 0                !! of a constant mass, about the marker, link axes [kg m2]
+        real(wp) :: from = -huge(1.0_wp)          !! it is there from this instant on [s]
+        real(wp) :: until = huge(1.0_wp)          !! and no more from this one [s]
+        integer :: line = 0
+    end type payload_spec
+
     !> A spring and damper that nothing drives: between two markers, or at a variable of a joint.
     !>
     !> Between markers it pulls along their line: stiffness (d - rest) + damping d(d)/dt at distance d.
@@ -288,6 +300,7 @@ module linkdyn_scene
         type(actuator_spec), allocatable :: actuator(:)
         type(load_spec), allocatable :: load(:)
         type(spring_spec), allocatable :: spring(:)
+        type(payload_spec), allocatable :: payload(:)
         type(law_book) :: laws
         type(hold_spec), allocatable :: hold(:)   !! how idle spins are settled; absent: nobody has looked, no file says it
         type(time_spec) :: time
@@ -296,12 +309,27 @@ module linkdyn_scene
 
 contains
 
-    !> Does the frame move, or does any law over the state ask for the instant, too?
+    !> Does a payload's mass change with time?
+    elemental logical function payload_changes(payload)
+        type(payload_spec), intent(in) :: payload
+
+        payload_changes = payload%mass%kind /= law_constant .or. payload%from > -huge(1.0_wp) .or. payload%until < huge(1.0_wp)
+    end function payload_changes
+
+    !> Does the frame move, or a payload change? States do not tell that.
+    pure logical function wants_instants(scene)
+        type(scene_type), intent(in) :: scene
+
+        wants_instants = scene%base%moves
+        if (allocated(scene%payload)) wants_instants = wants_instants .or. any(payload_changes(scene%payload))
+    end function wants_instants
+
+    !> Does the frame move, a payload change, or does any law over the state ask for the instant, too?
     pure logical function takes_time(scene)
         type(scene_type), intent(in) :: scene
         integer :: i, k
 
-        takes_time = scene%base%moves
+        takes_time = wants_instants(scene)
         do i = 1, size(scene%laws%law)
             associate (law => scene%laws%law(i))
                 if (law%over > 0) takes_time = takes_time .or. scene%laws%measure(law%over)%kind == measure_time

@@ -168,7 +168,7 @@ def balance(
     if run.sizes["sample"] < 3:
         raise InputError("balance: the scene does not move (expected coordinates with a motion)")
     motion = with_frame(link_motion(scene, run), run, "balance")
-    before = inertia_wrench(motion, np.zeros(3))[0]
+    before = inertia_wrench(motion, run, np.zeros(3))[0]
     planes = [_across(hinged[name][2]) for name in chosen]
     effect = np.concatenate([_effect(motion, hinged[name][0], plane) for name, plane in zip(chosen, planes)], axis=2)
     weights, above, turns = _parts(run.time.values), 0.0, _turns(motion, hinged)

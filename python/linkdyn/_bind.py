@@ -242,6 +242,13 @@ def frame_motion(handle: int, t: Floats) -> Floats:
     return pose
 
 
+def payloads(handle: int, t: Floats, n_payload: int) -> Floats:
+    """Masses of the payloads (n, n_payload) [kg]."""
+    mass = np.empty((len(t), n_payload))
+    check(*_api.api_payloads(handle, t, _flat(mass)))
+    return mass
+
+
 def loads(handle: int, t: Floats, n_load: int) -> Floats:
     """The scene's own loads (n, n_load, 6) [N, N m]."""
     load = np.empty((len(t), n_load, LOAD_WIDTH))

@@ -6,6 +6,7 @@ joints and drives, springs and dampers, and no list of these can be short of one
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,7 @@ def shaking(run: xr.Dataset, scene: Scene, about: ArrayLike | None = None) -> xr
         if not np.isfinite(point).all():
             raise InputError("shaking: about: expected finite numbers")
     motion = with_frame(link_motion(scene, run), run, "shaking")
-    parts = (inertia_wrench(motion, point), _weight(motion, run, point), _loads(motion, run, point))
+    parts = (inertia_wrench(motion, run, point), _weight(motion, run, point), _loads(motion, run, point))
     force, moment = (np.stack([part[i] for part in parts]) for i in (0, 1))
     force[:, ~good_samples(run)] = moment[:, ~good_samples(run)] = np.nan
     turns = moment[..., 2:] if scene.planar else moment
@@ -74,16 +75,15 @@ def shaking(run: xr.Dataset, scene: Scene, about: ArrayLike | None = None) -> xr
     return xr.Dataset(values, {**clock, **labels}, {"about": point[:n_axes]})
 
 
-def inertia_wrench(motion: LinkMotion, point: Vectors) -> tuple[Vectors, Vectors]:
+def inertia_wrench(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors, Vectors]:
     """Minus the rate of momentum and of angular momentum about a point, (N, 3) each."""
     n = len(motion.position)
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
-    for k, link in enumerate(motion.scene.description["links"][1:], start=1):
-        place, _, acceleration = motion.of_point(k, link["cog"])
-        pull = -link["mass"] * acceleration
-        xx, yy, zz, xy, yz, zx = link["inertia"]
+    for k, mass, cog, inertia in _bodies(motion, run):
+        place, _, acceleration = motion.of_point(k, cog)
+        pull = -mass * acceleration
         turn = motion.rotation[:, k]
-        tensor = turn @ np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]]) @ np.swapaxes(turn, 1, 2)
+        tensor = turn @ inertia @ np.swapaxes(turn, 1, 2)
         spin = motion.spin[:, k]
         rate = _times(tensor, motion.spin_rate[:, k]) + np.cross(spin, _times(tensor, spin))
         force += pull
@@ -94,11 +94,30 @@ def inertia_wrench(motion: LinkMotion, point: Vectors) -> tuple[Vectors, Vectors
 def _weight(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors, Vectors]:
     n, gravity = len(motion.position), gravity_at(motion.scene, run, "shaking")
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
-    for k, link in enumerate(motion.scene.description["links"][1:], start=1):
-        weight = link["mass"] * gravity
+    for k, mass, cog, _ in _bodies(motion, run):
+        weight = mass * gravity
         force += weight
-        moment += np.cross(motion.of_point(k, link["cog"])[0] - point, weight)
+        moment += np.cross(motion.of_point(k, cog)[0] - point, weight)
     return force, moment
+
+
+def _bodies(motion: LinkMotion, run: xr.Dataset) -> Iterator[tuple[int, Vectors, Any, Vectors]]:
+    """Links and payloads: number of the link, (N, 1) mass, centre of mass and (N or 1, 3, 3) inertia about it in link axes."""
+    for k, link in enumerate(motion.scene.description["links"][1:], start=1):
+        yield k, np.full((1, 1), link["mass"]), link["cog"], _tensor(link["inertia"])
+    payloads = motion.scene.description["payloads"]
+    if not payloads:
+        return
+    if "time" not in run.coords and motion.scene.description["wants_instants"]:
+        raise InputError("shaking: the mass of a payload changes with time (expected a run along time)")
+    masses = motion.scene.payload_masses(run.time.values if "time" in run.coords else np.zeros(1))
+    for mass, payload in zip(masses.T, payloads):
+        yield payload["link"], mass[:, np.newaxis], payload["at"], (mass[:, np.newaxis, np.newaxis] > 0) * _tensor(payload["inertia"])
+
+
+def _tensor(elements: Any) -> Vectors:
+    xx, yy, zz, xy, yz, zx = elements
+    return np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
 
 
 def _loads(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors, Vectors]:

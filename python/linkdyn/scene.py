@@ -313,6 +313,17 @@ class Scene:
         values = _bind.frame_motion(self._handle, instants)[..., [0, 1, 5] if self.planar else slice(None)]
         return values[:, 0], values[:, 1], values[:, 2]
 
+    def payload_masses(self, t: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Masses of the scene's payloads, in the order of the file: (N, number of payloads) [kg].
+
+        Parameters
+        ----------
+        t
+            (N,) instants [s]; default: `times`.
+        """
+        instants = self.times() if t is None else self._instants(t)
+        return _bind.payloads(self._handle, instants, len(self.description["payloads"]))
+
     def load_values(
         self,
         t: ArrayLike | None = None,
@@ -408,7 +419,7 @@ class Scene:
             [N m] in world axes; planar (N, 3) or (3,) Fx Fy Mz.
         t
             (N,) or one instant [s] at which the scene's loads act; default: the scene's instants without ``q``,
-            else 0. Where the frame moves, ``q`` asks for it.
+            else 0. Where the frame moves or a payload's mass changes, ``q`` asks for it.
         want
             "driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "singularity_distance" or several of
             them, or "all": the first five (solver lapack has "rcond" among its checks); default: all that the solver
@@ -916,9 +927,10 @@ class Scene:
         return _bind.loads(job.handle, instants, job.n_load)
 
     def _require_instants(self, t: ArrayLike | None) -> None:
-        """States do not tell where the frame is."""
-        if t is None and self.description["frame_moves"]:
-            raise InputError("t: the frame of the scene moves with time, and no instants are given (expected the instant of each sample)")
+        """States do not tell where the frame is, and what payloads weigh."""
+        if t is None and self.description["wants_instants"]:
+            what = "the frame of the scene moves" if self.description["frame_moves"] else "the mass of a payload changes"
+            raise InputError(f"t: {what} with time, and no instants are given (expected the instant of each sample)")
 
     def _instant_or_0(self, t: ArrayLike | None) -> NDArray[np.float64]:
         """Instants of a batch: (N,) or (1,)."""

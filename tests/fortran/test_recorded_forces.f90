@@ -20,7 +20,7 @@ module test_recorded_forces
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_test_numbers, only: random_stream, random_walk
-    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, move_frame
+    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, move_frame, load_link
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -302,7 +302,7 @@ contains
         end do
     end subroutine test_iterated
 
-    !> Closed forms and a group, in the plane and in space.
+    !> Closed forms and a group, in the plane and in space, with something to carry that changes.
     subroutine test_moving_frame(error)
         type(test_error), intent(inout) :: error
         character(len=*), parameter :: scene(6) = [character(len=34) :: "examples/fourbar/scene", "examples/watt_i/scene", &
@@ -315,6 +315,7 @@ contains
             call load_model(error, scene(i), model)
             if (allocated(error%message)) return
             call move_frame(model)
+            call load_link(model)
             if (size(model%group) == 0) then
                 call follow_motion(model, batch)
                 call compare_roads(error, trim(scene(i))//", moving", model, batch)

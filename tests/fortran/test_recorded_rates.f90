@@ -15,7 +15,7 @@ module test_recorded_rates
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_numbers, only: random_stream
-    use linkdyn_test_scenes, only: move_frame
+    use linkdyn_test_scenes, only: move_frame, load_link
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -76,6 +76,7 @@ contains
             call load_model(error, "examples/"//example(i), model)
             if (allocated(error%message)) return
             call move_frame(model)
+            call load_link(model)
             call compare_rates(error, trim(example(i))//", moving", model)
         end do
     end subroutine test_moving_frame
