@@ -28,18 +28,18 @@ contains
     pure function base_is_felt(model) result(is_felt)
         type(model_type), intent(in) :: model
         logical :: is_felt(n_base)
-        logical :: turns(3)                            ! roll pitch yaw change
+        logical :: turns(3), is_there(3)               ! roll pitch yaw change, may be other than zero
 
         is_felt = .false.
         if (.not. model%scene%base%moves) return
         turns = changes(model%scene%base%motion(4:))
-        is_felt(:3) = .true.
-        is_felt(4:6) = any(turns)
-        if (.not. model%is_planar) then
-            if (.not. any(turns(:2)) .and. .not. any(tilts(model%scene%base%motion(4:5)))) is_felt(4:5) = .false.
-        else
-            is_felt(3:5) = .false.
-        end if
+        is_there = turns .or. tilts(model%scene%base%motion(4:))
+        is_felt(1:2) = .true.
+        is_felt(3) = .not. model%is_planar
+        ! about x, y, z: see `turning`
+        is_felt(4) = turns(1) .or. (turns(2) .and. is_there(3))
+        is_felt(5) = turns(2) .or. (turns(1) .and. is_there(3))
+        is_felt(6) = turns(3) .or. (turns(1) .and. is_there(2))
         is_felt(7:) = is_felt(4:6)
 
     contains
@@ -53,7 +53,7 @@ contains
         elemental logical function tilts(law)
             type(law_spec), intent(in) :: law
 
-            tilts = law%value(1) /= 0
+            tilts = law%kind == law_constant .and. law%value(1) /= 0
         end function tilts
     end function base_is_felt
 

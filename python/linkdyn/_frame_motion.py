@@ -12,7 +12,7 @@ from ._kinematics import LinkMotion
 from .errors import InputError
 from .scene import Scene
 
-__all__ = ["gravity_at", "with_frame"]
+__all__ = ["frame_rates", "gravity_at", "with_frame"]
 
 Vectors = NDArray[np.float64]
 
@@ -37,6 +37,12 @@ def with_frame(motion: LinkMotion, run: xr.Dataset, what: str) -> LinkMotion:
         acceleration=motion.acceleration + acceleration + np.cross(spin_rate, place) + np.cross(spin, swept + 2.0 * motion.velocity),
         spin_rate=motion.spin_rate + spin_rate + np.cross(spin, motion.spin),
     )
+
+
+def frame_rates(scene: Scene, run: xr.Dataset, what: str) -> tuple[Vectors, Vectors]:
+    """(N, 3) velocity of the frame's origin and its angular velocity, in its axes."""
+    _, velocity, _, spin, _ = _frame(scene, run, what)
+    return velocity[:, 0], spin[:, 0]
 
 
 def gravity_at(scene: Scene, run: xr.Dataset, what: str) -> Vectors:

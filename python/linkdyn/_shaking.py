@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._arguments import as_floats
 from ._averages import good_samples
-from ._frame_motion import gravity_at, with_frame
+from ._frame_motion import frame_rates, gravity_at, with_frame
 from ._kinematics import LinkMotion, link_motion
 from .errors import InputError
 from .scene import Scene
@@ -44,7 +44,9 @@ def shaking(run: xr.Dataset, scene: Scene, about: ArrayLike | None = None) -> xr
         ``force`` [N] and ``moment`` [N m], (sample, component): what links, drives and springs together exert on the frame, world axes; and by
         ``cause`` ("inertia", "weight", "load"), of which they are the sum, ``force_by_cause`` and ``moment_by_cause`` (cause, sample, component).
         Where the frame moves, inertia is that of the whole motion, and the axes are the frame's.
-        Loads count as from outside. Planar: x, y and the moment about z. NaN at samples that failed.
+        Loads count as from outside. Planar: x, y and the moment about z. NaN at samples that failed. Where the frame moves also ``frame_power`` [W]
+        (sample): what its drive gives to the mechanism, the power against this force and moment. With that of the drives and loads it changes the energy of
+        the whole motion.
 
     Raises
     ------
@@ -71,8 +73,18 @@ def shaking(run: xr.Dataset, scene: Scene, about: ArrayLike | None = None) -> xr
         "force_by_cause": (("cause", *dims), force[..., :n_axes], {"units": "N", "long_name": f"force {words}"}),
         "moment_by_cause": (("cause", "sample", "moment_axis"), turns, {"units": "N m", "long_name": f"moment {words}"}),
     }
+    if scene.description["frame_moves"]:
+        values["frame_power"] = ("sample", _frame_power(scene, run, force.sum(axis=0), moment.sum(axis=0), point),
+                                 {"units": "W", "long_name": "power of the moving frame's drive on the mechanism"})
     labels = {"force_axis": axes, "moment_axis": ["z"] if scene.planar else axes, "cause": list(PARTS)}
     return xr.Dataset(values, {**clock, **labels}, {"about": point[:n_axes]})
+
+
+def _frame_power(scene: Scene, run: xr.Dataset, force: Vectors, moment: Vectors, point: Vectors) -> Vectors:
+    """Of the force and moment, about the point, that keep the frame on its way."""
+    velocity, spin = frame_rates(scene, run, "shaking")
+    power: Vectors = -np.einsum("ni,ni->n", force, velocity + np.cross(spin, point)) - np.einsum("ni,ni->n", moment, spin)
+    return power
 
 
 def inertia_wrench(motion: LinkMotion, run: xr.Dataset, point: Vectors) -> tuple[Vectors, Vectors]:

@@ -433,3 +433,19 @@ def test_held_still_on_a_ship() -> None:
     turn = np.array([turning(angles) for angles in held.frame_motion()[0][:, 3:]])
     weight = np.einsum("nij,nj->ni", turn, given)
     assert np.abs(weight - [0, 0, 9e3 * 9.81]).max() < 1e-3 * 9e3 * 9.81
+
+
+@pytest.mark.parametrize("make", [four_bar, arm])
+def test_power_of_the_frame(make: Any) -> None:
+    """What drives and frame give is what the energy in axes at rest grows by: that of the same motion of the driven ground."""
+    scene = make()
+    scene.pop("spring", None)
+    scene["time"] = {"end": 2, "samples": 2001}
+    moving, driven = linkdyn.Scene(scene), linkdyn.Scene(on_driven_ground(scene))
+    run, other = moving.inverse(), driven.inverse()
+    power = cycle.shaking(run, moving).frame_power.values
+    ground = [name for name in driven.actuators if name.startswith("G.")]
+    given = other.driving_power.sel(actuator=ground).sum("actuator").values
+    assert np.abs(power - given).max() < 1e-9 * np.abs(given).max()
+    about = cycle.shaking(run, moving, about=[0.3, -0.4] if moving.planar else [0.3, -0.4, 0.2]).frame_power.values
+    assert np.abs(about - given).max() < 1e-9 * np.abs(given).max()
