@@ -227,7 +227,7 @@ def test_quadruple_precision(make: Any) -> None:
     moving = linkdyn.Scene(make())
     t = moving.times()[::10]
     q, qd, qdd = moving.motion(t)
-    case = Case("frame", make(), q, qd, qdd)
+    case = Case("frame", "frame", make(), q, qd, qdd, np.full(len(t), np.nan))
     exact = quadruple_forces(program, case, time=t)
     found = forces_of(moving.inverse(t=t, want=("driving_force", "reaction")))
     assert np.abs(found - exact).max() < 1e-12 * np.abs(exact).max()
@@ -449,3 +449,24 @@ def test_power_of_the_frame(make: Any) -> None:
     assert np.abs(power - given).max() < 1e-9 * np.abs(given).max()
     about = cycle.shaking(run, moving, about=[0.3, -0.4] if moving.planar else [0.3, -0.4, 0.2]).frame_power.values
     assert np.abs(about - given).max() < 1e-9 * np.abs(given).max()
+
+
+def test_sweep_over_time() -> None:
+    """With an axis over time each sample is taken where the frame is then."""
+    scene = hexapod()
+    scene["sweep"] = {"axis": [{"time": True, "linspace": [0.0, 2.0, 21]}]}
+    swept = linkdyn.Scene(scene).sweep()
+    run = linkdyn.Scene(hexapod()).inverse(t=np.linspace(0.0, 2.0, 21))
+    assert np.allclose(swept.driving_force_max.values.squeeze(), run.driving_force.values.max(axis=0), rtol=1e-12)
+
+
+@pytest.mark.parametrize("make", [four_bar, hexapod])
+def test_errors_of_free_runs(make: Any) -> None:
+    """The similar mechanisms that errors are estimated by move with a frame of their size."""
+    moving = linkdyn.Scene(let_go(make()))
+    t = np.linspace(0, 1, 11)
+    run = moving.forward(t=t, error=True, want="all")
+    exact = moving.forward(t=t, rtol=1e-12, atol=1e-13)
+    assert (run.status == 0).all()
+    assert 0 < run.q_error.max() < 1e-6
+    assert np.abs(run.q.values - exact.q.values).max() < 10 * float(run.q_error.max()) + 1e-12

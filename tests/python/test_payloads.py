@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import copy
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +13,18 @@ import linkdyn
 import numpy as np
 import pytest
 from linkdyn import cycle
-from linkdyn.cli import executable
+from linkdyn.cli import executable, quadruple_twin
 from linkdyn.errors import InputError
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from test_frame_motion import arm, four_bar, hexapod, let_go, on_driven_ground, slider_crank_in_space, turned_back
 from test_joint_kinds import merged
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tests" / "hard"))
+
+from cases import Case  # noqa: E402
+from twin import forces_of, quadruple_forces  # noqa: E402
 
 pytestmark = pytest.mark.accuracy
 
@@ -120,6 +127,19 @@ def test_mass_that_changes(make: Any) -> None:
         assert np.abs(run.reaction.values[k] - expected.reaction.values[0]).max() < 1e-10 * np.abs(run.reaction.values).max()
     with pytest.raises(InputError, match=r"^t: the mass of a payload changes with time, and no instants are given"):
         moving.inverse(*moving.motion())
+
+
+@pytest.mark.parametrize("make", [four, of_hexapod])
+def test_quadruple_precision(make: Any) -> None:
+    program = quadruple_twin()
+    if program is None:
+        pytest.skip("no build in quadruple precision")
+    moving = linkdyn.Scene(make(mass=POUR))
+    t = moving.times()[::10]
+    q, qd, qdd = moving.motion(t)
+    exact = quadruple_forces(program, Case("payload", "payload", make(mass=POUR), q, qd, qdd, np.full(len(t), np.nan)), time=t)
+    found = forces_of(moving.inverse(t=t, want=("driving_force", "reaction")))
+    assert np.abs(found - exact).max() < 1e-12 * np.abs(exact).max()
 
 
 def test_picked_up_and_put_down() -> None:
