@@ -62,13 +62,18 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(:)                   !! [s] (n)
         real(wp), intent(out) :: base(:, :)            !! (n_base, n)
-        real(wp) :: law(6, 3, size(t))
-        integer :: i
+        real(wp) :: law(6, 3, most_instants)           ! of some instants: a batch may be long
+        integer :: first, last, i
 
-        call evaluate_laws(model, t, law)
-        do i = 1, size(t)
-            base(:3, i) = unturned(law(4:, 1, i), model%gravity - law(:3, 3, i)) - model%gravity
-            call turning(law(4:, :, i), base(4:6, i), base(7:9, i))
+        do first = 1, size(t), most_instants
+            last = min(size(t), first + most_instants - 1)
+            call evaluate_base_pose(model, t(first:last), law(:, :, :last - first + 1))
+            do i = first, last
+                associate (now => law(:, :, i - first + 1))
+                    base(:3, i) = unturned(now(4:, 1), model%gravity - now(:3, 3)) - model%gravity
+                    call turning(now(4:, :), base(4:6, i), base(7:9, i))
+                end associate
+            end do
         end do
     end subroutine evaluate_base
 
@@ -77,28 +82,20 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t(:)                   !! [s] (n)
         real(wp), intent(out) :: pose(:, :, :)         !! (6, 3, n) [m, rad]
-
-        call evaluate_laws(model, t, pose)
-    end subroutine evaluate_base_pose
-
-    pure subroutine evaluate_laws(model, t, law)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: t(:)
-        real(wp), intent(out) :: law(:, :, :)          !! (6, 3, n)
         type(law_instants) :: instants
         integer :: first, last, k
 
-        law = 0
+        pose = 0
         do first = 1, size(t), most_instants
             last = min(size(t), first + most_instants - 1)
             call set_instants(instants, t(first:last))
             do k = 1, 6
                 if (model%scene%base%motion(k)%kind == law_none) cycle
-                call evaluate_at_instants(model%scene%base%motion(k), instants, law(k, 1, first:last), law(k, 2, first:last), &
-                                          law(k, 3, first:last))
+                call evaluate_at_instants(model%scene%base%motion(k), instants, pose(k, 1, first:last), &
+                                          pose(k, 2, first:last), pose(k, 3, first:last))
             end do
         end do
-    end subroutine evaluate_laws
+    end subroutine evaluate_base_pose
 
     !> A vector from axes at rest into those turned by Rx(roll) Ry(pitch) Rz(yaw).
     pure function unturned(angle, v) result(w)

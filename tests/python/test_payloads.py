@@ -18,6 +18,7 @@ from linkdyn.errors import InputError
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from test_frame_motion import arm, four_bar, hexapod, let_go, on_driven_ground, slider_crank_in_space, turned_back
+from test_generate import Compiled
 from test_joint_kinds import merged
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -321,3 +322,31 @@ def test_a_link_that_is_nothing_but_its_payload() -> None:
     run = linkdyn.Scene(scene).forward(t=t, rtol=1e-11, atol=1e-12)
     assert run.attrs["stopped"]
     assert np.abs(run.q.values[:5, 0] - exact[:5]).max() < 1e-8
+
+
+@pytest.mark.parametrize("make", [four, of_arm, of_hexapod])
+def test_code_with_a_payload(make: Any, tmp_path: Path) -> None:
+    """One that is always there is in the forces of generated code."""
+    scene = linkdyn.Scene(make(mass=3.0))
+    compiled = Compiled(scene.generate(want="all", name="kernel"), tmp_path)
+    q, qd, qdd = scene.motion(np.linspace(0.1, 1.9, 7))
+    expected = scene.solve(q, qd, qdd)["driving_force"]
+    for i in range(7):
+        status, found = compiled(q=q[i], qd=qd[i], qdd=qdd[i])
+        assert status == 0
+        assert np.abs(found["driving_force"] - expected[i]).max() < 1e-11 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("make", [four_bar, hexapod, slider_crank_in_space])
+def test_kinematics_code_of_a_moving_frame(make: Any, tmp_path: Path) -> None:
+    """Motion as seen from the frame asks for no instant, and neither does that of links whose payload changes."""
+    scene = make()
+    body = scene["link"][0]
+    body["markers"]["hold"] = [0.0, 0.0, 0.01][: 2 if scene["space"] == "planar" else 3]
+    scene["payload"] = [{"on": f"{body['name']}.hold", "mass": POUR}]
+    mechanism = linkdyn.Scene(scene)
+    compiled = Compiled(mechanism.generate(kernel="kinematics", want="all", name="kernel"), tmp_path)
+    q, qd, _ = mechanism.motion([0.0])
+    status, found = compiled(q=q[0], qd=qd[0])
+    assert status == 0
+    assert np.abs(found["position"] - mechanism.poses(q).position[0][:, : found["position"].shape[-1]]).max() < 1e-9
