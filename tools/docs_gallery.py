@@ -20,7 +20,7 @@ GROUPS = {
     "Planar linkages": ("fourbar", "slider_crank", "sixbar_slider", "lecture_sixbar", "watt_i", "stephenson_iii", "fivebar_parallel",
                          "engine_balance", "shaper", "four_stroke"),
     "Platforms": ("stewart_drilling", "stewart_workspace", "stewart_tsai", "stewart_taghirad", "stewart_aris", "stewart_mathworks",
-                  "delta", "tripod"),
+                  "delta", "tripod", "ship_hexapod"),
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
     "More constraints than needed": ("agile_eye",),
     "Gears and belts": ("planetary_crank", "geared_fivebar"),

@@ -12,6 +12,8 @@ module linkdyn_equations
     use linkdyn_acceleration_columns, only: acceleration_columns, append_accelerations, drop_drives, mark_applied, &
         assemble_accelerations
     use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs, apply_load_laws
+    use linkdyn_base_forces, only: apply_base
+    use linkdyn_payload_forces, only: find_payloads
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
@@ -425,7 +427,7 @@ contains
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         workspace%state%has_applied = equations%are_solved .and. &
                                       (size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
-                                       .or. .not. all(equations%unknown%drive))
+                                       .or. model%scene%base%moves .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world
         workspace%state%carries_legs = equations%solver == solver_reduced
         if (equations%are_solved) call place_solution(model, equations, workspace)
@@ -544,6 +546,7 @@ contains
 
         call judge_motion(model, workspace)
         workspace%acceleration = workspace%state%qdd
+        call find_payloads(model, workspace%state)
         if (workspace%state%has_applied) then
             call apply_known_forces(model, equations, workspace)
             where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
@@ -597,6 +600,7 @@ contains
         call find_laws(model, workspace%state)
         call apply_springs(model, workspace%state)
         call apply_load_laws(model, workspace%state)
+        call apply_base(model, workspace%state)
         if (equations%shares_drives) return                ! nobody knows yet what drives apply
         do i = 1, model%n_actuator
             if (.not. equations%unknown%drive(i)) call apply_actuator(model, i, workspace)

@@ -15,7 +15,8 @@ module linkdyn_explain
         step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
         is_released
     use linkdyn_planner, only: mobility_of, joint_constraints
-    use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable
+    use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable, &
+        payload_changes
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
@@ -56,6 +57,8 @@ contains
             write (unit, "(2x,a)") "gravity: ["//to_text(model%gravity(1))//", "//to_text(model%gravity(2))//", " &
                 //to_text(model%gravity(3))//"] m/s2"
         end if
+        if (model%scene%base%moves) &
+            write (unit, "(2x,a)") "the frame moves: motion and results are as seen from it, in its axes"
     end subroutine explain_scene
 
     subroutine explain_links(model, unit)
@@ -70,6 +73,15 @@ contains
                     write (unit, "(2x,a24,a)") adjustl(link%name), "massless"
                 else
                     write (unit, "(2x,a24,a)") adjustl(link%name), to_text(link%mass)//" kg"
+                end if
+            end associate
+        end do
+        do i = 1, size(model%payload)
+            associate (spec => model%scene%payload(i))
+                if (payload_changes(spec)) then
+                    write (unit, "(2x,a24,a)") adjustl(spec%name), "payload, changes with time"
+                else
+                    write (unit, "(2x,a24,a)") adjustl(spec%name), "payload, "//to_text(spec%mass%value(1))//" kg"
                 end if
             end associate
         end do

@@ -3,6 +3,8 @@
 module linkdyn_explain_matrix
     use linkdyn_acceleration_columns, only: mark_applied
     use linkdyn_applied_wrenches, only: clear_applied, apply_springs, apply_load_laws
+    use linkdyn_base_forces, only: apply_base
+    use linkdyn_payload_forces, only: find_payloads
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_formulation, only: formulation_type, matrix_entry, build_formulation, style_lecture
     use linkdyn_kinds, only: wp
@@ -67,7 +69,7 @@ contains
         call build_formulation(model, style_lecture, formulation)
         call mark_applied(model, spread(.false., 1, model%n_actuator), formulation)
         call prepare_kinematics(model, 0, state)
-        state%has_applied = size(model%scene%spring) + size(model%scene%laws%law) > 0
+        state%has_applied = size(model%scene%spring) + size(model%scene%laws%law) > 0 .or. model%scene%base%moves
         state%world_rates = .true.
         state%q = spread(q, 1, lanes)
         state%qd = spread(qd, 1, lanes)
@@ -75,12 +77,14 @@ contains
         lane_load = spread(load, 1, lanes)
         call make_slots(formulation%n_slot + model%n_row, slot)
         call evaluate_kinematics(model, state)
+        state%time = model%scene%time%first
+        call find_payloads(model, state)
         if (state%has_applied) then
-            state%time = model%scene%time%first
             call clear_applied(model, state)
             call find_laws(model, state)
             call apply_springs(model, state)
             call apply_load_laws(model, state)
+            call apply_base(model, state)
         end if
         call assemble_matrix(model, formulation, state, slot%value)
         call assemble_right(model, formulation, state, lane_load, formulation%n_slot, slot%value)

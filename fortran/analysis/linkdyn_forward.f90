@@ -759,6 +759,16 @@ contains
         do i = 1, model%n_actuator
             call add_kinks(model%scene%actuator(i)%drive%target, kink)
         end do
+        do i = 1, size(model%scene%payload)
+            associate (spec => model%scene%payload(i))
+                call add_kinks(spec%mass, kink)
+                if (spec%from > -huge(1.0_wp)) call add_kink(spec%from, kink)
+                if (spec%until < huge(1.0_wp)) call add_kink(spec%until, kink)
+            end associate
+        end do
+        do i = 1, size(model%scene%base%motion)
+            call add_kinks(model%scene%base%motion(i), kink)
+        end do
         do i = 1, model%n_load
             do k = 1, 3
                 call add_kinks(model%scene%load(i)%force(k), kink)
@@ -776,8 +786,15 @@ contains
 
         call law_kinks(law, new)
         do i = 1, size(new)
-            if (any(kink == new(i))) cycle
-            kink = [pack(kink, kink < new(i)), new(i), pack(kink, kink > new(i))]
+            call add_kink(new(i), kink)
         end do
     end subroutine add_kinks
+
+    subroutine add_kink(instant, kink)
+        real(wp), intent(in) :: instant
+        real(wp), allocatable, intent(inout) :: kink(:)
+
+        if (any(kink == instant)) return
+        kink = [pack(kink, kink < instant), instant, pack(kink, kink > instant)]
+    end subroutine add_kink
 end module linkdyn_forward

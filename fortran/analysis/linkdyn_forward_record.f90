@@ -1,6 +1,7 @@
 !> Rates of forward dynamics from a record of the scene: which scenes have one, what it takes from a state, what it gives.
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
+    use linkdyn_base_motion, only: evaluate_base
     use linkdyn_carried_assembly, only: carried_assembly, leaves_doubt
     use linkdyn_constants, only: two_pi
     use linkdyn_drive_laws, only: follows_target, is_given
@@ -15,6 +16,7 @@ module linkdyn_forward_record
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, step_pose, gives_attitude
     use linkdyn_motion, only: evaluate_loads
+    use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_rate_program, only: rate_outputs
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, &
         free_rate_samples, run_rates
@@ -224,6 +226,8 @@ contains
                     call evaluate_law(model%scene%coordinate(k)%motion, t(lane), record%samples%q(k, lane), &
                                       record%samples%qd(k, lane), record%samples%qdd(k, lane))
             end do
+            if (model%scene%base%moves) call evaluate_base(model, t(lane:lane), record%samples%base(:, lane:lane))
+            if (size(model%payload) > 0) call evaluate_payloads(model, t(lane:lane), record%samples%payload(:, lane:lane))
             if (model%n_load == 0) return
             call evaluate_loads(model, t(lane:lane), load)
             record%samples%load(:, lane) = reshape(load, [6*model%n_load])
@@ -236,6 +240,8 @@ contains
                 samples%qd(:, lane) = samples%qd(:, lane - 1)
                 samples%qdd(:, lane) = samples%qdd(:, lane - 1)
                 samples%load(:, lane) = samples%load(:, lane - 1)
+                samples%base(:, lane) = samples%base(:, lane - 1)
+                samples%payload(:, lane) = samples%payload(:, lane - 1)
             end associate
         end subroutine copy_laws
 

@@ -29,6 +29,7 @@ module linkdyn_forward_system
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
+    use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_scene, only: drive_inverse, drive_over
     use linkdyn_status, only: status_type, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
@@ -499,6 +500,8 @@ contains
         if (.not. self%wants_work) return
         call actuator_rates(self%model, self%workspace%state, speed)
         call applied_power(self%model, self%workspace%state, self%workspace%load, supplied)
+        if (size(self%model%payload) > 0) call add_payload_power(self%model, self%workspace%state, &
+            self%workspace%acceleration - self%workspace%state%qdd, supplied)
         do i = 1, self%model%n_actuator
             driving = driving + self%workspace%driving_force(:, i)*speed(:, i)
             if (self%equations%unknown%drive(i)) supplied = supplied + self%workspace%driving_force(:, i)*speed(:, i)

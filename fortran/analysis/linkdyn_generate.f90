@@ -18,6 +18,7 @@ module linkdyn_generate
     use linkdyn_laws, only: evaluate_law
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type, place_size, scene_size
+    use linkdyn_payloads, only: payload_is_input
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_recorded_forces, only: prepare_forces
@@ -131,6 +132,11 @@ contains
             "(expected forces of time, or the kernel kinematics)")
         if (model%share%n > 0 .and. any(result_name == "reaction" .and. wish%has)) call fail(status, status_bad_input, &
             "no code can be generated for reactions that the equations leave open (expected other results, such as driving_force)")
+        if (model%scene%base%moves .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
+            "no code can be generated: the frame of the scene moves (expected a frame at rest, or the kernel kinematics)")
+        if (any(payload_is_input(model)) .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
+            "no code can be generated: the mass of the payload on "//trim(model%scene%payload(findloc(payload_is_input(model), &
+            .true., dim=1))%name)//" changes with time (expected one that is always there, or the kernel kinematics)")
         call hold_texts()
         call name_files(name, code, status)
         code%title = model%scene%title

@@ -6,6 +6,7 @@
 module linkdyn_inverse
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
         reached_straight, judges_like_lanes
+    use linkdyn_base_motion, only: base_size, evaluate_base
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
@@ -19,7 +20,8 @@ module linkdyn_inverse
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words, failure_at
     use linkdyn_group_motion, only: group_closer
-    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull
+    use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_base, &
+        in_payload
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures, make_undefined
     use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, power_imbalance, joint_rate
@@ -33,6 +35,8 @@ module linkdyn_inverse
     use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
     use linkdyn_planar_motion, only: level_given
     use linkdyn_planar_pass, only: map_placed
+    use linkdyn_payload_forces, only: find_payloads, add_payload_energy
+    use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
     use linkdyn_reactions, only: collect_reactions
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
@@ -440,8 +444,11 @@ contains
             end if
             if (wants_rates) call measure_joints(model, workspace%state, variable, rate)
             if (wants_driven) call measure_driven(model, workspace%state, driven, driven_rate)
-            if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) &
+            if (associated(results%kinetic_energy) .or. associated(results%potential_energy)) then
                 call measure_energy(model, workspace%state, kinetic, potential)
+                call find_payloads(model, workspace%state)
+                call add_payload_energy(model, workspace%state, kinetic, potential)
+            end if
             if (associated(results%closure)) call measure_closure(model, workspace%state, gap)
             if (has_stand_ins) then
                 allocate (of_own(lanes, model%n_q))
@@ -718,7 +725,7 @@ contains
         type(sample_assembly), intent(in) :: assembly          !! there
         type(inverse_solver) :: by_lanes
         type(inverse_results) :: found(2)
-        real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :)
+        real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :), t(:)
         integer, allocatable :: left(:)
         integer :: i, k, n, n_left, n_compared, n_alike
 
@@ -727,6 +734,9 @@ contains
         qdd = reshape([(modulo(k*golden + 0.3_wp, 1.0_wp) - 0.5_wp, k=1, size(pose))], shape(pose))
         allocate (load(6, model%n_load, n))
         load = reshape([(modulo(k*golden + 0.7_wp, 1.0_wp) - 0.5_wp, k=1, size(load))], shape(load))
+        associate (time => model%scene%time)
+            t = [(time%first + modulo(k*golden, 1.0_wp)*(time%last - time%first), k=1, n)]
+        end associate
         agrees = .true.
         if (.not. any(recorded%wanted == result_driving_force .or. recorded%wanted == result_reaction)) return
         do i = 1, 2
@@ -735,8 +745,8 @@ contains
             if (any(recorded%wanted == result_reaction)) allocate (found(i)%reaction(model%n_component, model%n_joint, n))
         end do
         by_lanes%equations = solver%equations
-        call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly)
-        call run_by_record(model, recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left)
+        call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly, t=t)
+        call run_by_record(model, recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left, t)
         n_compared = 0
         n_alike = 0
         do i = 1, n
@@ -781,7 +791,7 @@ contains
         integer, intent(out) :: n_left
         integer, allocatable, intent(out) :: left(:)           !! absent if there are none
         real(wp), intent(in), optional :: t(:)                 !! [s] (n); absent: 0
-        real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :)
+        real(wp), allocatable, target :: with_laws(:, :, :), pull(:, :), base(:, :), payload(:, :)
         type(sample_arrays) :: arrays
         type(result_list) :: list
         integer :: n
@@ -802,6 +812,26 @@ contains
             call set_block(arrays, in_pull, size(pull, 1), n, pull)
         else
             call set_block(arrays, in_load, 6*size(load, 2), n, load)
+        end if
+        if (model%scene%base%moves) then
+            if (present(t)) then
+                allocate (base(base_size(model), n))
+                call evaluate_base(model, t, base)
+            else
+                allocate (base(base_size(model), 1))
+                call evaluate_base(model, [0.0_wp], base)
+            end if
+            call set_block(arrays, in_base, size(base, 1), size(base, 2), base)
+        end if
+        if (size(model%payload) > 0) then
+            if (present(t)) then
+                allocate (payload(size(model%payload), n))
+                call evaluate_payloads(model, t, payload)
+            else
+                allocate (payload(size(model%payload), 1))
+                call evaluate_payloads(model, [0.0_wp], payload)
+            end if
+            call set_block(arrays, in_payload, size(payload, 1), size(payload, 2), payload)
         end if
         call list_results(results, n, list)
         call clear_measures(results)

@@ -38,6 +38,7 @@ contains
         bare = model
         bare%scene%spring%stiffness = 0
         bare%scene%spring%damping = 0
+        bare%scene%base%moves = .false.
         do i = 1, bare%n_actuator
             if (bare%scene%actuator(i)%drive%kind /= drive_inverse) bare%scene%actuator(i)%drive = drive_spec(kind=drive_constant)
         end do

@@ -10,6 +10,7 @@ module linkdyn_f2py_api
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_assemblies, only: assembly_list, find_assemblies
     use linkdyn_assembly_trail, only: assembly_trail
+    use linkdyn_base_motion, only: evaluate_base_pose
     use linkdyn_code_texts, only: make_code_texts
     use linkdyn_dataset, only: dataset_type, sample_variable
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
@@ -29,6 +30,7 @@ module linkdyn_f2py_api
     use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator
     use linkdyn_open_scene, only: open_scene, open_scene_text, open_with_loads, take_scene, leave_scene, layout_of
     use linkdyn_open_sweep, only: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, kept_width, copy_numbers
+    use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_poses, only: find_poses, poses_of_joints
     use linkdyn_report, only: open_report, read_report
     use linkdyn_results, only: block_type, wanted_type, prepare_block, choose_wanted, all_wanted, add_free
@@ -44,7 +46,7 @@ module linkdyn_f2py_api
     private
     public :: api_version, api_choose_code, api_code, api_default_method
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
-    public :: api_describe_results, api_explain, api_motion, api_loads, api_state_loads
+    public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads
     public :: api_inverse, api_forward, api_advance, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
@@ -319,6 +321,53 @@ contains
         call leave_scene(handle, scene)
         call report(status, code, message)
     end subroutine api_motion
+
+    !> How the frame moves: x y z roll pitch yaw with their derivatives.
+    subroutine api_frame_motion(handle, n, t, n_pose_values, pose, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: handle
+        integer(c_int), intent(in) :: n, n_pose_values
+        real(c_double), intent(in) :: t(n)                                 ! [s]
+        real(c_double), intent(inout), target :: pose(n_pose_values)       ! (6, 3, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        real(c_double), pointer :: pose3(:, :, :)
+
+        call take_scene(handle, scene, status)
+        if (status%code == 0) call check_size("pose", int(n_pose_values, int64), 18, n, status)
+        if (status%code == 0) then
+            pose3(1:6, 1:3, 1:n) => pose
+            call evaluate_base_pose(scene%model, t, pose3)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_frame_motion
+
+    !> Masses of the payloads.
+    subroutine api_payloads(handle, n, t, n_mass_values, mass, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: handle
+        integer(c_int), intent(in) :: n, n_mass_values
+        real(c_double), intent(in) :: t(n)                                 ! [s]
+        real(c_double), intent(inout), target :: mass(n_mass_values)       ! (n_payload, n) [kg]
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_scene), pointer :: scene
+        type(status_type) :: status
+        real(c_double), pointer :: mass2(:, :)
+
+        call take_scene(handle, scene, status)
+        if (status%code == 0) call check_size("mass", int(used(n_mass_values, size(scene%model%payload)), int64), &
+                                               size(scene%model%payload), n, status)
+        if (status%code == 0) then
+            mass2(1:size(scene%model%payload), 1:n) => mass
+            call evaluate_payloads(scene%model, t, mass2)
+        end if
+        call leave_scene(handle, scene)
+        call report(status, code, message)
+    end subroutine api_payloads
 
     !> The loads of the scene alone.
     subroutine api_loads(handle, n, t, n_load_values, load, code, message)

@@ -15,7 +15,7 @@ module linkdyn_inverse_call
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
         result_transmission_angle, result_growth, result_assembly
     use linkdyn_roads, only: road_counts
-    use linkdyn_scene, only: takes_time
+    use linkdyn_scene, only: scene_type, takes_time, payload_changes
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
     use linkdyn_text, only: to_text, quoted
     use linkdyn_turns, only: turn_count
@@ -100,9 +100,7 @@ contains
         if (status%is_ok()) call find_solver(scene, own, is_wanted(result_reaction), solver, status)
         if (status%is_ok()) call check_arrays(scene%model, n, q, qd, qdd, load, room, sample_status, status)
         if (status%is_ok()) call check_input(scene%model, first, n, q, qd, qdd, load, status)
-        if (status%is_ok() .and. .not. present(t) .and. takes_time(scene%model%scene)) call fail(status, status_bad_input, &
-            "a law of the scene asks for the time as well as the state, and no instants are given "// &
-            "(expected the instant of each sample)")
+        if (status%is_ok() .and. .not. present(t)) call require_no_instants(scene%model%scene, status)
         call release_texts()
         if (.not. status%is_ok()) return
         associate (model => scene%model)
@@ -220,6 +218,21 @@ contains
 
         if (n < 0 .or. n > most) call fail(status, status_bad_input, to_text(n)//" samples (expected 0 to "//to_text(most)//")")
     end subroutine check_count
+
+    !> Without instants nothing can be computed that depends on time besides the motion and the loads of the call.
+    subroutine require_no_instants(scene, status)
+        type(scene_type), intent(in) :: scene
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: expected = ", and no instants are given (expected the instant of each sample)"
+
+        if (scene%base%moves) then
+            call fail(status, status_bad_input, "the frame of the scene moves with time"//expected)
+        else if (any(payload_changes(scene%payload))) then
+            call fail(status, status_bad_input, "the mass of a payload of the scene changes with time"//expected)
+        else if (takes_time(scene)) then
+            call fail(status, status_bad_input, "a law of the scene asks for the time as well as the state"//expected)
+        end if
+    end subroutine require_no_instants
 
     subroutine check_arrays(model, n, q, qd, qdd, load, room, sample_status, status)
         type(model_type), intent(in) :: model

@@ -16,6 +16,7 @@ module linkdyn_mechanism
     private
     public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, point_of_action, has_slide
     public :: told_marker_frame
+    public :: payload_properties
     public :: set_slide, wheel_wrench, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, least_square
@@ -35,6 +36,7 @@ module linkdyn_mechanism
         type(number_places) :: at                          !! where numbers stand
         type(value), allocatable :: number(:)              !! those of the scene, constants or inputs
         type(value), allocatable :: pull(:)                !! of springs' own laws over the state (spring) [N, N m]
+        type(value), allocatable :: payload(:)             !! masses that links carry (payload) [kg]
         type(joint_kind_box), allocatable :: kind(:)       !! (joint)
         type(joint_kind_box), allocatable :: told_kind(:)  !! (joint) by which its variables are measured
         type(own_axes_type), allocatable :: own(:)         !! (0:link)
@@ -161,6 +163,30 @@ contains
             end do
         end associate
     end function properties_of
+
+    !> Mass properties of a payload, in the axes in which its link is traced.
+    function payload_properties(mechanism, i) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(mass_properties) :: p
+        type(vector) :: column(3)
+        integer :: k
+
+        associate (body => mechanism%model%payload(i)%body, link => mechanism%model%payload(i)%link)
+            p%mass = mechanism%payload(i)
+            p%cog = in_own_axes(mechanism, link, vector_of(body%cog))
+            associate (r => mechanism%own(link)%r)
+                ! m R I R^T
+                do k = 1, 3
+                    column(k) = r.rotate.vector_of(body%inertia(:, k))
+                end do
+                do k = 1, 3
+                    p%inertia(k, :) = components(p%mass*(r.rotate.vector_of([part(column(1), k), part(column(2), k), &
+                                                                            part(column(3), k)])))
+                end do
+            end associate
+        end associate
+    end function payload_properties
 
     function part(v, k) result(x)
         type(vector), intent(in) :: v

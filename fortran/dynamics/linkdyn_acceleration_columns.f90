@@ -11,6 +11,7 @@ module linkdyn_acceleration_columns
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_newton_euler, only: inertia_column
+    use linkdyn_payload_forces, only: add_payload_column
     use linkdyn_planar_assembly, only: planar_inertia
     use linkdyn_vec2, only: vec2
     use linkdyn_vec3, only: vec3, operator(.rotate.)
@@ -148,6 +149,8 @@ contains
                 o = model%link(l)%orientation
                 call inertia_column(model%link(l), formulation%moment_point(:, l), state%acceleration_body(k, l), &
                                     state%alpha_body(k, o), force, moment)
+                if (size(model%payload) > 0) &
+                    call add_payload_column(model, l, k, formulation%moment_point(:, l), state, force, moment)
                 if (.not. formulation%row_in_link(l)) then
                     force = state%rotation(o).rotate.force
                     moment = state%rotation(o).rotate.moment
@@ -174,7 +177,7 @@ contains
 
         do i = 1, size(columns%group)
             associate (l => columns%group(i)%link, k => columns%group(i)%coordinate, first => columns%group(i)%first_slot)
-                call planar_inertia(model, l, formulation%moment_point(:2, l), k, state%plane, force, moment)
+                call planar_inertia(model, l, formulation%moment_point(:2, l), k, state%plane, state%payload, force, moment)
                 slot(:, first + 1) = -force%x
                 slot(:, first + 2) = -force%y
                 slot(:, first + 3) = -moment

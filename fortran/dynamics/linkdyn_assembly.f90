@@ -10,6 +10,7 @@ module linkdyn_assembly
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_newton_euler, only: inertia_wrench
+    use linkdyn_payload_forces, only: add_payload_wrench
     use linkdyn_planar_assembly, only: assemble_planar_matrix, assemble_planar_right
     use linkdyn_scene, only: axes_link
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.cross.), &
@@ -242,6 +243,7 @@ contains
             call inertia_wrench(model%link(l), point, state%acceleration_body(0, l) - state%gravity_body(o), &
                                 state%omega_body(o), state%alpha_body(0, o), force, moment)
         end if
+        if (size(model%payload) > 0) call add_payload_wrench(model, l, point, state, force, moment)
         call subtract_applied(model, l, point, state, load, force, moment)
     end subroutine link_wrench
 

@@ -12,6 +12,7 @@ module linkdyn_builder
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_motion_measures, only: released_fit
+    use linkdyn_payloads, only: take_payloads
     use linkdyn_model, only: model_type, link_type, joint_type, step_type, by_nothing, by_markers, by_fit, &
         step_csp, step_group, is_dyad, is_length, is_screw, scene_size, &
         stride_part, orientation_of
@@ -146,6 +147,7 @@ contains
 
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
+        if (.not. allocated(model%scene%payload)) allocate (model%scene%payload(0))
         if (.not. allocated(model%scene%laws%measure)) allocate (model%scene%laws%measure(0))
         if (.not. allocated(model%scene%laws%law)) allocate (model%scene%laws%law(0))
         model%is_planar = scene%planar
@@ -170,6 +172,7 @@ contains
             model%joint(i)%first_variable = model%n_variable
             if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
+        call take_payloads(model)
         call spread_weld_starts(model)
         call number_tables(model%scene)
         call list_joints_of_links(model)
@@ -238,6 +241,12 @@ contains
         n_found = 0
         do i = 1, size(scene%coordinate)
             call number_table(scene%coordinate(i)%motion)
+        end do
+        do i = 1, size(scene%base%motion)
+            call number_table(scene%base%motion(i))
+        end do
+        do i = 1, size(scene%payload)
+            call number_table(scene%payload(i)%mass)
         end do
         do i = 1, size(scene%load)
             do k = 1, 3

@@ -35,7 +35,8 @@ contains
                 associate (leg => model%leg(step%first))
                     leg%is_carried = .not. step%base_moves .and. leg%top > 0 &
                                      .and. n_joint_of(step%link(1)) == 2 .and. n_joint_of(step%link(2)) == 2 &
-                                     .and. .not. is_driven(step%joint(1)) .and. .not. is_driven(step%joint(3))
+                                     .and. .not. is_driven(step%joint(1)) .and. .not. is_driven(step%joint(3)) &
+                                     .and. .not. any(model%payload%link == step%link(1) .or. model%payload%link == step%link(2))
                     if (leg%is_carried) model%link(step%link)%is_carried_leg = .true.
                 end associate
             end associate

@@ -18,7 +18,7 @@ module linkdyn_energy_balance
 
 contains
 
-    !> Kinetic energy, and that of gravity.
+    !> Kinetic energy, and that of gravity; not that of payloads, whose mass may change.
     subroutine energy_of_motion(model, state, energy)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state     !! positions and velocities

@@ -44,12 +44,19 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(inout) :: mass(lanes, model%n_q, model%n_q)
-        real(wp) :: inertia(lanes, 6, 6)
-        integer :: l
+        real(wp), dimension(lanes, 6, 6) :: inertia, of_unit
+        integer :: l, i, k
 
         do l = 1, model%n_link
             if (state%carries_legs .and. model%link(l)%is_carried_leg) cycle
             call own_inertia(model%link(l), state%rotation(model%link(l)%orientation), inertia)
+            do i = 1, size(model%payload)
+                if (model%payload(i)%link /= l) cycle
+                call own_inertia(model%payload(i)%body, state%rotation(model%link(l)%orientation), of_unit)
+                do k = 1, 6
+                    inertia(:, :, k) = inertia(:, :, k) + spread(state%payload(:, i), 2, 6)*of_unit(:, :, k)
+                end do
+            end do
             if (state%carries_legs) call add_leg_inertia(model, state, l, inertia)
             if (model%link(l)%pose > 0) then
                 call add_pose(model%n_q, model%step(model%link(l)%pose)%coordinate, inertia, mass)
@@ -72,7 +79,7 @@ contains
             if (model%link(l)%is_massless) cycle
             do k = 1, model%n_q
                 if (.not. model%moves(k, l)) cycle
-                call planar_inertia(model, l, origin, k, state%plane, force, moment)
+                call planar_inertia(model, l, origin, k, state%plane, state%payload, force, moment)
                 do i = 1, k
                     if (.not. model%moves(i, l)) cycle
                     mass(:, i, k) = mass(:, i, k) + (force.dot.state%plane%linear(i, l)) &

@@ -84,16 +84,17 @@ contains
 
     !> What a link's acceleration at one level asks for: m a_G, and I alpha + (G - point) x m a_G; less gravity at the
     !> level given.
-    pure subroutine planar_inertia(model, l, point, level, plane, force, moment)
+    pure subroutine planar_inertia(model, l, point, level, plane, payload, force, moment)
         type(model_type), intent(in) :: model
         integer, intent(in) :: l
         real(wp), intent(in) :: point(2)              !! moment point, link axes [m]
         integer, intent(in) :: level                  !! the acceleration given, or a column
         type(planar_motion), intent(in) :: plane
+        real(wp), intent(in) :: payload(:, :)         !! masses that links carry (lane, n_payload) [kg]
         type(vec2), intent(out) :: force              !! world axes
         real(wp), intent(out) :: moment(lanes)
         type(vec2) :: motion
-        integer :: o
+        integer :: i, o
 
         o = model%link(l)%orientation
         associate (link => model%link(l))
@@ -104,6 +105,16 @@ contains
             if (any(link%cog(:2) /= point)) &
                 moment = moment + ((plane%rotation(o).rotate.(link%cog(:2) - point)).cross.force)
         end associate
+        do i = 1, size(model%payload)
+            if (model%payload(i)%link /= l) cycle
+            associate (body => model%payload(i)%body, mass => payload(:, i))
+                motion = carried(plane, level, l, o, plane%rotation(o).rotate.body%cog(:2))
+                if (level == level_given) motion = motion - vec2_of(model%gravity(:2))
+                force = force + mass*motion
+                moment = moment + mass*(body%inertia(3, 3)*plane%angular(:, level, o) &
+                                        + ((plane%rotation(o).rotate.(body%cog(:2) - point)).cross.motion))
+            end associate
+        end do
     end subroutine planar_inertia
 
     !> What the joints must supply to a link: its inertia less gravity, loads, springs and given drives.
@@ -120,7 +131,7 @@ contains
             force = zero_vec2()
             moment = 0
         else
-            call planar_inertia(model, l, point, level_given, state%plane, force, moment)
+            call planar_inertia(model, l, point, level_given, state%plane, state%payload, force, moment)
         end if
         call subtract_planar_applied(model, l, point, state, load, force, moment)
     end subroutine planar_link_wrench

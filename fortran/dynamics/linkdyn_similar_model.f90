@@ -23,7 +23,7 @@ contains
         integer, intent(in) :: copy
         real(wp), intent(in) :: scale                !! s
         type(model_type), intent(out) :: similar
-        integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107    ! keys
+        integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107, of_base = 108  ! keys
         real(wp) :: own_scale
         integer :: i, k, n_length
 
@@ -31,6 +31,14 @@ contains
         similar%gravity = scale*model%gravity
         similar%scene%gravity = scale*model%scene%gravity
         similar%scene%laws%scale = scale*model%scene%laws%scale
+        do k = 1, size(model%scene%base%motion)
+            call scale_law(merge(scale, 1.0_wp, k <= 3), [copy, of_base, k], similar%scene%base%motion(k))
+        end do
+        do i = 1, size(model%payload)
+            similar%payload(i)%body%cog = scale*model%payload(i)%body%cog
+            similar%payload(i)%body%inertia = scale**2*model%payload(i)%body%inertia
+            similar%scene%payload(i)%inertia = scale**2*model%scene%payload(i)%inertia
+        end do
         do i = 1, model%n_link
             similar%link(i)%cog = scale*model%link(i)%cog
             similar%link(i)%inertia = scale**2*model%link(i)%inertia

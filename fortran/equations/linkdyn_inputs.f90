@@ -3,10 +3,12 @@
 !> What a request leaves out (loads that are not there, rates of a mechanism at rest, numbers that do not vary) is a
 !> constant, and folds away.
 module linkdyn_inputs
+    use linkdyn_base_motion, only: base_is_felt
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, place_size
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
+    use linkdyn_payloads, only: payload_is_input
     use linkdyn_record, only: new_input
     use linkdyn_scene, only: law_over
     use linkdyn_value, only: value, constant, zero
@@ -14,7 +16,7 @@ module linkdyn_inputs
     private
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
-    public :: in_found, in_pull
+    public :: in_found, in_pull, in_base, in_payload
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -29,7 +31,9 @@ module linkdyn_inputs
     integer, parameter :: in_number = 10        !! numbers of the scene that vary
     integer, parameter :: in_found = 11         !! what another program of the same record has found
     integer, parameter :: in_pull = 12          !! of springs' own laws over the state (n_spring) [N, N m]
-    integer, parameter :: n_block = 12
+    integer, parameter :: in_base = 13          !! what is felt of the frame's motion (n_base), see `linkdyn_base_motion`
+    integer, parameter :: in_payload = 14       !! masses that links carry (n_payload) [kg]
+    integer, parameter :: n_block = 14
 
     !> What is wanted of a trace.
     type :: trace_request
@@ -88,6 +92,8 @@ contains
         call add(in_effort, [(is_given(model%scene%actuator(k)%drive) .and. is_known(k), k=1, model%n_actuator)])
         call add(in_branch, [(any(model%step%has_branches .and. model%step%first == k), k=1, model%n_branch)])
         call add(in_pull, [(model%scene%spring(k)%force%kind == law_over, k=1, size(model%scene%spring))])
+        call add(in_base, base_is_felt(model))
+        call add(in_payload, payload_is_input(model), model%scene%payload%mass%value(1))
         is_input = .false.
         do k = 1, size(model%group)
             is_input(:, model%group(k)%link) = .true.

@@ -1,15 +1,17 @@
 !> The physics of a scene, run once on values: motion, equations, and what becomes of their unknowns.
 module linkdyn_trace
     use linkdyn_acting, only: acting_type
+    use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
-    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, &
-        in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
+    use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
+        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     use linkdyn_layout, only: layout_type
     use linkdyn_loads, only: apply_load
-    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch
+    use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch, properties_of, payload_properties
     use linkdyn_model, only: model_type, place_size
     use linkdyn_operation, only: op_unknown
+    use linkdyn_payload_wrenches, only: payload_wrench
     use linkdyn_placing, only: run_step
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_springs, only: apply_spring
@@ -52,6 +54,7 @@ contains
             end if
             call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
             traced%mechanism%pull = in(in_pull)%v
+            traced%mechanism%payload = in(in_payload)%v
             if (request%by_quaternion) traced%mechanism%quaternion = reshape(in(in_quaternion)%v, [4, model%n_attitude])
             traced%place = reshape(in(in_place)%v, [place_size(model), model%n_link])
         end associate
@@ -133,6 +136,18 @@ contains
             do i = 1, size(model%scene%spring)
                 call apply_spring(traced%mechanism, i, spring)
                 traced%acting = [traced%acting, spring]
+            end do
+            do i = 1, size(model%payload)
+                traced%acting = [traced%acting, payload_wrench(traced%mechanism, i)]
+            end do
+            if (.not. model%scene%base%moves) return
+            do i = 1, model%n_link
+                if (.not. model%link(i)%is_massless) traced%acting = &
+                    [traced%acting, base_wrench(traced%mechanism, i, properties_of(traced%mechanism, i), traced%in%of(in_base)%v)]
+            end do
+            do i = 1, size(model%payload)
+                traced%acting = [traced%acting, base_wrench(traced%mechanism, model%payload(i)%link, &
+                                                            payload_properties(traced%mechanism, i), traced%in%of(in_base)%v)]
             end do
         end associate
     end subroutine trace_what_acts

@@ -57,6 +57,12 @@ contains
         do i = 1, size(run%scene%coordinate)
             call add_law(run%scene%coordinate(i)%motion)
         end do
+        do i = 1, size(run%scene%payload)
+            call add_law(run%scene%payload(i)%mass)
+        end do
+        do i = 1, size(run%scene%base%motion)
+            call add_law(run%scene%base%motion(i))
+        end do
         do i = 1, size(run%scene%load)
             do k = 1, 3
                 call add_law(run%scene%load(i)%force(k))

@@ -5,7 +5,8 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, shared_reactions
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: share_name, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, law_over, frame_link, &
+    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, law_over, &
+        frame_link, &
         axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, idle_spins, n_holding, coordinate_joint, &
         is_pose_part
     implicit none (type, external)
@@ -30,6 +31,8 @@ contains
 
         text = "{"//pair("title", string(scene%title))//","//pair("file", string(scene%file))//","// &
             pair("planar", logical_value(scene%planar))//","//pair("gravity", numbers(scene%gravity))//","// &
+            pair("frame_moves", logical_value(scene%base%moves))//","// &
+            pair("wants_instants", logical_value(wants_instants(scene)))//","// &
             pair("time", "{"//pair("first", number(scene%time%first))//","//pair("last", number(scene%time%last))// &
             ","//pair("n_sample", integer_value(scene%time%n_sample))//"}")
         text = text//',"links":['//link_object(scene%frame, "frame")
@@ -51,6 +54,14 @@ contains
         text = text//'],"loads":['
         do i = 1, size(scene%load)
             text = text//separator(i)//load_object(scene, scene%load(i))
+        end do
+        text = text//'],"payloads":['
+        do i = 1, size(scene%payload)
+            associate (payload => scene%payload(i))
+                text = text//separator(i)//"{"//pair("name", string(payload%name))//","//pair("link", integer_value(payload%link)) &
+                       //","//pair("at", numbers(scene%link(payload%link)%marker(payload%marker)%at))//"," &
+                       //pair("inertia", numbers(payload%inertia))//"}"
+            end associate
         end do
         text = text//'],"variables":['
         do i = 1, size(scene%variable)

@@ -14,13 +14,13 @@ module linkdyn_scene_links
         get_name, get_text, get_word, get_flag, require_name
     implicit none (type, external)
     private
-    public :: read_frame, read_links, read_mass_properties, new_marker, add_marker, carried_x
+    public :: read_frame, read_links, read_mass_properties, read_inertia, new_marker, add_marker, carried_x
 
     character(len=*), parameter :: mesh_units(4) = [character(len=2) :: "m", "cm", "mm", "in"]
 
 contains
 
-    !> The table [frame]: markers alone. A scene may do without.
+    !> The table [frame]: markers; its motion is for `read_base`. A scene may do without.
     subroutine read_frame(root, scene, status)
         type(scene_place), intent(in) :: root
         type(scene_type), intent(inout) :: scene
@@ -36,7 +36,7 @@ contains
         place = place_at(root, node, "frame")
         scene%frame%line = place%line
         call require_table(place, "a table with markers, written [frame]", status)
-        call allow_keys(place, [character(len=7) :: "markers"], status)
+        call allow_keys(place, [character(len=7) :: "markers", "motion"], status)
         call read_markers(place, scene%planar, scene%frame, status)
     end subroutine read_frame
 
@@ -158,16 +158,30 @@ contains
             end if
             return
         end if
-        if (planar) then
-            call quantity_of(place, "inertia", node, inertia, link%inertia(3), status)
-        else
-            call read_tensor(place, node, link%inertia, status)
-        end if
+        call read_inertia(place, node, planar, .false., link%inertia, status)
         if (.not. status%is_ok()) return
         if (.not. link%mass > 0 .and. any(abs(link%inertia) > 0)) call refuse_value(place, "inertia", node, &
             "is not zero though the mass is (expected none for a massless link)", status)
         if (is_checked) call check_inertia(place, node, planar, link%inertia, status)
     end subroutine read_mass_properties
+
+    !> A tensor, in a plane one moment of inertia.
+    subroutine read_inertia(place, node, planar, is_checked, tensor, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node
+        logical, intent(in) :: planar
+        logical, intent(in) :: is_checked              !! for a body that can exist
+        real(wp), intent(inout) :: tensor(6)           !! Ixx Iyy Izz Ixy Iyz Izx
+        type(status_type), intent(inout) :: status
+
+        if (.not. status%is_ok()) return
+        if (planar) then
+            call quantity_of(place, "inertia", node, inertia, tensor(3), status)
+        else
+            call read_tensor(place, node, tensor, status)
+        end if
+        if (is_checked) call check_inertia(place, node, planar, tensor, status)
+    end subroutine read_inertia
 
     !> Six elements, or a table with the diagonal.
     subroutine read_tensor(place, node, tensor, status)

@@ -17,7 +17,7 @@ module linkdyn_scene_motion
         constant_law, spline
     implicit none (type, external)
     private
-    public :: read_coordinates, joint_variable_name
+    public :: read_coordinates, read_base, joint_variable_name
 
     integer, parameter :: planar_components(3) = [1, 2, 6]   !! x y yaw
     integer, parameter :: spatial_components(6) = [1, 2, 3, 4, 5, 6]
@@ -361,6 +361,31 @@ contains
         call get_vector(inner, "velocity", speed, coordinate(:n)%start_velocity, status, found)
         coordinate%has_start = has_position .or. has_angle
     end subroutine read_pose_start
+
+    !> The motion of the frame: laws as those of a link's pose. What is left out is zero.
+    subroutine read_base(root, shelf, scene, status)
+        type(scene_place), intent(in) :: root
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: place
+        type(toml_node) :: node, motion
+        type(coordinate_spec), allocatable :: component(:)
+        integer, allocatable :: components(:)
+
+        node = root%node%get("frame")
+        if (.not. status%is_ok() .or. .not. node%is_present()) return
+        motion = node%get("motion")
+        if (.not. motion%is_present()) return
+        place = place_at(root, node, "frame")
+        components = merge_components(scene%planar)
+        allocate (component(size(components)))
+        call read_pose_motion(place, components, shelf, component, status)
+        if (.not. status%is_ok()) return
+        scene%base%moves = .true.
+        scene%base%line = place%line
+        scene%base%motion(components) = component%motion
+    end subroutine read_base
 
     !> One table with a column for each component, or a law each; what is left out stays at its start.
     subroutine read_pose_motion(place, components, shelf, coordinate, status)

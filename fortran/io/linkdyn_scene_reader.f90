@@ -20,9 +20,10 @@ module linkdyn_scene_reader
     use linkdyn_scene_joints, only: read_joints
     use linkdyn_scene_chain, only: count_chain_parts, read_chains
     use linkdyn_scene_laws, only: table_shelf, files_of
-    use linkdyn_scene_motion, only: read_coordinates
+    use linkdyn_scene_motion, only: read_coordinates, read_base
     use linkdyn_scene_state_laws, only: read_measures, read_named_laws
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
+    use linkdyn_scene_payloads, only: read_payloads
     use linkdyn_scene_time, only: read_time
     use linkdyn_scene_sweep, only: read_sweep
     use linkdyn_scene_variables, only: read_variables, list_variables
@@ -145,11 +146,13 @@ contains
         call read_joints(root, scene, status)
         call refuse_double_joints(root, scene, status)
         call read_coordinates(root, shelf, scene, status)
+        call read_base(root, shelf, scene, status)
         call read_measures(root, scene, shelf, status)
         call read_named_laws(root, shelf, status)
         call read_actuators(root, driven, shelf, scene, status)
         call read_loads(root, shelf, scene, status)
         call read_springs(root, shelf, scene, status)
+        call read_payloads(root, shelf, scene, status)
         scene%laws = shelf%book
         scene%table_file = files_of(shelf)
         call read_time(root, scene, status)

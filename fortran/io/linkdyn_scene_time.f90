@@ -134,6 +134,12 @@ contains
                 end if
             end associate
         end do
+        do i = 1, size(scene%base%motion)
+            call add_law(scene%base%motion(i), span)
+        end do
+        do i = 1, size(scene%payload)
+            call add_law(scene%payload(i)%mass, span)
+        end do
         do i = 1, size(scene%load)
             do j = 1, 3
                 call add_law(scene%load(i)%force(j), span)
@@ -164,6 +170,14 @@ contains
                 call require_cover(root, scene, coordinate%motion, "coordinate "//quoted(coordinate%name), &
                     coordinate%line, status)
             end associate
+        end do
+        do i = 1, size(scene%payload)
+            associate (payload => scene%payload(i))
+                call require_cover(root, scene, payload%mass, "payload on "//quoted(payload%name), payload%line, status)
+            end associate
+        end do
+        do i = 1, size(scene%base%motion)
+            call require_cover(root, scene, scene%base%motion(i), "motion of the frame", scene%base%line, status)
         end do
         do i = 1, size(scene%load)
             do j = 1, 3

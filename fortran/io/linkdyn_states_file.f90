@@ -12,7 +12,7 @@ module linkdyn_states_file
     use linkdyn_csv, only: read_csv
     use linkdyn_kinds, only: wp
     use linkdyn_laws, only: evaluate_law
-    use linkdyn_scene, only: scene_type, table_spec, law_spec, name_len
+    use linkdyn_scene, only: scene_type, table_spec, law_spec, name_len, wants_instants
     use linkdyn_scene_laws, only: column_in_si, table_law, spline
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_suggest, only: suggestion
@@ -53,7 +53,7 @@ contains
         if (states%is_motion) call find_out_rates(table, scene, states%has_spline_rates, status)
         allocate (states%time(n), states%q(size(scene%coordinate), n), states%qd(size(scene%coordinate), n), &
                   states%qdd(size(scene%coordinate), n))
-        call take_column(table, "time", .false., time_span, states%time, status)
+        call take_column(table, "time", wants_instants(scene), time_span, states%time, status)
         do k = 1, size(scene%coordinate)
             associate (coordinate => scene%coordinate(k))
                 quantity = length

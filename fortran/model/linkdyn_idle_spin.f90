@@ -247,6 +247,15 @@ contains
                 return
             end associate
         end do
+        do i = 1, size(model%payload)
+            associate (payload => model%payload(i))
+                l = payload%link
+                if (all(spin%link /= l)) cycle
+                if (distance_of(l, payload%body%cog) <= exact*size_of(l) .and. all(payload%body%inertia == 0)) cycle
+                why = "the payload on "//quoted(payload%body%name)//" is no point on it"
+                return
+            end associate
+        end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint > 0) cycle

@@ -35,6 +35,7 @@ module linkdyn_kinematic_state
                                                               !! of a joint in those of its first marker (n_attitude)
         real(wp), allocatable :: quaternion(:, :, :)          !! w x y z of such an attitude          (lane, 4, n_attitude)
         real(wp) :: time(lanes) = 0                           !! the instant [s]
+        real(wp), allocatable :: payload(:, :)                !! masses that links carry [kg]         (lane, n_payload)
         real(wp), allocatable :: branch(:, :)                 !! of the closed forms, +1 or -1        (lane, n_branch)
         ! ---- POSITION
         type(mat3), allocatable :: rotation(:)                !! link axes to world                   (0:n_orientation)
@@ -84,6 +85,8 @@ contains
                       state%branch(lanes, model%n_branch))
             allocate (state%law(lanes, size(model%scene%laws%law)))
             state%law = 0
+            allocate (state%payload(lanes, size(model%payload)))
+            state%payload = 0
             state%by_quaternion = .false.
             state%q = 0
             state%qd = 0

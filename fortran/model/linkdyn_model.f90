@@ -5,7 +5,8 @@ module linkdyn_model
     use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal
     implicit none (type, external)
     private
-    public :: model_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type, share_type
+    public :: model_type, payload_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type
+    public :: share_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
@@ -53,6 +54,12 @@ module linkdyn_model
         real(wp) :: spin_point(3) = 0         !! of the line about which that is, link axes [m]
         real(wp) :: spin_axis(3) = 0          !! unit vector along it, link axes
     end type link_type
+
+    !> A mass that a link carries; how much it is changes with time.
+    type :: payload_type
+        integer :: link = 0
+        type(link_type) :: body               !! of a unit mass, in the link's axes
+    end type payload_type
 
     !> Constants of a joint.
     type :: joint_type
@@ -174,6 +181,7 @@ module linkdyn_model
         type(joint_type), allocatable :: joint(:)    !! those that hold something, then those by which coordinates lead links
         type(step_type), allocatable :: step(:)
         type(leg_type), allocatable :: leg(:)
+        type(payload_type), allocatable :: payload(:)
         type(gear_type), allocatable :: gear(:)
         type(led_type), allocatable :: led(:)
         type(loose_type), allocatable :: loose(:)

@@ -14,6 +14,7 @@ module linkdyn_scene
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf, hold_spec
+    public :: base_spec, payload_spec, payload_changes, wants_instants
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     public :: joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
@@ -209,6 +210,18 @@ module linkdyn_scene
         integer :: line = 0
     end type load_spec
 
+    !> A mass on a marker of a link, beside the link's own.
+    type :: payload_spec
+        character(len=name_len) :: name = ""      !! "gripper.tip"
+        integer :: link = 0
+        integer :: marker = 0
+        type(law_spec) :: mass                    !! [kg]
+        real(wp) :: inertia(6) = 0                !! of a constant mass, about the marker, link axes [kg m2]
+        real(wp) :: from = -huge(1.0_wp)          !! it is there from this instant on [s]
+        real(wp) :: until = huge(1.0_wp)          !! and no more from this one [s]
+        integer :: line = 0
+    end type payload_spec
+
     !> A spring and damper that nothing drives: between two markers, or at a variable of a joint.
     !>
     !> Between markers it pulls along their line: stiffness (d - rest) + damping d(d)/dt at distance d.
@@ -224,6 +237,13 @@ module linkdyn_scene
         type(law_spec) :: force                   !! beside stiffness and damping [N, N m]; law_none: nothing
         integer :: line = 0
     end type spring_spec
+
+    !> The prescribed motion of the frame: the pose of its axes in axes at rest, in which gravity is constant.
+    type :: base_spec
+        logical :: moves = .false.                !! the scene says so
+        type(law_spec) :: motion(6)               !! x y z roll pitch yaw [m, rad]; law_none: zero
+        integer :: line = 0
+    end type base_spec
 
     !> An idle spin, settled at a ball joint: two directions there stay square to each other. See `linkdyn_idle_spin`.
     type :: hold_spec
@@ -280,6 +300,7 @@ module linkdyn_scene
         real(wp) :: gravity(3) = 0                !! [m/s2]
         logical :: has_gravity = .false.
         integer :: redundancy = share_by_least_norm   !! one of `share_*`: what becomes of reactions that the equations leave open
+        type(base_spec) :: base
         logical :: passes_change_points = .true.  !! on the smooth continuation; false: the assembly is lost there
         type(variable_spec), allocatable :: variable(:)
         type(link_spec) :: frame
@@ -289,6 +310,7 @@ module linkdyn_scene
         type(actuator_spec), allocatable :: actuator(:)
         type(load_spec), allocatable :: load(:)
         type(spring_spec), allocatable :: spring(:)
+        type(payload_spec), allocatable :: payload(:)
         type(law_book) :: laws
         type(hold_spec), allocatable :: hold(:)   !! how idle spins are settled; absent: nobody has looked, no file says it
         type(time_spec) :: time
@@ -297,12 +319,27 @@ module linkdyn_scene
 
 contains
 
-    !> Does any law over the state ask for the instant, too?
+    !> Does a payload's mass change with time?
+    elemental logical function payload_changes(payload)
+        type(payload_spec), intent(in) :: payload
+
+        payload_changes = payload%mass%kind /= law_constant .or. payload%from > -huge(1.0_wp) .or. payload%until < huge(1.0_wp)
+    end function payload_changes
+
+    !> Does the frame move, or a payload change? States do not tell that.
+    pure logical function wants_instants(scene)
+        type(scene_type), intent(in) :: scene
+
+        wants_instants = scene%base%moves
+        if (allocated(scene%payload)) wants_instants = wants_instants .or. any(payload_changes(scene%payload))
+    end function wants_instants
+
+    !> Does the frame move, a payload change, or does any law over the state ask for the instant, too?
     pure logical function takes_time(scene)
         type(scene_type), intent(in) :: scene
         integer :: i, k
 
-        takes_time = .false.
+        takes_time = wants_instants(scene)
         do i = 1, size(scene%laws%law)
             associate (law => scene%laws%law(i))
                 if (law%over > 0) takes_time = takes_time .or. scene%laws%measure(law%over)%kind == measure_time

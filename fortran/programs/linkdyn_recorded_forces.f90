@@ -7,7 +7,7 @@ module linkdyn_recorded_forces
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_block, only: block_lanes
     use linkdyn_force_program, only: make_force_program, out_alarm, out_reach
-    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_payload
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_finite, only: all_are_finite
     use linkdyn_kinds, only: wp
@@ -275,6 +275,7 @@ contains
             call leave_what_is_no_number(in_load)
             call leave_what_is_no_number(in_pull)
         end if
+        if (size(recorded%model%payload) > 0) call leave_what_is_no_number(in_payload)     ! of a mass below zero
         if (all(is_left)) return
         call load_samples(recorded%program, arrays, first, count, space%slots)
         call run_samples(recorded%program, space%slots, first, count, to, is_left)
@@ -296,6 +297,10 @@ contains
             if (.not. associated(arrays%of(block)%x)) return
             associate (x => arrays%of(block)%x)
                 if (size(x) == 0) return
+                if (size(x, 2) == 1) then      ! which serves all samples
+                    is_left = is_left .or. .not. all_are_finite(size(x, 1, int64), x(1, 1))
+                    return
+                end if
                 if (all_are_finite(size(x, 1, int64)*count, x(1, first))) return       ! all at once, as nearly always
                 do i = 1, count
                     is_left(i) = is_left(i) .or. .not. all_are_finite(size(x, 1, int64), x(1, first + i - 1))

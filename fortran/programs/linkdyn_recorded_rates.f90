@@ -3,9 +3,10 @@
 !> A record serves scenes whose loops all close in closed form. A sample at which it raises its alarm, near a dead point or
 !> where a pivot fails, or that is not finite, is left to whoever solves with pivots of its own.
 module linkdyn_recorded_rates
+    use linkdyn_base_motion, only: base_size
     use linkdyn_block, only: block_lanes
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, &
-        in_branch, in_pull
+        in_branch, in_pull, in_base, in_payload
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
@@ -39,6 +40,8 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: effort(:, :) => null()        !! driving forces given (n_actuator, sample) [N, N m]
         real(wp), pointer, contiguous :: branch(:, :) => null()        !! (n_branch, sample)
         real(wp), pointer, contiguous :: pull(:, :) => null()          !! of springs' laws over the state (n_spring, sample) [N, N m]
+        real(wp), pointer, contiguous :: base(:, :) => null()          !! what is felt of the frame's motion (base_size, sample)
+        real(wp), pointer, contiguous :: payload(:, :) => null()       !! masses that links carry (n_payload, sample) [kg]
         real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on (measure, sample)
         real(wp), allocatable :: turned(:, :)                          !! turns of these that the states leave out [rad] (measure, sample)
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
@@ -96,6 +99,8 @@ contains
             call add(in_effort, model%n_actuator, samples%effort)
             call add(in_branch, model%n_branch, samples%branch)
             call add(in_pull, size(model%scene%spring), samples%pull)
+            call add(in_base, base_size(model), samples%base)
+            call add(in_payload, size(model%payload), samples%payload)
             allocate (samples%measured(size(model%scene%laws%measure), n), samples%turned(size(model%scene%laws%measure), n), &
                       source=0.0_wp)
         end associate
@@ -119,7 +124,7 @@ contains
 
         if (.not. associated(samples%found)) return
         deallocate (samples%q, samples%qd, samples%qdd, samples%quaternion, samples%load, samples%target, samples%effort, &
-                    samples%branch, samples%pull, samples%measured, samples%found)
+                    samples%branch, samples%pull, samples%base, samples%payload, samples%measured, samples%found)
         call free_program_space(samples%one_measured)
         call free_program_space(samples%block_measured)
         call free_program_space(samples%one)

@@ -4,7 +4,7 @@ module linkdyn_motion_quantities
     use linkdyn_inertia_wrench, only: mass_properties
     use linkdyn_joint_variables, only: within_half_a_turn, joint_rates
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, properties_of, pair_of, gravity_of
+    use linkdyn_mechanism, only: mechanism_type, properties_of, payload_properties, pair_of, gravity_of
     use linkdyn_springs, only: spring_energy
     use linkdyn_value, only: value, zero, abs, max, atan2, operator(+), operator(-), operator(*)
     use linkdyn_vector, only: vector, rotation, components, operator(*), operator(.dot.), operator(.cross.)
@@ -58,21 +58,32 @@ contains
     function kinetic_energy(mechanism) result(energy)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: energy
-        type(mass_properties) :: p
-        type(vector) :: v, w
-        type(value) :: h(3)
-        integer :: l, k
+        integer :: l
 
         energy = zero()
         do l = 1, mechanism%model%n_link
-            p = properties_of(mechanism, l)
-            v = point_velocity(mechanism%bodies, l, p%cog)
-            w = omega_of(mechanism%bodies, l, own_axes)
+            call add(l, properties_of(mechanism, l))
+        end do
+        do l = 1, size(mechanism%model%payload)
+            call add(mechanism%model%payload(l)%link, payload_properties(mechanism, l))
+        end do
+
+    contains
+
+        subroutine add(link, p)
+            integer, intent(in) :: link
+            type(mass_properties), intent(in) :: p
+            type(vector) :: v, w
+            type(value) :: h(3)
+            integer :: k
+
+            v = point_velocity(mechanism%bodies, link, p%cog)
+            w = omega_of(mechanism%bodies, link, own_axes)
             do k = 1, 3
                 h(k) = p%inertia(k, 1)*w%x + p%inertia(k, 2)*w%y + p%inertia(k, 3)*w%z
             end do
             energy = energy + 0.5_wp*(p%mass*(v.dot.v) + (w%x*h(1) + w%y*h(2) + w%z*h(3)))
-        end do
+        end subroutine add
     end function kinetic_energy
 
     !> Of gravity and springs [J].
@@ -86,6 +97,11 @@ contains
         do i = 1, mechanism%model%n_link
             p = properties_of(mechanism, i)
             energy = energy - p%mass*(gravity_of(mechanism) .dot.point_position(mechanism%bodies, i, p%cog))
+        end do
+        do i = 1, size(mechanism%model%payload)
+            p = payload_properties(mechanism, i)
+            energy = energy - p%mass*(gravity_of(mechanism) &
+                                      .dot.point_position(mechanism%bodies, mechanism%model%payload(i)%link, p%cog))
         end do
         do i = 1, size(mechanism%model%scene%spring)
             energy = energy + spring_energy(mechanism, i)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ._arguments import as_count, as_known, as_mapping, as_names, as_positive
 from ._averages import good_samples, rms
+from ._frame_motion import with_frame
 from ._kinematics import LinkMotion, link_motion
 from ._shaking import inertia_wrench
 from .errors import InputError
@@ -166,8 +167,8 @@ def balance(
         raise InputError(f"balance: {n} sample{'s' if n > 1 else ''} failed (expected a motion of which all can be computed)")
     if run.sizes["sample"] < 3:
         raise InputError("balance: the scene does not move (expected coordinates with a motion)")
-    motion = link_motion(scene, run)
-    before = inertia_wrench(motion, np.zeros(3))[0]
+    motion = with_frame(link_motion(scene, run), run, "balance")
+    before = inertia_wrench(motion, run, np.zeros(3))[0]
     planes = [_across(hinged[name][2]) for name in chosen]
     effect = np.concatenate([_effect(motion, hinged[name][0], plane) for name, plane in zip(chosen, planes)], axis=2)
     weights, above, turns = _parts(run.time.values), 0.0, _turns(motion, hinged)

@@ -46,6 +46,7 @@ _TEXT_ROOM = 65536
 MOST_KEPT = 32 << 20
 """Bytes of the largest block that glibc keeps (DEFAULT_MMAP_THRESHOLD_MAX)."""
 LOAD_WIDTH = 6
+POSE_WIDTH = 6
 """Components of a load inside the engine: Fx Fy Fz Mx My Mz."""
 
 Floats = NDArray[np.float64]
@@ -232,6 +233,20 @@ def motion(handle: int, t: Floats, n_q: int, n_load: int) -> tuple[Floats, Float
     load = np.empty((len(t), n_load, LOAD_WIDTH))
     check(*_api.api_motion(handle, t, _flat(q), _flat(qd), _flat(qdd), _flat(load)))
     return q, qd, qdd, load
+
+
+def frame_motion(handle: int, t: Floats) -> Floats:
+    """How the frame moves: (n, 3, 6) x y z [m] roll pitch yaw [rad], their first and second derivatives."""
+    pose = np.empty((len(t), 3, POSE_WIDTH))
+    check(*_api.api_frame_motion(handle, t, _flat(pose)))
+    return pose
+
+
+def payloads(handle: int, t: Floats, n_payload: int) -> Floats:
+    """Masses of the payloads (n, n_payload) [kg]."""
+    mass = np.empty((len(t), n_payload))
+    check(*_api.api_payloads(handle, t, _flat(mass)))
+    return mass
 
 
 def loads(handle: int, t: Floats, n_load: int) -> Floats:

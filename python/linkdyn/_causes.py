@@ -25,7 +25,7 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     """Driving forces and reactions by cause; the causes of a sample add up to its forces.
 
     The scene is computed once for each cause along the same motion: inertia is what is left without gravity, loads and springs, and any
-    other cause is what it adds to that.
+    other cause is what it adds to that. Where the frame moves, inertia is that of the motion seen from it, and "frame" what its own adds.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     -------
     xarray.Dataset
         ``driving_force`` (cause, sample, actuator) and ``reaction`` (cause, sample, joint, component), as far as the run has them. ``cause``: "inertia"
-        (with gyroscopic parts), "weight", "load MARKER", "spring NAME", "given MARKER" of wrenches given in the call.
+        (with gyroscopic parts), "frame" where it moves, "weight", "load MARKER", "spring NAME", "given MARKER" of wrenches given in the call.
 
     Raises
     ------
@@ -58,6 +58,9 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     given = _given(run, scene)
     base = _forces(Scene(_only(content), folder=scene.folder), run, wanted)
     found = {"inertia": base}
+    if scene.description["frame_moves"]:
+        found = {"inertia": _forces(Scene(_at_rest(_only(content)), folder=scene.folder), run, wanted)}
+        found["frame"] = _less(base, found["inertia"])
     for cause, changed in causes.items():
         found[cause] = _less(_forces(Scene(changed, folder=scene.folder), run, wanted), base)
     for marker, wrench in given.items():
@@ -79,6 +82,11 @@ def _only(content: dict[str, Any], gravity: bool = False, kept: tuple[str, int] 
     if kept:
         changed[kept[0]] = [content[kept[0]][kept[1]]]
     return changed
+
+
+def _at_rest(content: dict[str, Any]) -> dict[str, Any]:
+    """The scene on a frame that does not move."""
+    return {**content, "frame": {key: value for key, value in content["frame"].items() if key != "motion"}}
 
 
 def _label(kind: str, table: dict[str, Any]) -> str:

@@ -296,6 +296,34 @@ class Scene:
         instants = self.times() if t is None else self._instants(t)
         return _bind.motion(self._handle, instants, len(self.coordinates), len(self.loads))[:3]
 
+    def frame_motion(self, t: ArrayLike | None = None) -> tuple[NDArray[np.float64], ...]:
+        """How the frame moves in axes at rest; zeros if it does not.
+
+        Parameters
+        ----------
+        t
+            (N,) instants [s]; default: `times`.
+
+        Returns
+        -------
+        pose, rate, acceleration
+            (N, 6) x y z [m] roll pitch yaw [rad] of the frame's axes, and their time derivatives; of a planar scene (N, 3) x y yaw.
+        """
+        instants = self.times() if t is None else self._instants(t)
+        values = _bind.frame_motion(self._handle, instants)[..., [0, 1, 5] if self.planar else slice(None)]
+        return values[:, 0], values[:, 1], values[:, 2]
+
+    def payload_masses(self, t: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Masses of the scene's payloads, in the order of the file: (N, number of payloads) [kg].
+
+        Parameters
+        ----------
+        t
+            (N,) instants [s]; default: `times`.
+        """
+        instants = self.times() if t is None else self._instants(t)
+        return _bind.payloads(self._handle, instants, len(self.description["payloads"]))
+
     def load_values(
         self,
         t: ArrayLike | None = None,
@@ -391,7 +419,7 @@ class Scene:
             [N m] in world axes; planar (N, 3) or (3,) Fx Fy Mz.
         t
             (N,) or one instant [s] at which the scene's loads act; default: the scene's instants without ``q``,
-            else 0.
+            else 0. Where the frame moves or a payload's mass changes, ``q`` asks for it.
         want
             "driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "singularity_distance" or several of
             them, or "all": the first five (solver lapack has "rcond" among its checks); default: all that the solver
@@ -426,6 +454,7 @@ class Scene:
             *motion, load = _bind.motion(job.handle, instants, len(self.coordinates), job.n_load)
             given = {"time": instants} | dict(zip(("q", "qd", "qdd"), motion))
         else:
+            self._require_instants(t)
             given = self._given(q, qd, qdd)
             load = self._loads_at(job, t, len(given["q"]))
         extra = self._wrenches(wrench, len(given["q"]))
@@ -807,6 +836,7 @@ class Scene:
         >>> scene.solve(q, qd, qdd)["driving_force"].shape
         (1, 6)
         """
+        self._require_instants(t)
         job = self._job(want, solver, wrench, False, error)
         given = self._given(q, qd, qdd)
         n = len(given["q"])
@@ -895,6 +925,12 @@ class Scene:
         if len(instants) not in (1, n):
             raise InputError(f"t: expected one instant or shape ({n},), got ({len(instants)},)")
         return _bind.loads(job.handle, instants, job.n_load)
+
+    def _require_instants(self, t: ArrayLike | None) -> None:
+        """States do not tell where the frame is, and what payloads weigh."""
+        if t is None and self.description["wants_instants"]:
+            what = "the frame of the scene moves" if self.description["frame_moves"] else "the mass of a payload changes"
+            raise InputError(f"t: {what} with time, and no instants are given (expected the instant of each sample)")
 
     def _instant_or_0(self, t: ArrayLike | None) -> NDArray[np.float64]:
         """Instants of a batch: (N,) or (1,)."""

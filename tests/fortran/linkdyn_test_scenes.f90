@@ -1,14 +1,17 @@
 !> Scenes built in code, for tests of the engine that need no scene file.
 module linkdyn_test_scenes
     use linkdyn_kinds, only: wp
+    use linkdyn_model, only: model_type
+    use linkdyn_payloads, only: take_payloads
     use linkdyn_scene, only: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec, &
         joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_n_variable, variable_name, coordinate_joint, coordinate_pose, pose_component_name, axes_world, axes_link
+        joint_n_variable, variable_name, coordinate_joint, coordinate_pose, pose_component_name, axes_world, axes_link, law_spec, &
+        law_harmonic, payload_spec
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
     public :: new_scene, add_link, add_joint, add_pose, add_joint_coordinates, add_actuator, add_load, add_ups_leg
-    public :: stewart_scene, stewart_on_carriage, open_chain_scene, start_at
+    public :: stewart_scene, stewart_on_carriage, open_chain_scene, start_at, move_frame, load_link
     public :: base_point, platform_point, universal_axis
 
     real(wp), parameter :: z_axis(3) = [0.0_wp, 0.0_wp, 1.0_wp], y_axis(3) = [0.0_wp, 1.0_wp, 0.0_wp]
@@ -25,6 +28,31 @@ module linkdyn_test_scenes
         1.0_wp, 0.05_wp, -0.2_wp, -0.45_wp, 0.89_wp, 0.0_wp, -0.54_wp, 0.84_wp, 0.05_wp], [3, 6])
 
 contains
+
+    !> The frame of a mechanism begins to sway and turn, in motion at any instant.
+    subroutine move_frame(model)
+        type(model_type), intent(inout) :: model
+        logical, parameter :: is_planar(6) = [.true., .true., .false., .false., .false., .true.]
+        integer :: k
+
+        model%scene%base%moves = .true.
+        do k = 1, 6
+            if (model%is_planar .and. .not. is_planar(k)) cycle
+            model%scene%base%motion(k) = law_spec(kind=law_harmonic, &
+                                                  value=[0.1_wp*k, 0.3_wp, 1 + 0.3_wp*k, 0.4_wp + 0.7_wp*k])
+        end do
+    end subroutine move_frame
+
+    !> The first link gets something to carry whose mass changes.
+    subroutine load_link(model)
+        type(model_type), intent(inout) :: model
+
+        deallocate (model%scene%payload, model%payload)
+        allocate (model%scene%payload(1))
+        model%scene%payload(1) = payload_spec(name="first", link=1, marker=1, mass=law_spec( &
+            kind=law_harmonic, value=[3.0_wp, 1.0_wp, 2.0_wp, 0.5_wp]))
+        call take_payloads(model)
+    end subroutine load_link
 
     ! ---------------------------------------------------------------- parts
 

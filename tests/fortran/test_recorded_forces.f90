@@ -20,7 +20,7 @@ module test_recorded_forces
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_test_numbers, only: random_stream, random_walk
-    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage
+    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, move_frame, load_link
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -60,6 +60,7 @@ contains
         tests = [new_test("examples", test_examples), new_test("following a motion", test_following), &
                  new_test("legs in any axes", test_legs), new_test("a leg that is not straight", test_bent_leg), &
                  new_test("dead points", test_dead_points), new_test("groups closed by iteration", test_iterated), &
+                 new_test("a frame that moves", test_moving_frame), &
                  new_test("dead points of groups", test_dead_groups), new_test("recorded steps", test_recorded_steps), &
                  new_test("samples that are no numbers", test_no_numbers), new_test("what is left out", test_left_out), &
                  new_test("linear in links", test_linear)]
@@ -300,6 +301,30 @@ contains
             call compare_roads(error, trim(iterated(i))//" about its start", model, batch, accuracy=accuracy)
         end do
     end subroutine test_iterated
+
+    !> Closed forms and a group, in the plane and in space, with something to carry that changes.
+    subroutine test_moving_frame(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: scene(6) = [character(len=34) :: "examples/fourbar/scene", "examples/watt_i/scene", &
+            "examples/stewart_tsai/scene", "examples/rcsp_start/scene", "tests/scenes/excavator", "tests/scenes/rsur"]
+        type(model_type) :: model
+        type(batch_type) :: batch
+        integer :: i
+
+        do i = 1, size(scene)
+            call load_model(error, scene(i), model)
+            if (allocated(error%message)) return
+            call move_frame(model)
+            call load_link(model)
+            if (size(model%group) == 0) then
+                call follow_motion(model, batch)
+                call compare_roads(error, trim(scene(i))//", moving", model, batch)
+            else
+                call move_at_random(model, 140, 0.005_wp, batch)
+                call compare_roads(error, trim(scene(i))//", moving", model, batch, accuracy=near_singular)
+            end if
+        end do
+    end subroutine test_moving_frame
 
     !> Enough samples for Newton's steps to be recorded, too: the same assemblies and forces as by those of the lanes, in order and
     !> each on its own, over turns of the cranks and through change points.

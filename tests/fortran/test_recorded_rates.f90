@@ -15,6 +15,7 @@ module test_recorded_rates
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_numbers, only: random_stream
+    use linkdyn_test_scenes, only: move_frame, load_link
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -36,7 +37,7 @@ contains
         type(unit_test), allocatable, intent(out) :: tests(:)
 
         tests = [new_test("random states", test_random_states), &
-                 new_test("a free body", test_free_body), &
+                 new_test("a free body", test_free_body), new_test("a frame that moves", test_moving_frame), &
                  new_test("a run", test_run), new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
                  new_test("an ensemble", test_ensemble)]
@@ -65,6 +66,20 @@ contains
             call compare_rates(error, trim(example(i)), model)
         end do
     end subroutine test_random_states
+
+    subroutine test_moving_frame(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+        integer :: i
+
+        do i = 1, size(example), 2
+            call load_model(error, "examples/"//example(i), model)
+            if (allocated(error%message)) return
+            call move_frame(model)
+            call load_link(model)
+            call compare_rates(error, trim(example(i))//", moving", model)
+        end do
+    end subroutine test_moving_frame
 
     !> A state on each lane, then each alone; then with three turns more of every angle, which motors and springs feel.
     subroutine compare_rates(error, name, model)
