@@ -35,6 +35,7 @@ module linkdyn_equations
     use linkdyn_reactions, only: solution_type, unknown
     use linkdyn_row_order, only: order_rows
     use linkdyn_slots, only: slot_store, make_slots
+    use linkdyn_scene, only: n_stop, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
     use linkdyn_text, only: to_text
@@ -410,6 +411,7 @@ contains
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         workspace%state%has_applied = equations%are_solved .and. &
                                       (size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
+                                       .or. has_hard_stops(model%scene) &
                                        .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world
         workspace%state%carries_legs = equations%solver == solver_reduced
@@ -578,6 +580,12 @@ contains
         call find_laws(model, workspace%state)
         call apply_springs(model, workspace%state)
         call apply_load_laws(model, workspace%state)
+        do i = 1, n_stop(model%scene)
+            associate (stop => model%scene%stop(i))
+                if (stop%is_hard) call apply_drive(model, stop%joint, stop%variable, &
+                                                   -stop%side*workspace%state%stop_force(:, i), workspace%state)
+            end associate
+        end do
         do i = 1, model%n_actuator
             if (equations%unknown%drive(i)) cycle
             associate (spec => model%scene%actuator(i))

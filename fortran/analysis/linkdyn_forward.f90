@@ -23,7 +23,7 @@ module linkdyn_forward
     use linkdyn_forward_system, only: forward_system, build_forward_system, evaluations_before_record
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, &
-        stop_growth, stop_roughness, stop_pace, stop_law
+        stop_growth, stop_roughness, stop_pace, stop_law, stop_event
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
@@ -35,7 +35,7 @@ module linkdyn_forward
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: law_spec, scene_type, frame_link, law_none
+    use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
@@ -51,6 +51,7 @@ module linkdyn_forward
 
     !> Where the results of a chunk go; what is not associated is not computed.
     type :: forward_results
+        real(wp), pointer :: time(:) => null()         !! instants of the samples (n) [s]
         real(wp), pointer :: q(:, :) => null()         !! (n_q, n) [m, rad]
         real(wp), pointer :: qd(:, :) => null()        !! (n_q, n)
         real(wp), pointer :: work(:) => null()         !! (n) of the driving forces since the start [J]
@@ -79,7 +80,9 @@ module linkdyn_forward
         integer :: n_crossed = 0                       !! change points passed before the last sample given
         real(wp), allocatable :: kink(:)               !! instants ahead at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
+        logical :: is_over = .false.                   !! an event has ended it, of which the last sample tells
         real(wp) :: good_until = 0                     !! [s]
+        real(wp) :: t_given = -huge(1.0_wp)            !! instant of the last sample given [s]
         character(len=256) :: reason = ""              !! why it stopped
     end type forward_run
 
@@ -119,6 +122,8 @@ contains
         if (.not. status%is_ok()) return
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
         call run%system%begin(options%t_start, run%y)
+        call refuse_beyond_stop(run, options%t_start, status)
+        if (.not. status%is_ok()) return
         call run%system%evaluate_on_lanes(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed at its start: " &
@@ -139,8 +144,56 @@ contains
         call collect_kinks(model, run%kink)
         run%kink = pack(run%kink, run%kink > options%t_start)
         run%output = run%y
+        call begin_at_stops(run%system, options%t_start, run%y)
         call run%integrator%start(options%integrator, run%system, options%t_start, run%y, status)
     end subroutine start_integrator
+
+    !> No run begins beyond a stop.
+    subroutine refuse_beyond_stop(run, t, status)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: t                      !! [s]
+        type(status_type), intent(inout) :: status
+        real(wp) :: gap(lanes, n_event(run%model%scene))
+        integer :: i
+
+        if (.not. has_hard_stops(run%model%scene)) return
+        call run%system%evaluate_guards(spread(t, 1, lanes), run%y, gap)
+        do i = 1, n_stop(run%model%scene)
+            associate (stop => run%model%scene%stop(i))
+                if (.not. stop%is_hard .or. .not. gap(1, stop%event) < -touch(stop)) cycle
+                call fail(status, status_bad_input, "stop "//quoted(stop%name)//": joint " &
+                          //quoted(run%model%joint(stop%joint)%name)//" starts "//to_text(-gap(1, stop%event))//" beyond it " &
+                          //"(expected a start that the stop admits)")
+                return
+            end associate
+        end do
+    end subroutine refuse_beyond_stop
+
+    !> Gap that is none, where a run begins: a start written with the stop's own number is at the stop.
+    pure real(wp) function touch(stop)
+        type(stop_spec), intent(in) :: stop
+
+        touch = 1.0e-12_wp*max(1.0e-3_wp, abs(stop%bound))
+    end function touch
+
+    !> What touches its stop where the run begins strikes it or rests there.
+    subroutine begin_at_stops(system, t, y)
+        type(forward_system), intent(inout) :: system
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(inout) :: y(:, :)
+        real(wp) :: gap(lanes, n_event(system%model%scene))
+        logical :: touches(lanes, n_stop(system%model%scene))
+        integer :: i
+
+        if (.not. has_hard_stops(system%model%scene)) return
+        call system%evaluate_guards(spread(t, 1, lanes), y, gap)
+        do i = 1, size(touches, 2)
+            associate (stop => system%model%scene%stop(i))
+                touches(:, i) = stop%is_hard .and. abs(gap(:, stop%event)) <= touch(stop)
+            end associate
+        end do
+        if (any(touches)) call system%meet_stops(spread(t, 1, lanes), y, touches)
+    end subroutine begin_at_stops
 
     !> Forces that a motion asks for move a mechanism along it only if it starts on it. From elsewhere they would give a table
     !> of a motion that nobody has asked for.
@@ -209,20 +262,27 @@ contains
     !>
     !> With a time limit the run comes back when it has passed, after `n_done` instants, which may be none: call again
     !> with the rest. That changes nothing in the results.
-    subroutine advance_forward(run, t, results, n_done, seconds)
+    !>
+    !> Where an event ends the run, the last sample is at its instant, which `results%time` has, and none follows.
+    subroutine advance_forward(run, instants, results, n_done, seconds)
         type(forward_run), intent(inout) :: run
-        real(wp), intent(in) :: t(:)                   !! [s] (n)
+        real(wp), intent(in) :: instants(:)            !! [s] (n)
         type(forward_results), intent(inout) :: results
         integer, intent(out) :: n_done                 !! instants dealt with
         real(wp), intent(in), optional :: seconds      !! of computing time, about
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         real(wp), allocatable :: quaternion(:, :, :), rate(:, :)    !! attitudes, and qd with angular rates of these
+        real(wp), allocatable :: t(:), stop_force(:, :)
         type(sample_assembly) :: assembly
         real(wp) :: work
-        logical :: is_lost(size(t))
+        logical :: is_lost(size(instants))
         integer :: i, first, phase, n_found
 
+        t = instants
+        n_done = 0
+        if (run%is_over) return
         associate (m => run%own, n => size(t))
+            allocate (stop_force(n_stop(m%scene), n), source=0.0_wp)
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n), &
                       quaternion(4, m%n_attitude, n), rate(m%n_q, n))
         end associate
@@ -242,6 +302,15 @@ contains
         do i = 1, size(t)
             if (.not. run%has_stopped) call go_to(run, t(i))
             if (run%integrator%is_paused) exit
+            if (run%is_over) then
+                if (i > 1) then
+                    if (.not. run%good_until > t(i - 1)) exit
+                end if
+                if (i == 1 .and. .not. run%good_until > run%t_given) exit
+                t(i) = run%good_until
+                run%output = run%y
+                call evaluate_loads(run%own, t(i:i), load(:, :, i:i))
+            end if
             if (first == 0 .or. phase /= run%phase) then
                 if (first > 0) call find_forces(first, i - 1)
                 first = i
@@ -251,7 +320,7 @@ contains
             end if
             work = ieee_value(1.0_wp, ieee_quiet_nan)
             is_lost(i) = run%integrator%is_lost
-            if (.not. run%has_stopped) then
+            if (.not. run%has_stopped .or. run%is_over) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
                 rate(:, i) = qd(:, i)
                 call read_attitudes(run%model, run%system%layout, run%output, quaternion(:, :, i), rate(:, i))
@@ -259,12 +328,16 @@ contains
                                     run%n_crossed)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%output(1, run%system%layout%work)
+                if (has_hard_stops(run%model%scene)) stop_force(:, i) = merge(run%system%push(1, :), 0.0_wp, run%system%rests(1, :))
             end if
+            if (associated(results%time)) results%time(i) = t(i)
             if (associated(results%work)) results%work(i) = work
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
             n_done = i
+            if (run%is_over) exit
         end do
+        if (n_done > 0) run%t_given = t(n_done)
         if (first > 0) call find_forces(first, n_done)
         n_done = n_found
 
@@ -279,7 +352,8 @@ contains
             associate (here => run%known(phase)%phase)
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
-                                  own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last), t=t(first:last))
+                                  own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last), t=t(first:last), &
+                                  stop_force=stop_force(:, first:last))
             end associate
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
@@ -300,7 +374,7 @@ contains
         own_qd = qd
         associate (choice => run%known(run%phase)%phase%choice)
             do k = 1, size(q)
-                if (choice(k) > 0 .and. .not. run%has_stopped) &
+                if (choice(k) > 0 .and. (run%is_over .or. .not. run%has_stopped)) &
                     call coordinate_now(run%own, run%model, run%system%workspace%state, k, own_q(k), own_qd(k))
             end do
             if (associated(results%q)) results%q(:, i) = own_q
@@ -325,6 +399,7 @@ contains
         run%good_until = run%integrator%good_until(1)
         run%has_stopped = run%integrator%failed(1)
         if (.not. run%has_stopped) return
+        run%is_over = run%integrator%reason == stop_event .and. .not. run%system%is_driven_through(1)
         call hold_texts()
         run%reason = reason_of_stop(run)
         call release_texts()
@@ -336,7 +411,14 @@ contains
         real(wp), intent(in) :: t
 
         do
-            if (run%system%wants_rest .or. all(run%integrator%failed)) call change_phase(run)
+            ! Instants behind the last step are looked at before anything changes.
+            if (run%system%n_guard > 0 .and. run%integrator%t >= t .and. .not. all(run%integrator%failed)) then
+                continue
+            else if (run%integrator%reason == stop_event) then
+                exit
+            else if (run%system%wants_rest .or. all(run%integrator%failed)) then
+                call change_phase(run)
+            end if
             if (all(run%integrator%failed)) exit
             if (size(run%kink) > 0) then
                 call run%integrator%advance(run%system, t, run%y, run%output, run%kink(1))
@@ -489,7 +571,12 @@ contains
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
-        if (run%dead_coordinate > 0) then
+        if (run%is_over) then
+            reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
+        else if (run%system%is_driven_through(1)) then
+            reason = reason//"what strikes stop "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
+                     //" is driven: no force of the stop changes its motion"
+        else if (run%dead_coordinate > 0) then
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"

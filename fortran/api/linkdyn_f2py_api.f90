@@ -45,7 +45,7 @@ module linkdyn_f2py_api
     public :: api_version, api_choose_code, api_code, api_default_method
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_loads, api_state_loads
-    public :: api_inverse, api_forward, api_advance, api_finish, api_poses
+    public :: api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
@@ -513,7 +513,7 @@ contains
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
     subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, roads, &
-            rounding, stopped, coordinates, code, message)
+            rounding, stopped, coordinates, n_event, is_over, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: run_handle
         integer(c_int), intent(in) :: n, n_values, n_numbers
@@ -528,6 +528,8 @@ contains
         character(len=256), intent(out) :: rounding        ! what it left of the tolerances; blank if these were met
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
+        integer(c_int), intent(out) :: n_event             ! that have come so far
+        integer(c_int), intent(out) :: is_over             ! 1: an event has ended the run, no instant follows
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_run), pointer :: here
@@ -543,6 +545,8 @@ contains
         rounding = ""
         stopped = ""
         coordinates = ""
+        n_event = 0
+        is_over = 0
         call take_run(run_handle, here, status)
         if (status%code == 0) then
             call prepare_block(here%watched%layout, n, block)
@@ -577,10 +581,45 @@ contains
             if (here%watched%run%has_stopped) stopped = here%watched%run%reason
             coordinates = coordinates_in_words(here%watched%run)
             rounding = rounding_in_words(here%watched%run)
+            n_event = here%watched%run%system%log%n
+            if (here%watched%run%is_over .and. here%watched%n_pending == 0) is_over = 1
         end if
         call leave_run(run_handle, here)
         call report(status, code, message)
     end subroutine api_advance
+
+    !> The events that have come so far.
+    subroutine api_events(run_handle, n, n_values, kinds, instants, states, code, message)
+        integer(c_intptr_t), intent(in) :: run_handle
+        integer(c_int), intent(in) :: n, n_values
+        integer(c_int), intent(inout) :: kinds(3*n)        ! number of the event, kind, direction: one event after the other
+        real(c_double), intent(inout) :: instants(3*n)     ! instant [s], impulse [N s, N m s], energy lost [J]
+        real(c_double), intent(inout) :: states(n_values)  ! coordinates, their rates before and behind (n_q, 3, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_run), pointer :: here
+        type(status_type) :: status
+        integer :: i, n_q
+
+        call take_run(run_handle, here, status)
+        if (status%code == 0) then
+            n_q = here%model%n_q
+            call check_size("states", int(n_values, int64), 3*n_q, n, status)
+            if (status%code == 0 .and. n > here%watched%run%system%log%n) &
+                call fail(status, status_bad_input, "there are fewer events than that")
+        end if
+        if (status%code == 0) then
+            do i = 1, n
+                associate (entry => here%watched%run%system%log%entry(i))
+                    kinds(3*i - 2:3*i) = [entry%event, entry%kind, entry%direction]
+                    instants(3*i - 2:3*i) = [entry%t, entry%impulse, entry%loss]
+                    states(3*n_q*(i - 1) + 1:3*n_q*i) = [entry%q, entry%qd, entry%qd_after]
+                end associate
+            end do
+        end if
+        call leave_run(run_handle, here)
+        call report(status, code, message)
+    end subroutine api_events
 
     !> End a run; nothing happens to one that was ended before.
     subroutine api_finish(run_handle)

@@ -6,14 +6,16 @@ module linkdyn_measures
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
+    use linkdyn_formula, only: evaluate_formula
     use linkdyn_law_values, only: evaluate_laws
     use linkdyn_marker_motion, only: locate_marker
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_marker, measure_spring
+    use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_marker, measure_spring, &
+        n_event
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: find_laws, find_measures, measure_distance
+    public :: find_laws, find_measures, find_events, measure_distance
 
 contains
 
@@ -27,6 +29,21 @@ contains
         call find_measures(model, state, measure)
         call evaluate_laws(model%scene%laws, measure, state%law, state%mode)
     end subroutine find_laws
+
+    !> The numbers whose zeros are the scene's events.
+    subroutine find_events(model, state, value)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: value(:, :)           !! (lane, n_event)
+        real(wp) :: measure(lanes, size(model%scene%laws%measure)), law(lanes, size(model%scene%laws%law)), mode(lanes)
+        integer :: i
+
+        call find_measures(model, state, measure)
+        call evaluate_laws(model%scene%laws, measure, law, mode)
+        do i = 1, n_event(model%scene)
+            call evaluate_formula(model%scene%event(i)%formula, measure, law, value(:, i), mode)
+        end do
+    end subroutine find_events
 
     !> All measures, as the laws mean them: those of a similar mechanism at the size of the scene.
     subroutine find_measures(model, state, measure)

@@ -5,7 +5,7 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: scene_type, link_spec, coordinate_spec, load_spec, marker_spec, law_over, frame_link, &
+    use linkdyn_scene, only: n_event, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, law_over, frame_link, &
         axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, idle_spins, n_holding, coordinate_joint, &
         is_pose_part
     implicit none (type, external)
@@ -56,6 +56,10 @@ contains
         do i = 1, size(scene%variable)
             text = text//separator(i)//"{"//pair("name", string(scene%variable(i)%name))//","// &
                 pair("value", number(scene%variable(i)%value))//","//pair("unit", string(scene%variable(i)%unit))//"}"
+        end do
+        text = text//'],"events":['
+        do i = 1, n_event(scene)
+            text = text//separator(i)//string(scene%event(i)%name)
         end do
         text = text//"],"//pair("idle_spins", string(idle_spins(scene)))
         if (size(scene%source) > 1) text = text//","//pair("text", string(scene%text))

@@ -374,6 +374,10 @@ class Run:
         """Why the run stopped early; empty if it did not."""
         self.coordinates = ""
         """Which coordinates were integrated when; empty if none was exchanged."""
+        self.n_events = 0
+        """That have come so far."""
+        self.is_over = False
+        """An event has ended the run: no instant follows."""
         self.reached = t_start
         """Instant [s] at which the work stands: the mean of the run and of what estimates its errors."""
 
@@ -396,15 +400,36 @@ class Run:
         """
         kinds: tuple[type, ...] = (np.float64, np.intc)
         rows = {kind: _Row(len(t), kind, shapes) for kind in kinds}
-        n_done, self.reached, self.statistics, roads, rounding, stopped, coordinates, code, message = _api.api_advance(
-            self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values
+        n_done, self.reached, self.statistics, roads, rounding, stopped, coordinates, self.n_events, is_over, code, message = (
+            _api.api_advance(self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values)
         )
         check(code, message)
+        self.is_over = bool(is_over)
         self.roads += roads
         self.rounding = rounding.decode("utf-8", errors="replace").strip()
         self.stopped = stopped.decode("utf-8", errors="replace").strip()
         self.coordinates = coordinates.decode("utf-8", errors="replace").strip()
         return n_done, {name: rows[kind].take(name)[:n_done] for name, (shape, kind) in shapes.items()}
+
+    def events(self, n_q: int) -> tuple[NDArray[np.intc], Floats, Floats]:
+        """What has happened so far.
+
+        Returns
+        -------
+        kinds
+            (N, 3) number of the event from 1, kind, direction.
+        instants
+            (N, 3) instant [s], impulse, energy lost [J].
+        states
+            (N, 3, n_q) coordinates, their rates before and behind.
+        """
+        n = self.n_events
+        kinds, instants = np.zeros((n, 3), np.intc), np.zeros((n, 3))
+        states = np.zeros((n, 3, n_q))
+        flat = np.zeros(states.size)
+        if n > 0:
+            check(*_api.api_events(self._handle, kinds.ravel(), instants.ravel(), flat))
+        return kinds, instants, flat[: states.size].reshape(states.shape)
 
     def finish(self) -> None:
         """Give back what the run holds."""

@@ -28,7 +28,7 @@ from ._code import GeneratedCode
 from ._keys import told_by_keys
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, SceneError
-from .results import FOLDER, RunTemplate, ensemble_dataset, result_shapes
+from .results import FOLDER, RunTemplate, ensemble_dataset, event_variables, result_shapes
 from .study import run_study
 from .sweep import run_sweep
 
@@ -516,7 +516,9 @@ class Scene:
         Returns
         -------
         xarray.Dataset
-            As the executable writes it. A run that cannot go on is NaN from there: ``attrs["stopped"]`` says why.
+            As the executable writes it. A run that cannot go on is NaN from there: ``attrs["stopped"]`` says why. One that an
+            event of the scene ends has its last sample at the instant of the event. What has happened, events and contacts with
+            stops, stands along the dimension "event".
 
         Raises
         ------
@@ -571,6 +573,9 @@ class Scene:
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
             data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}
             data.attrs["coordinates_integrated"] = run.coordinates
+            if self.description["events"]:
+                variables, names = event_variables(self.description, *run.events(len(self.description["coordinates"])))
+                data = data.assign(variables).assign_coords(names)
             return data
 
         sign = Progress(progress)
@@ -580,6 +585,8 @@ class Scene:
                 for name, values in arrays.items():
                     found[name][n_done : n_done + n] = values
                 n_done += n
+                if run.is_over:
+                    break
                 sign.show((run.reached - t[0]) / (t[-1] - t[0]) if len(t) > 1 else 1.0)
         except KeyboardInterrupt:
             run.stopped = f"interrupted at t = {run.reached:.6g} s"
