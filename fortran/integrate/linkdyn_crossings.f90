@@ -8,9 +8,9 @@
 !>   `margin` times that miss, or
 !> - it changes its sign once.
 !>
-!> What is not settled is halved, and each half looked at in the same way, down to `most` pieces of the step. So a guard that
-!> crosses zero and comes back within a step is found unless it does so within a fraction of the smallest piece, and by less than
-!> the cubic there is off.
+!> What is not settled is halved, and each half looked at in the same way, down to `most` pieces of the step. Where a guard still
+!> keeps its sign there but comes near zero, its nearest place is sought. So a guard that crosses zero and comes back within a step
+!> is found, unless it turns twice within a quarter of the smallest piece.
 !>
 !> The instant is a root of the guard on solutions that the method itself finds, by steps of that length taken again: it is as
 !> good as the method, to the last places of the clock, and the step then ends just behind it.
@@ -65,6 +65,7 @@ contains
         logical, intent(out) :: has_crossed(:, :)          !! there (lane, n_guard)
         type(look_type) :: look
         real(wp), dimension(lanes, system%n_guard) :: from, to, side
+        real(wp) :: dip(lanes, 4, system%n_guard)          ! before, at and behind it, and the sign there
         logical, dimension(lanes, system%n_guard) :: is_settled, is_found
         real(wp) :: root(lanes)
         integer :: i
@@ -72,13 +73,15 @@ contains
         call begin_look(system, step, look)
         do
             call look_into(system, step, look)
-            call judge(system, look, step%is_one, from, to, side, is_found, is_settled)
+            call judge(system, look, step%is_one, from, to, side, is_found, is_settled, dip)
             if (all(is_settled) .or. look%n_piece == most) exit
             call halve_pieces(system, step, look)
         end do
         share = 1
         has_crossed = .false.
         do i = 1, system%n_guard
+            if (any(dip(:, 2, i) > 0)) &
+                call search_dip(system, step, i, dip(:, :, i), from(:, i), to(:, i), side(:, i), is_found(:, i))
             if (.not. any(is_found(:, i))) cycle
             call find_root(system, step, i, is_found(:, i), side(:, i), from(:, i), to(:, i), root)
             where (is_found(:, i) .and. root < share)
@@ -244,19 +247,21 @@ contains
     ! ---------------------------------------------------------------- judging
 
     !> Along the step, on each lane and for each guard: between which places it crosses zero so that it counts, if so.
-    subroutine judge(system, look, is_one, from, to, side, is_found, is_settled)
+    subroutine judge(system, look, is_one, from, to, side, is_found, is_settled, dip)
         class(lane_system), intent(in) :: system
         type(look_type), intent(in) :: look
         logical, intent(in) :: is_one
         real(wp), intent(out) :: from(:, :), to(:, :)      !! shares of the step (lane, n_guard)
         real(wp), intent(out) :: side(:, :)                !! sign before (lane, n_guard)
         logical, intent(out) :: is_found(:, :), is_settled(:, :)
+        real(wp), intent(out) :: dip(:, :, :)              !! the first place where it comes near zero before that: shares of
+                                                           !! the step around it, 0: none; sign there (lane, 4, n_guard)
         integer :: lane, i
 
         do i = 1, system%n_guard
             do lane = 1, merge(1, lanes, is_one)
                 call judge_guard(look, system%guard_direction(i), system%guard_side(lane, i), lane, i, from(lane, i), to(lane, i), &
-                                 side(lane, i), is_found(lane, i), is_settled(lane, i))
+                                 side(lane, i), is_found(lane, i), is_settled(lane, i), dip(lane, :, i))
             end do
             if (.not. is_one) cycle
             from(:, i) = from(1, i)
@@ -264,24 +269,28 @@ contains
             side(:, i) = side(1, i)
             is_found(:, i) = is_found(1, i)
             is_settled(:, i) = is_settled(1, i)
+            dip(:, :, i) = spread(dip(1, :, i), 1, lanes)
         end do
     end subroutine judge
 
-    pure subroutine judge_guard(look, direction, side_before, lane, i, from, to, side, is_found, is_settled)
+    pure subroutine judge_guard(look, direction, side_before, lane, i, from, to, side, is_found, is_settled, &
+                                dip)
         type(look_type), intent(in) :: look
         integer, intent(in) :: direction
         real(wp), intent(in) :: side_before
         integer, intent(in) :: lane, i
         real(wp), intent(out) :: from, to, side
         logical, intent(out) :: is_found, is_settled
+        real(wp), intent(out) :: dip(4)
         real(wp) :: guard(0:4)
-        integer :: piece, n_change, k
+        integer :: piece, n_change, k, low
 
         from = 0
         to = 1
         side = side_before
         is_found = .false.
         is_settled = .true.
+        dip = 0
         do piece = 1, look%n_piece
             guard = look%guard(lane, i, 4*piece - 4:4*piece)
             ! Where a crossing was just met the guard is zero but for rounding, on the side beyond.
@@ -296,7 +305,10 @@ contains
             end do
             select case (n_change)
             case (0)
-                is_settled = is_settled .and. stays_clear(side*guard, margin*look%miss(lane, i, piece))
+                low = lowest_place(side*guard, margin*look%miss(lane, i, piece))
+                if (low == 0) cycle
+                is_settled = .false.
+                if (.not. dip(2) > 0) dip = [(piece - 1 + 0.25_wp*[low - 1, low, low + 1])/look%n_piece, side]
             case (1)
                 is_found = counts(side, direction)
                 if (is_found) then
@@ -337,23 +349,112 @@ contains
         counts = direction == 0 .or. direction*side < 0
     end function counts
 
-    !> Is a guard, positive at its places, well above a bound between them, too? What is not a number tells nothing.
-    pure logical function stays_clear(guard, bound)
+    !> Where a guard, positive at its places, comes down to a bound: the inner place next to it; 0: nowhere. What is not a
+    !> number tells nothing.
+    pure integer function lowest_place(guard, bound) result(low)
         real(wp), intent(in) :: guard(0:4)
         real(wp), intent(in) :: bound
-        real(wp) :: slope, bend, lowest
+        real(wp) :: slope, bend, least
         integer :: k
 
-        stays_clear = .not. any(guard(1:) < bound)
+        low = 0
         do k = 1, 3
             slope = (guard(k + 1) - guard(k - 1))/2
             bend = guard(k + 1) - 2*guard(k) + guard(k - 1)
-            if (.not. (bend > 0 .and. abs(slope) < bend)) cycle
-            lowest = guard(k) - slope**2/(2*bend)
-            stays_clear = stays_clear .and. .not. (lowest < bound .and. lowest < 0.5_wp*guard(k))
-            stays_clear = stays_clear .and. .not. lowest < 0
+            if (bend > 0 .and. abs(slope) < bend) then
+                least = guard(k) - slope**2/(2*bend)
+                if (least < 0 .or. (least < bound .and. least < guard(k)/2)) low = k
+            end if
+            if (low > 0) return
         end do
-    end function stays_clear
+        if (any(guard(1:) < bound)) low = max(1, min(3, minloc(guard(1:), dim=1)))
+    end function lowest_place
+
+    !> The lowest place of a guard near a dip, on the method's own solution: is it beyond zero there?
+    subroutine search_dip(system, step, i, dip, from, to, side, is_found)
+        class(lane_system), intent(inout) :: system
+        class(step_taken), intent(inout) :: step
+        integer, intent(in) :: i                           !! guard
+        real(wp), intent(in) :: dip(lanes, 4)              !! as `judge` tells
+        real(wp), intent(inout) :: from(lanes), to(lanes)  !! of a crossing
+        real(wp), intent(inout) :: side(lanes)             !! before it
+        logical, intent(inout) :: is_found(lanes)
+        integer, parameter :: most_tries = 12
+        real(wp), dimension(lanes) :: a, b, c, of_a, of_b, of_c, place, value, slope, bend, before
+        logical :: is_open(lanes), counts_first(lanes)
+        integer :: try, lane
+
+        ! A dip behind a crossing, and one at its own side only.
+        is_open = dip(:, 2) > 0 .and. .not. (is_found .and. from < dip(:, 2))
+        before = side
+        side = merge(dip(:, 4), side, is_open)
+        a = dip(:, 1)
+        b = dip(:, 2)
+        c = dip(:, 3)
+        call value_at(a, of_a)
+        call value_at(b, of_b)
+        call value_at(c, of_c)
+        do try = 1, most_tries
+            is_open = is_open .and. of_b > 0 .and. c - a > 1.0e-7_wp
+            if (.not. any(is_open)) exit
+            slope = (of_c - of_b)/(c - b)
+            bend = slope - (of_b - of_a)/(b - a)
+            place = (a + b)/2 - ((of_b - of_a)/(b - a))*(c - a)/(2*merge(bend, 1.0_wp, bend > 0))
+            where (.not. (bend > 0 .and. place > a .and. place < c)) place = merge((a + b)/2, (b + c)/2, b - a > c - b)
+            where (abs(place - b) < 1.0e-3_wp*(c - a)) place = merge(b - 0.05_wp*(b - a), b + 0.05_wp*(c - b), b - a > c - b)
+            where (.not. is_open) place = b
+            call value_at(place, value)
+            do lane = 1, lanes
+                if (.not. is_open(lane)) cycle
+                if (value(lane) < of_b(lane)) then
+                    if (place(lane) < b(lane)) then
+                        c(lane) = b(lane)
+                        of_c(lane) = of_b(lane)
+                    else
+                        a(lane) = b(lane)
+                        of_a(lane) = of_b(lane)
+                    end if
+                    b(lane) = place(lane)
+                    of_b(lane) = value(lane)
+                else if (place(lane) < b(lane)) then
+                    a(lane) = place(lane)
+                    of_a(lane) = value(lane)
+                else
+                    c(lane) = place(lane)
+                    of_c(lane) = value(lane)
+                end if
+            end do
+        end do
+        is_open = dip(:, 2) > 0 .and. .not. (is_found .and. from < dip(:, 2)) .and. of_b < 0
+        do lane = 1, lanes
+            counts_first(lane) = counts(side(lane), system%guard_direction(i))
+        end do
+        where (is_open .and. counts_first)
+            from = a
+            to = b
+            is_found = .true.
+        elsewhere (is_open)
+            from = b
+            to = c
+            side = -side
+            is_found = .true.
+        elsewhere
+            side = before
+        end where
+
+    contains
+
+        !> Positive before the crossing.
+        subroutine value_at(share, value)
+            real(wp), intent(in) :: share(lanes)
+            real(wp), intent(out) :: value(lanes)
+            real(wp) :: y(lanes, system%n), guard(lanes, system%n_guard)
+
+            call step%retake(system, share, y)
+            call system%evaluate_guards(step%t + share*step%length, y, guard)
+            value = side*guard(:, i)
+        end subroutine value_at
+    end subroutine search_dip
 
     ! ---------------------------------------------------------------- locating
 
