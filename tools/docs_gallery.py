@@ -24,7 +24,8 @@ GROUPS = {
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
     "Gears and belts": ("planetary_crank", "geared_fivebar"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
-                  "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole"),
+                  "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole",
+                  "stopped_rocker"),
 }
 HEAD = """\
 # Gallery

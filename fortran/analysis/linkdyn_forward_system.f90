@@ -29,7 +29,7 @@ module linkdyn_forward_system
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_led_mechanism, only: measure_margins
-    use linkdyn_measures, only: find_laws, find_events
+    use linkdyn_measures, only: find_laws, find_events, follow_angle
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
@@ -70,6 +70,9 @@ module linkdyn_forward_system
         real(wp), allocatable :: push(:, :)            !! of stops at the state evaluated last, away from them (lane, n_stop) [N, N m]
         real(wp), allocatable, private :: fastest(:, :)    !! impact so far (lane, n_stop) [m/s, rad/s]
         type(kinematic_state), private :: look         !! scratch: of states that are looked at
+        integer, allocatable, private :: turning(:)    !! measures that wrap; events count their turns: at the accepted state
+        real(wp), allocatable, private :: angle(:, :), spin(:, :)    !! they are here and turn so fast (lane, measure) [rad, rad/s]
+        real(wp), private :: t_accepted(lanes) = 0     !! [s]
         integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
         ! ---- the record
         logical :: may_record = .false.                !! once that is worth while; the caller says so
@@ -150,6 +153,7 @@ contains
     subroutine prepare_events(model, system)
         type(model_type), intent(in) :: model
         type(forward_system), intent(inout) :: system
+        integer :: i
 
         system%n_guard = n_event(model%scene)
         if (system%n_guard == 0) return
@@ -159,7 +163,46 @@ contains
         allocate (system%push(lanes, n_stop(model%scene)), system%fastest(lanes, n_stop(model%scene)), source=0.0_wp)
         call prepare_kinematics(model, 0, system%look)
         system%look%world_rates = .true.
+        associate (measure => model%scene%laws%measure)
+            allocate (system%angle(lanes, size(measure)), system%spin(lanes, size(measure)), source=0.0_wp)
+            system%turning = pack([(i, i=1, size(measure))], measure%wraps)
+            do i = 1, size(measure)
+                system%angle(:, i) = measure(i)%near
+            end do
+        end associate
     end subroutine prepare_events
+
+    !> Where the angles that events count have got to.
+    subroutine follow_angles(self, t, y, is_accepted)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_accepted(lanes)
+        real(wp) :: about(lanes, size(self%angle, 2)), value(lanes), rate(lanes)
+        integer :: i
+
+        about = angles_about(self, t)
+        call look_closely(self, t, y)
+        do i = 1, size(self%turning)
+            associate (k => self%turning(i))
+                call follow_angle(self%model, self%look, k, about(:, k), value, rate)
+                where (is_accepted .and. abs(value) <= huge(1.0_wp))
+                    self%angle(:, k) = value
+                    self%spin(:, k) = rate
+                end where
+            end associate
+        end do
+        where (is_accepted) self%t_accepted = t
+    end subroutine follow_angles
+
+    !> About where these angles are at other instants.
+    pure function angles_about(self, t) result(about)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp) :: about(lanes, size(self%angle, 2))
+
+        about = self%angle + self%spin*spread(t - self%t_accepted, 2, size(self%angle, 2))
+    end function angles_about
 
     !> Virtual work where a link carries legs, which then need three columns instead of n; the planned elimination else.
     pure integer function fastest_solver(model, unknown) result(solver)
@@ -194,6 +237,7 @@ contains
         real(wp), intent(in) :: y(:, :)
 
         call begin_assembly(self%model, t, self%assembly)
+        self%t_accepted = t
         call begin_motion_forces(t, self%of_motion)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
         if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
@@ -218,6 +262,9 @@ contains
             self%fastest = other%fastest
             self%guard_side = other%guard_side
             self%guard_scale = other%guard_scale
+            self%angle = other%angle
+            self%spin = other%spin
+            self%t_accepted = other%t_accepted
         end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
         self%watch%may_exchange = .true.
@@ -256,6 +303,9 @@ contains
             self%surplus_noise = self%surplus_noise_tried
         end if
         call accept_motion(t, is_accepted, self%of_motion)
+        if (allocated(self%turning)) then
+            if (size(self%turning) > 0) call follow_angles(self, t, y, is_accepted)
+        end if
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
 
@@ -645,7 +695,7 @@ contains
         integer :: i
 
         call look_closely(self, t, y)
-        call find_events(self%model, self%look, guard)
+        call find_events(self%model, self%look, angles_about(self, t), guard)
         failed = self%look%unreachable .or. self%look%not_converged .or. self%look%way_status /= sample_ok
         do i = 1, size(guard, 2)
             where (failed) guard(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
@@ -773,6 +823,7 @@ contains
         logical, intent(in) :: has_crossed(:, :)
         logical, intent(out) :: has_changed(lanes), is_over(lanes)
         logical :: strikes(lanes, size(self%rests, 2))
+        real(wp) :: away(lanes, size(self%rests, 2))
         integer :: lane, i
 
         has_changed = .false.
@@ -803,6 +854,13 @@ contains
                 end do
             end associate
         end do
+        if (.not. any(strikes)) return
+        ! What is beyond its stop and on its way out, as only a start can have it, needs no impact.
+        away = away_from_stops(self, level_velocity)
+        do i = 1, size(strikes, 2)
+            where (strikes(:, i) .and. away(:, i) > 0) self%guard_side(:, self%model%scene%stop(i)%event) = -1
+        end do
+        strikes = strikes .and. away <= 0
         if (.not. any(strikes)) return
         call self%meet_stops(t, y, strikes)
         has_changed = has_changed .or. any(strikes, dim=2)

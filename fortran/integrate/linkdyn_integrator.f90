@@ -512,14 +512,16 @@ contains
     end subroutine meet
 
     !> Steps as long as their error allows and guards do not cross, until one has reached t_end; the solution there is found in
-    !> the last step. So instants of output change neither steps nor crossings. The last step ends with the run.
+    !> the last step. So instants of output change neither steps nor crossings. The last step ends with the run, and none is so
+    !> long a part of it that what guards do between its places would go unseen.
     subroutine advance_watching(self, system, t_end, y, y_end, t_kink)
         type(integrator_type), intent(inout), target :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :), y_end(:, :)
         real(wp), intent(in), optional :: t_kink
-        real(wp) :: limit, t_last, t_before, share(lanes), turns(lanes, system%n)
+        integer, parameter :: fewest_steps = 50
+        real(wp) :: limit, t_last, t_next, t_before, share(lanes), turns(lanes, system%n)
         integer :: outcome
 
         limit = huge(limit)
@@ -541,7 +543,9 @@ contains
             if (all(self%failed)) exit
             call self%control%begin_taken(system, self%taken)
             t_before = self%t
-            call self%control%take_step(system, t_last, limit, self%pause, outcome)
+            t_next = t_last
+            if (self%options%span > 0) t_next = min(t_last, self%t + self%options%span/fewest_steps)
+            call self%control%take_step(system, t_next, limit, self%pause, outcome)
             self%is_paused = outcome == step_paused
             if (self%is_paused) exit
             if (outcome /= step_accepted) then
