@@ -15,6 +15,7 @@ module linkdyn_forward
     use linkdyn_carried_assembly, only: keep_evaluated, count_passed
     use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
+    use linkdyn_event_log, only: event_log, event_entry, add_entry
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase, &
@@ -36,7 +37,8 @@ module linkdyn_forward
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, has_hard_stops
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
+        sample_unreachable
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
@@ -414,7 +416,7 @@ contains
             ! Instants behind the last step are looked at before anything changes.
             if (run%system%n_guard > 0 .and. run%integrator%t >= t .and. .not. all(run%integrator%failed)) then
                 continue
-            else if (run%integrator%reason == stop_event) then
+            else if (all(run%integrator%failed) .and. run%integrator%reason == stop_event) then
                 exit
             else if (run%system%wants_rest .or. all(run%integrator%failed)) then
                 call change_phase(run)
@@ -692,7 +694,7 @@ contains
 
     !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
     !> is told to stop nothing of it can be used.
-    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status)
+    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status, log)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
         real(wp), intent(in) :: q_start(:, :), qd_start(:, :)    !! (n_q, n_member)
@@ -702,6 +704,8 @@ contains
         integer, intent(out) :: n_crossed(:)           !! change points passed (n_member)
         integer, intent(out) :: outcome(:)             !! sample_ok, or why a member has stopped (n_member)
         type(status_type), intent(inout) :: status
+        type(event_log), intent(inout), optional :: log    !! events of all members, member after member; lanes are members
+        type(event_log), allocatable :: of_block(:)
         type(forward_system) :: teller                 ! whose record all blocks share
         type(status_type) :: block_status
         integer :: block, n_block
@@ -713,6 +717,7 @@ contains
         n_block = (size(q_start, 2) + lanes - 1)/lanes
         call make_shared_record(status)
         if (.not. status%is_ok()) return
+        allocate (of_block(n_block))
         !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
         do block = 1, n_block
             block_status = status_type()
@@ -723,6 +728,7 @@ contains
         end do
         !$omp end parallel do
         call teller%release()
+        if (present(log)) call gather_events(log)
 
     contains
 
@@ -745,6 +751,24 @@ contains
             call teller%make_record(options%t_start)
         end subroutine make_shared_record
 
+        !> Of each member as they came.
+        subroutine gather_events(log)
+            type(event_log), intent(inout) :: log
+            type(event_entry) :: entry
+            integer :: block, lane, i
+
+            do block = 1, n_block
+                do lane = 1, lanes
+                    do i = 1, of_block(block)%n
+                        if (of_block(block)%entry(i)%lane /= lane) cycle
+                        entry = of_block(block)%entry(i)
+                        entry%lane = (block - 1)*lanes + lane
+                        call add_entry(log, entry)
+                    end do
+                end do
+            end do
+        end subroutine gather_events
+
         !> One block of members; lanes beyond the last member repeat it.
         subroutine run_block(block, status)
             integer, intent(in) :: block
@@ -753,6 +777,7 @@ contains
             integer :: member(lanes), passed(lanes), i
 
             member = [(min((block - 1)*lanes + i, size(q_start, 2)), i=1, lanes)]
+            run%own => model
             run%model => model
             allocate (run%system)
             call hold_texts()
@@ -760,11 +785,13 @@ contains
             call release_texts()
             if (status%is_ok()) then
                 run%system%wants_work = .false.
+                run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
                 call run%system%share_record(teller)
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
                 call run%system%begin(options%t_start, run%y)
                 call start_integrator(run, model, options, status)
+                call leave_those_beyond_stops(run)
                 do i = 1, size(t)
                     call go_on_to(run, t(i))
                     if (is_interrupted()) exit
@@ -774,14 +801,35 @@ contains
                     good_until(member(i)) = run%integrator%good_until(i)
                     outcome(member(i)) = sample_ok
                     ! Rates that were found, and led beyond all numbers.
-                    if (run%integrator%failed(i)) outcome(member(i)) = merge(run%system%obstacle(i), sample_undefined, &
+                    if (run%integrator%failed(i) .and. (run%system%final_event(i) == 0 .or. run%system%is_driven_through(i))) &
+                        outcome(member(i)) = merge(run%system%obstacle(i), sample_undefined, &
                                                                              run%system%obstacle(i) /= sample_ok)
                 end do
                 call count_change_points(run, t(size(t)), passed)
                 n_crossed(member) = passed
+                of_block(block) = run%system%log
             end if
             call finish_forward(run)
         end subroutine run_block
+
+        !> A member that starts beyond a stop does not run.
+        subroutine leave_those_beyond_stops(run)
+            type(forward_run), intent(inout) :: run
+            real(wp) :: gap(lanes, n_event(model%scene))
+            integer :: i
+
+            if (.not. has_hard_stops(model%scene)) return
+            call run%system%evaluate_guards(spread(options%t_start, 1, lanes), run%y, gap)
+            do i = 1, n_stop(model%scene)
+                associate (stop => model%scene%stop(i))
+                    if (.not. stop%is_hard) cycle
+                    where (gap(:, stop%event) < -touch(stop) .and. .not. run%system%rests(:, i))
+                        run%integrator%failed = .true.
+                        run%system%obstacle = sample_unreachable
+                    end where
+                end associate
+            end do
+        end subroutine leave_those_beyond_stops
 
         !> Those that each lane has passed up to the last instant of output, or up to where it failed.
         subroutine count_change_points(run, instant, passed)

@@ -928,7 +928,7 @@ contains
             end associate
         end do
         call find_responses(self, t, y, contact, response, of_coordinates)
-        call strike()
+        call find_impulses()
         y_before = y
         loss = 0
         do i = 1, size(before, 2)
@@ -966,7 +966,7 @@ contains
     contains
 
         !> Contacts that would pull have none.
-        subroutine strike()
+        subroutine find_impulses()
             integer :: turn
 
             do turn = 1, size(contact, 2)
@@ -974,7 +974,7 @@ contains
                 if (.not. any(contact .and. impulse < 0)) exit
                 contact = contact .and. .not. impulse < 0
             end do
-        end subroutine strike
+        end subroutine find_impulses
 
         subroutine note(kind)
             integer, intent(in) :: kind

@@ -15,6 +15,7 @@ module linkdyn_f2py_api
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
+    use linkdyn_event_log, only: event_log
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, rounding_in_words, default_method, &
         method_name, method_rk4, run_ensemble
     use linkdyn_generate, only: code_wish, choose_kernel, choose_code_results
@@ -765,25 +766,35 @@ contains
 
     !> Forward runs by rk4 from many starts.
     subroutine api_ensemble(handle, threads, step, n_t, t, n, good_until, n_members, crossed, n_outcomes, outcome, &
-            n_start, q_start, n_start_rate, qd_start, n_q_values, q, n_qd_values, qd, code, message)
+            n_start, q_start, n_start_rate, qd_start, n_q_values, q, n_qd_values, qd, n_kinds, kinds, n_instants, instants, &
+            n_states, states, n_event, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: handle
         integer(c_int), intent(in) :: threads
         real(c_double), intent(in) :: step
         integer(c_int), intent(in) :: n_t, n, n_members, n_outcomes, n_start, n_start_rate, n_q_values, n_qd_values
+        integer(c_int), intent(in) :: n_kinds, n_instants, n_states
         real(c_double), intent(in) :: t(n_t)                                 ! increasing; the members start at the first [s]
         real(c_double), intent(inout) :: good_until(n)
         integer(c_int), intent(inout) :: crossed(n_members)                  ! change points passed
         integer(c_int), intent(inout) :: outcome(n_outcomes)                 ! why they stopped; 0: they have not
         real(c_double), intent(in), target :: q_start(n_start), qd_start(n_start_rate)     ! (n_q, n)
         real(c_double), intent(inout), target :: q(n_q_values), qd(n_qd_values)            ! (n_q, n_t, n)
+        integer(c_int), intent(inout) :: kinds(n_kinds)                      ! of events: member, event, kind, direction, one after
+                                                                             ! the other as far as there is room
+        real(c_double), intent(inout) :: instants(n_instants)                ! instant [s], impulse, energy lost of each
+        real(c_double), intent(inout) :: states(n_states)                    ! coordinates, their rates before and behind
+        integer(c_int), intent(out) :: n_event                               ! in all, more than there is room for perhaps
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
         type(status_type) :: status
         type(forward_options) :: options
+        type(event_log) :: log
+        integer :: i, n_q
         real(c_double), pointer :: q_start2(:, :), qd_start2(:, :), q3(:, :, :), qd3(:, :, :)
 
+        n_event = 0
         call start_listening()
         call take_scene(handle, scene, status)
         if (status%code == 0) call check_size("room for change points", int(n_members, int64), 1, n, status)
@@ -804,7 +815,16 @@ contains
             options%t_start = t(1)
             options%integrator%span = t(n_t) - t(1)
             options%threads = threads
-            call run_ensemble(scene%model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, outcome, status)
+            call run_ensemble(scene%model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, outcome, status, log)
+            n_event = log%n
+            n_q = scene%model%n_q
+            do i = 1, min(log%n, n_kinds/4, n_instants/3, n_states/(3*n_q))
+                associate (entry => log%entry(i))
+                    kinds(4*i - 3:4*i) = [entry%lane, entry%event, entry%kind, entry%direction]
+                    instants(3*i - 2:3*i) = [entry%t, entry%impulse, entry%loss]
+                    states(3*n_q*(i - 1) + 1:3*n_q*i) = [entry%q, entry%qd, entry%qd_after]
+                end associate
+            end do
         end if
         call leave_scene(handle, scene)
         call report_heard(status, code, message)

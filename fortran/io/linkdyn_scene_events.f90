@@ -123,7 +123,7 @@ contains
         type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
-        type(stop_spec) :: stop
+        type(stop_spec) :: bumper
         type(quantity_type) :: quantity
         type(toml_node) :: node(2)
         character(len=name_len) :: name
@@ -131,17 +131,17 @@ contains
         logical :: has(2), is_spring
         integer :: k, position, rate
 
-        stop%line = place%line
+        bumper%line = place%line
         call get_name(place, "name", name, status)
         if (.not. status%is_ok()) return
         place%what = "stop "//quoted(name)
         call allow_keys(place, [character(len=11) :: "name", "joint", "variable", "min", "max", "restitution", "stiffness", &
             "damping"], status)
-        call find_joint(scene, place, stop%joint, status)
+        call find_joint(scene, place, bumper%joint, status)
         if (.not. status%is_ok()) return
-        call find_variable(scene, place, stop%joint, stop%variable, status)
+        call find_variable(scene, place, bumper%joint, bumper%variable, status)
         if (.not. status%is_ok()) return
-        quantity = variable_quantity(scene%joint(stop%joint)%kind, stop%variable)
+        quantity = variable_quantity(scene%joint(bumper%joint)%kind, bumper%variable)
         do k = 1, 2
             call get_quantity(place, side_key(k), quantity, bound(k), status, has(k))
         end do
@@ -156,7 +156,7 @@ contains
         end if
         node = [place%node%get("stiffness"), place%node%get("damping")]
         is_spring = node(1)%is_present() .or. node(2)%is_present()
-        call read_restitution(place, scene, is_spring, stop, status)
+        call read_restitution(place, scene, is_spring, bumper, status)
         if (.not. status%is_ok()) return
         value = 0
         if (is_spring) then
@@ -168,34 +168,34 @@ contains
             if (.not. status%is_ok()) return
         end if
         near = sum(bound, mask=has)/count(has)
-        call add_joint_measure(scene, stop%joint, stop%variable, near, .false., shelf, position)
-        call add_joint_measure(scene, stop%joint, stop%variable, 0.0_wp, .true., shelf, rate)
+        call add_joint_measure(scene, bumper%joint, bumper%variable, near, .false., shelf, position)
+        call add_joint_measure(scene, bumper%joint, bumper%variable, 0.0_wp, .true., shelf, rate)
         do k = 1, 2
             if (.not. has(k)) cycle
-            stop%name = trim(name)//"."//side_key(k)
-            stop%side = side_of(k)
-            stop%bound = bound(k)
-            call add_side(stop, position, scene)
+            bumper%name = trim(name)//"."//side_key(k)
+            bumper%side = side_of(k)
+            bumper%bound = bound(k)
+            call add_side(bumper, position, scene)
         end do
-        if (is_spring) call add_spring(name, stop, has, bound, value, position, rate, shelf, scene)
+        if (is_spring) call add_spring(name, bumper, has, bound, value, position, rate, shelf, scene)
     end subroutine read_stop
 
     !> A stop throws back, or it gives way.
-    subroutine read_restitution(place, scene, is_spring, stop, status)
+    subroutine read_restitution(place, scene, is_spring, bumper, status)
         type(scene_place), intent(in) :: place
         type(scene_type), intent(in) :: scene
         logical, intent(in) :: is_spring
-        type(stop_spec), intent(inout) :: stop
+        type(stop_spec), intent(inout) :: bumper
         type(status_type), intent(inout) :: status
 
-        call get_quantity(place, "restitution", plain_number, stop%restitution, status, stop%is_hard)
+        call get_quantity(place, "restitution", plain_number, bumper%restitution, status, bumper%is_hard)
         if (.not. status%is_ok()) return
-        if (stop%is_hard .eqv. is_spring) then
+        if (bumper%is_hard .eqv. is_spring) then
             call refuse(place, "needs either 'restitution' or 'stiffness' and 'damping' (expected one of them)", status)
-        else if (.not. (stop%restitution >= 0 .and. stop%restitution <= 1)) then
-            call refuse_value(place, "restitution", place%node%get("restitution"), "= "//to_text(stop%restitution)// &
+        else if (.not. (bumper%restitution >= 0 .and. bumper%restitution <= 1)) then
+            call refuse_value(place, "restitution", place%node%get("restitution"), "= "//to_text(bumper%restitution)// &
                 " (expected a number from 0 to 1)", status)
-        else if (stop%is_hard .and. all(scene%joint(stop%joint)%kind /= [joint_revolute, joint_prismatic, joint_cylindrical, &
+        else if (bumper%is_hard .and. all(scene%joint(bumper%joint)%kind /= [joint_revolute, joint_prismatic, joint_cylindrical, &
                                                                          joint_screw])) then
             call refuse_value(place, "restitution", place%node%get("restitution"), "is for joints with one axis (expected a "// &
                 "revolute, prismatic, cylindrical or screw joint, or 'stiffness')", status)
@@ -203,34 +203,34 @@ contains
     end subroutine read_restitution
 
     !> One side, and its gap as an event: positive while there is no contact.
-    subroutine add_side(stop, position, scene)
-        type(stop_spec), intent(in) :: stop
+    subroutine add_side(bumper, position, scene)
+        type(stop_spec), intent(in) :: bumper
         integer, intent(in) :: position                !! measure of the joint variable
         type(scene_type), intent(inout) :: scene
         type(event_spec) :: event
         integer :: gap
 
-        event%name = stop%name
+        event%name = bumper%name
         event%stop = size(scene%stop) + 1
-        event%direction = merge(-1, 0, stop%is_hard)
-        event%line = stop%line
-        gap = depth(event%formula, stop, position)
+        event%direction = merge(-1, 0, bumper%is_hard)
+        event%line = bumper%line
+        gap = depth(event%formula, bumper, position)
         call add_node(event%formula, formula_node(node_negate, a=gap))
         scene%event = [scene%event, event]
-        scene%stop = [scene%stop, stop]
+        scene%stop = [scene%stop, bumper]
         scene%stop(event%stop)%event = size(scene%event)
     end subroutine add_side
 
     !> How far a joint variable is past the bound of a side, as a node.
-    integer function depth(formula, stop, position) result(node)
+    integer function depth(formula, bumper, position) result(node)
         type(formula_type), intent(inout) :: formula
-        type(stop_spec), intent(in) :: stop
+        type(stop_spec), intent(in) :: bumper
         integer, intent(in) :: position
 
         call add_node(formula, formula_node(node_symbol, a=position))
-        call add_node(formula, formula_node(node_number, number=stop%bound))
+        call add_node(formula, formula_node(node_number, number=bumper%bound))
         node = formula%n
-        if (stop%side > 0) then
+        if (bumper%side > 0) then
             call add_node(formula, formula_node(node_subtract, a=node - 1, b=node))
         else
             call add_node(formula, formula_node(node_subtract, a=node, b=node - 1))
@@ -239,9 +239,9 @@ contains
     end function depth
 
     !> The one-sided springs of a soft stop, as a law of a spring: what it pulls with at `max` less what it pushes with at `min`.
-    subroutine add_spring(name, stop, has, bound, value, position, rate, shelf, scene)
+    subroutine add_spring(name, bumper, has, bound, value, position, rate, shelf, scene)
         character(len=*), intent(in) :: name
-        type(stop_spec), intent(in) :: stop            !! joint, variable and line are those of both sides
+        type(stop_spec), intent(in) :: bumper            !! joint, variable and line are those of both sides
         logical, intent(in) :: has(2)
         real(wp), intent(in) :: bound(2), value(2)     !! stiffness and damping
         integer, intent(in) :: position, rate          !! measures
@@ -256,7 +256,7 @@ contains
         total = 0
         do k = 1, 2
             if (.not. has(k)) cycle
-            side = stop
+            side = bumper
             side%side = side_of(k)
             side%bound = bound(k)
             push = one_sided_force(law%formula, side, value, position, rate)
@@ -267,28 +267,28 @@ contains
         law%wraps = shelf%book%measure(position)%wraps
         shelf%book%law = [shelf%book%law, law]
         spring%name = name
-        spring%joint = stop%joint
-        spring%variable = stop%variable
+        spring%joint = bumper%joint
+        spring%variable = bumper%variable
         spring%force%kind = law_over
         spring%force%law = size(shelf%book%law)
-        spring%line = stop%line
+        spring%line = bumper%line
         scene%spring = [scene%spring, spring]
     end subroutine add_spring
 
     !> Stiffness times depth and damping times its rate, in contact and never a pull, as a node.
-    integer function one_sided_force(formula, stop, value, position, rate) result(node)
+    integer function one_sided_force(formula, bumper, value, position, rate) result(node)
         type(formula_type), intent(inout) :: formula
-        type(stop_spec), intent(in) :: stop
+        type(stop_spec), intent(in) :: bumper
         real(wp), intent(in) :: value(2)               !! stiffness, damping
         integer, intent(in) :: position, rate
         integer :: deep, zero
 
-        deep = depth(formula, stop, position)
+        deep = depth(formula, bumper, position)
         call add_node(formula, formula_node(node_number, number=value(1)))
         call add_node(formula, formula_node(node_multiply, a=formula%n, b=deep))
         node = formula%n
         call add_node(formula, formula_node(node_symbol, a=rate))
-        call add_node(formula, formula_node(node_number, number=stop%side*value(2)))
+        call add_node(formula, formula_node(node_number, number=bumper%side*value(2)))
         call add_node(formula, formula_node(node_multiply, a=formula%n - 1, b=formula%n))
         call add_node(formula, formula_node(node_add, a=node, b=formula%n))
         call add_node(formula, formula_node(node_number, number=0.0_wp))

@@ -574,8 +574,8 @@ class Scene:
             data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}
             data.attrs["coordinates_integrated"] = run.coordinates
             if self.description["events"]:
-                variables, names = event_variables(self.description, *run.events(len(self.description["coordinates"])))
-                data = data.assign(variables).assign_coords(names)
+                variables, labels = event_variables(self.description, *run.events(len(self.description["coordinates"])))
+                data = data.assign(variables).assign_coords(labels)
             return data
 
         sign = Progress(progress)
@@ -624,8 +624,9 @@ class Scene:
         -------
         xarray.Dataset
             "q" and "qd" (member, time, coordinate), NaN from where a member cannot go on, "good_until" (member) [s], its
-            last good instant, "status" (member), 0 if it came to the end or what it met there, named as for `inverse`, and
-            "change_points_passed" (member). Forces at any of these states: `inverse`.
+            last good instant, "status" (member), 0 if it came to the end (its own, where an event ends it) or what it met there,
+            named as for `inverse`, and "change_points_passed" (member). Events as in `forward`, with "event_member". Forces at
+            any of these states: `inverse`.
 
         Raises
         ------
@@ -637,19 +638,30 @@ class Scene:
         start = self._batch("q", q, None)
         rate = self._batch("qd", qd, len(start))
         parts: list[tuple[NDArray[Any], ...]] = []
+        events: list[tuple[NDArray[Any], ...]] = []
+        has_events = bool(self.description["events"])
         n_done, sign = 0, Progress(None if progress is None else as_flag("progress", progress))
         try:
             while n_done < len(start) or not parts:
                 block = slice(n_done, n_done + ENSEMBLE_BLOCK)
-                parts.append(_bind.ensemble(self._handle, start[block], rate[block], instants, *settings))
+                part, happened = _bind.ensemble(self._handle, start[block], rate[block], instants, *settings, has_events)
+                happened[0][:, 0] += n_done
+                parts.append(part)
+                events.append(happened)
                 n_done += ENSEMBLE_BLOCK
                 sign.show(min(1.0, n_done / max(1, len(start))))
         finally:
             sign.end()
         schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False, is_forward=True)
-        return ensemble_dataset(
+        data = ensemble_dataset(
             schema, self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts))
         )
+        if not has_events:
+            return data
+        kinds, *rest = (np.concatenate(arrays) for arrays in zip(*events))
+        variables, labels = event_variables(self.description, kinds[:, 1:], *rest)
+        member = ("event", kinds[:, 0] - 1, {"long_name": "member that it happened to"})
+        return data.assign(variables | {"event_member": member}).assign_coords(labels)
 
     def balance(
         self, links: Iterable[str] | None = None, minimise: str = "rms", harmonics: Iterable[int] = (1,)

@@ -429,3 +429,42 @@ def test_events_of_time_and_of_laws():
 def test_a_run_without_events_has_an_empty_table():
     run = slide(event=[{"name": "never", "when": "x + 1 m"}]).forward(t_end=0.1)
     assert run.sizes["event"] == 0
+
+
+def test_each_member_of_an_ensemble_has_its_own_events():
+    scene = slide(**BALL, event=[{"name": "low", "when": "x - 0.05 m", "direction": "down", "do": "stop"}])
+    free = slide(**BALL)
+    heights = np.linspace(0.2, 1.7, 37)
+    q, qd = heights[:, None], np.zeros((37, 1))
+    t = np.linspace(0, 0.9, 10)
+    ends = scene.ensemble(q, qd, t, step=1e-2)
+    exact = np.sqrt(2 * (heights - 0.05) / GRAVITY)
+    assert np.all(ends.status == 0)
+    np.testing.assert_allclose(ends.good_until, np.minimum(exact, 0.9), rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(ends.event_member, np.flatnonzero(exact < 0.9))
+    np.testing.assert_allclose(ends.event_time, exact[exact < 0.9], rtol=0, atol=1e-13)
+    assert np.isnan(ends.q.values[0, -1, 0]) and np.isfinite(ends.q.values[-1, 2]).all()
+    bounce = free.ensemble(q, qd, t, step=1e-2, threads=2)
+    for member in (0, 16, 36):
+        alone = free.with_({"coordinate.h.start": float(heights[member])}).forward(t=t, method="rk4", step=1e-2)
+        mine = bounce.event_member == member
+        np.testing.assert_allclose(bounce.event_time[mine], alone.event_time, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(bounce.q[member], alone.q, rtol=0, atol=1e-12)
+        assert np.all(bounce.event_kind[mine] == alone.event_kind)
+    beyond = free.ensemble([[0.5], [-0.1]], np.zeros((2, 1)), t, step=1e-2)
+    assert list(beyond.status) == [0, 1] and np.isnan(beyond.q.values[1]).all()
+
+
+def test_more_events_than_there_is_room_for():
+    # 16 a member is what is reckoned with.
+    run = slide(event=[{"name": "tick", "when": "sin(100 rad/s*time)"}]).ensemble([[0.0]] * 3, [[0.0]] * 3, [0.0, 3.0])
+    assert run.sizes["event"] == 3 * int(300 / math.pi)
+    np.testing.assert_allclose(run.event_time[run.event_member == 2], np.arange(1, 96) * math.pi / 100, rtol=0, atol=1e-14)
+
+
+def test_a_simulator_meets_stops():
+    simulator = slide(**BALL, actuator=[{"joint": "h"}]).simulator(method="rk4", step=1e-3)
+    exact_t, exact_v = bounces(2, 0.8)
+    simulator.step(0.5, [0.0])
+    flown = 0.5 - float(exact_t[0])
+    assert simulator.q[0] == pytest.approx(float(exact_v[1]) * flown - GRAVITY * flown**2 / 2, abs=1e-12)
