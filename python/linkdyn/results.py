@@ -232,6 +232,21 @@ def event_variables(
     return variables, {"event": ("event", names)}
 
 
+def passed_stops(scene: dict[str, Any], run: xr.Dataset) -> str:
+    """Stops with restitution that a motion passes, as the executable tells them; empty: none, or the run has no joint variables."""
+    told = []
+    for stop in scene["stops"]:
+        if not stop["is_hard"] or "joint_variable" not in run or stop["variable"] not in run["variable"].values:
+            continue
+        beyond = stop["side"] * (run["joint_variable"].sel(variable=stop["variable"]).values - stop["bound"]) > 1e-9
+        if not beyond.any():
+            continue
+        n, first = int(beyond.sum()), int(beyond.argmax())
+        place = f"t = {float(run['time'][first]):.6g} s" if "time" in run.coords else f"sample {first}"
+        told.append(f"'{stop['name']}' of joint '{stop['joint']}' by {n} sample{'s' * (n > 1)}, first at {place}")
+    return "; ".join(told)
+
+
 def ensemble_dataset(
     schema: dict[str, Any],
     scene: dict[str, Any],

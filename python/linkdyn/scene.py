@@ -28,7 +28,7 @@ from ._code import GeneratedCode
 from ._keys import told_by_keys
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, SceneError
-from .results import FOLDER, RunTemplate, ensemble_dataset, event_variables, result_shapes
+from .results import FOLDER, RunTemplate, ensemble_dataset, event_variables, passed_stops, result_shapes
 from .study import run_study
 from .sweep import run_sweep
 
@@ -411,7 +411,8 @@ class Scene:
             As the executable writes it: driving_force (sample, actuator), reaction (sample, joint, component), ...
             A sample that failed is NaN, its ``status`` is not 0. Along a motion "assembly" says of a sample whether a change
             point was passed before it, or its assembly found anew from the start, and ``attrs["failure"]`` why the assembly was lost first, if it
-            was, or which law or spring left a sample undefined.
+            was, or which law or spring left a sample undefined. ``attrs["beyond_stops"]`` names end stops with
+            `restitution` that the motion passes.
 
         Raises
         ------
@@ -435,6 +436,8 @@ class Scene:
         data.encoding[FOLDER] = self.folder
         if "assembly" in data or failure:
             data.attrs["failure"] = failure
+        if any(stop["is_hard"] for stop in self.description["stops"]):
+            data.attrs["beyond_stops"] = passed_stops(self.description, data)
         return data
 
     def simulator(

@@ -468,3 +468,18 @@ def test_a_simulator_meets_stops():
     simulator.step(0.5, [0.0])
     flown = 0.5 - float(exact_t[0])
     assert simulator.q[0] == pytest.approx(float(exact_v[1]) * flown - GRAVITY * flown**2 / 2, abs=1e-12)
+
+
+def test_a_motion_beyond_a_stop_is_told(tmp_path):
+    scene = slide(
+        coordinate=[{"joint": "h", "motion": {"law": "harmonic", "mean": 0.2, "amplitude": 0.2, "frequency": "2 rad/s"}}],
+        actuator=[{"joint": "h"}],
+        stop=[{"name": "end", "joint": "h", "min": 0, "max": 0.35, "restitution": 0.5}],
+        time={"end": 3.0, "samples": 301},
+    )
+    run = scene.inverse()
+    beyond = run.q.values[:, 0] > 0.35
+    first = float(run.time[int(np.argmax(beyond))])
+    assert run.attrs["beyond_stops"] == f"'end.max' of joint 'h' by {beyond.sum()} samples, first at t = {first:.6g} s"
+    assert scene.with_({"stop.end.max": 0.4}).inverse().attrs["beyond_stops"] == ""
+    np.testing.assert_allclose(run.driving_force.values[:, 0], 2 * run.qdd.values[:, 0], rtol=1e-12, atol=1e-12)
