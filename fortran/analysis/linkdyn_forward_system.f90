@@ -855,11 +855,8 @@ contains
             end associate
         end do
         if (.not. any(strikes)) return
-        ! What is beyond its stop and on its way out, as only a start can have it, needs no impact.
+        ! What is on its way out was thrown back a moment ago: rounding has its gap still closed.
         away = away_from_stops(self, level_velocity)
-        do i = 1, size(strikes, 2)
-            where (strikes(:, i) .and. away(:, i) > 0) self%guard_side(:, self%model%scene%stop(i)%event) = -1
-        end do
         strikes = strikes .and. away <= 0
         if (.not. any(strikes)) return
         call self%meet_stops(t, y, strikes)

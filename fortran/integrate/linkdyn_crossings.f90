@@ -97,12 +97,23 @@ contains
         real(wp), intent(in) :: t(lanes), y(:, :)
         logical, intent(in) :: has_crossed(:, :)           !! there (lane, n_guard)
         real(wp) :: guard(lanes, system%n_guard)
+        integer :: i, lane
 
         call system%evaluate_guards(t, y, guard)
         if (.not. allocated(system%guard_scale)) allocate (system%guard_scale(lanes, system%n_guard), source=0*guard)
         if (.not. allocated(system%guard_side)) allocate (system%guard_side(lanes, system%n_guard), source=0*guard)
+        system%guard_is_fresh = has_crossed
         where (abs(guard) <= huge(1.0_wp)) system%guard_scale = max(system%guard_scale, abs(guard))
-        where (.not. has_crossed .and. abs(guard) > noise*system%guard_scale) system%guard_side = sign(1.0_wp, guard)
+        do i = 1, system%n_guard
+            do lane = 1, lanes
+                associate (side => system%guard_side(lane, i))
+                    if (has_crossed(lane, i) .or. .not. abs(guard(lane, i)) > noise*system%guard_scale(lane, i)) cycle
+                    ! A crossing that counts and that the step has not seen, by rounding at its end, is one of the next step.
+                    if (abs(side) > 0 .and. counts(side, system%guard_direction(i))) cycle
+                    side = sign(1.0_wp, guard(lane, i))
+                end associate
+            end do
+        end do
     end subroutine note_sides
 
     !> Guards beyond zero at the instant found; of those at the same instant all count.
@@ -260,8 +271,9 @@ contains
 
         do i = 1, system%n_guard
             do lane = 1, merge(1, lanes, is_one)
-                call judge_guard(look, system%guard_direction(i), system%guard_side(lane, i), lane, i, from(lane, i), to(lane, i), &
-                                 side(lane, i), is_found(lane, i), is_settled(lane, i), dip(lane, :, i))
+                call judge_guard(look, system%guard_direction(i), system%guard_side(lane, i), system%guard_is_fresh(lane, i), &
+                                 lane, i, from(lane, i), to(lane, i), side(lane, i), is_found(lane, i), is_settled(lane, i), &
+                                 dip(lane, :, i))
             end do
             if (.not. is_one) cycle
             from(:, i) = from(1, i)
@@ -273,11 +285,12 @@ contains
         end do
     end subroutine judge
 
-    pure subroutine judge_guard(look, direction, side_before, lane, i, from, to, side, is_found, is_settled, &
+    pure subroutine judge_guard(look, direction, side_before, is_fresh, lane, i, from, to, side, is_found, is_settled, &
                                 dip)
         type(look_type), intent(in) :: look
         integer, intent(in) :: direction
         real(wp), intent(in) :: side_before
+        logical, intent(in) :: is_fresh
         integer, intent(in) :: lane, i
         real(wp), intent(out) :: from, to, side
         logical, intent(out) :: is_found, is_settled
@@ -294,7 +307,7 @@ contains
         do piece = 1, look%n_piece
             guard = look%guard(lane, i, 4*piece - 4:4*piece)
             ! Where a crossing was just met the guard is zero but for rounding, on the side beyond.
-            if (piece == 1 .and. .not. guard(0)*side > 0) guard(0) = 0
+            if (piece == 1 .and. (is_fresh .or. .not. guard(0)*side > 0)) guard(0) = 0
             n_change = 0
             do k = 1, 4
                 if (.not. abs(side) > 0 .and. abs(guard(k)) > 0) side = sign(1.0_wp, guard(k))
@@ -534,7 +547,7 @@ contains
             real(wp) :: place(lanes), value(lanes)
             integer :: n
 
-            is_zero = is_open .and. .not. of_a > 0
+            is_zero = is_open .and. (.not. of_a > 0 .or. (system%guard_is_fresh(:, i) .and. .not. a > 0))
             place = b
             do n = 1, most_halvings
                 if (.not. any(is_zero)) return

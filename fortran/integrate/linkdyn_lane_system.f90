@@ -25,6 +25,7 @@ module linkdyn_lane_system
         integer, allocatable :: guard_direction(:)        !! +1: a crossing upwards counts, -1: downwards, 0: either (n_guard)
         real(wp), allocatable :: guard_side(:, :)         !! sign at the accepted state; 0: none yet (lane, n_guard)
         real(wp), allocatable :: guard_scale(:, :)        !! largest size so far (lane, n_guard)
+        logical, allocatable :: guard_is_fresh(:, :)      !! it has crossed at the accepted state: zero but for rounding (lane, n_guard)
     contains
         procedure :: evaluate_guards
         procedure :: meet_crossings
