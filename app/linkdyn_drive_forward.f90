@@ -3,18 +3,21 @@ module linkdyn_drive_forward
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_cli, only: command_line
     use linkdyn_drive_inverse, only: load_model
+    use linkdyn_event_log, only: event_entry, kind_name, kind_crossing
+    use linkdyn_joint_table, only: is_slide
     use linkdyn_interrupt, only: watch_interrupts, interrupt_noted
     use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, rounding_in_words, method_name, method_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: block_type, prepare_block
     use linkdyn_roads, only: road_counts
-    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
-        exit_done, exit_bad_input, exit_samples_failed
+    use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, &
+        note_events, close_results, exit_done, exit_bad_input, exit_samples_failed
+    use linkdyn_scene, only: n_event
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, print_summary, failure_text
     use linkdyn_terminal, only: show_stage, show_share, say, seconds_since
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: to_text, quoted
     use linkdyn_watched_run, only: watched_run, start_watched, advance_watched, interrupt_watched, finish_watched, &
         time_reached
     implicit none (type, external)
@@ -73,7 +76,7 @@ contains
         else if (summary%failure%n > 0) then
             call say(trim(config%scene)//": failed samples: "//failure_text(summary))
         end if
-        if (summary%failure%n > 0 .or. watched%run%has_stopped) exit_status = exit_samples_failed
+        if (summary%failure%n > 0 .or. (watched%run%has_stopped .and. .not. watched%run%is_over)) exit_status = exit_samples_failed
         if (interrupt_noted() > 0) exit_status = exit_of_signal + interrupt_noted()
         call finish_watched(watched)
     end subroutine drive_forward
@@ -146,6 +149,7 @@ contains
         first = 1
         call watch_interrupts()
         do while (first <= instants%n)
+            if (watched%run%is_over .and. watched%n_pending == 0) exit
             n = min(block_length, instants%n - first + 1)
             call system_clock(start)
             call advance_watched(watched, times_of(instants, first, n), block, roads, n_done, breath)
@@ -161,6 +165,7 @@ contains
         end do
         call show_stage("writing")
         call note_run(watched%run, output, status)
+        call note_events(watched%run%own%scene, watched%run%system%log, output, status)
         call note_roads(summary%roads, output, status)
         call note_assembly(watched%layout, summary, output, status)
         call close_results(output, status)
@@ -196,7 +201,48 @@ contains
             if (i%n_step > 0) write (unit, "(a)") "  steps            "//to_text(i%shortest_step)//" to " &
                 //to_text(i%longest_step)//" s"
         end associate
+        call print_events(run, unit)
         if (len(rounding_in_words(run)) > 0) write (unit, "(a)") "  rounding         "//rounding_in_words(run)
         if (len(coordinates_in_words(run)) > 0) write (unit, "(a)") "  coordinates      "//coordinates_in_words(run)
     end subroutine print_statistics
+
+    !> What has happened: the first events one by one, then how many of each there were.
+    subroutine print_events(run, unit)
+        type(forward_run), intent(in) :: run
+        integer, intent(in) :: unit
+        integer, parameter :: most = 12
+        integer :: i
+
+        if (n_event(run%own%scene) == 0) return
+        associate (log => run%system%log)
+            if (log%n == 0) write (unit, "(a)") "  events           none"
+            do i = 1, min(log%n, most)
+                write (unit, "(a)") merge("  events           ", repeat(" ", 19), i == 1)// &
+                    event_in_words(run%own, log%entry(i))
+            end do
+            if (log%n > most) write (unit, "(a)") "                   ... "//to_text(log%n)//" in all"
+        end associate
+    end subroutine print_events
+
+    !> "0.45152 s impact 'floor.min', 7.97 N s, 7.06 J lost"
+    function event_in_words(model, entry) result(text)
+        type(model_type), intent(in) :: model
+        type(event_entry), intent(in) :: entry
+        character(len=:), allocatable :: text
+
+        text = to_text(entry%t)//" s "//trim(kind_name(entry%kind))//" "//quoted(model%scene%event(entry%event)%name)
+        if (entry%kind == kind_crossing) text = text//trim(merge(" up  ", " down", entry%direction > 0))
+        if (entry%impulse > 0) text = text//", "//to_text(entry%impulse)//" "//unit_of_impulse(model, entry)
+        if (entry%loss > 0) text = text//", "//to_text(entry%loss)//" J lost"
+    end function event_in_words
+
+    pure function unit_of_impulse(model, entry) result(unit)
+        type(model_type), intent(in) :: model
+        type(event_entry), intent(in) :: entry
+        character(len=:), allocatable :: unit
+
+        associate (stop => model%scene%stop(model%scene%event(entry%event)%stop))
+            unit = trim(merge("N s  ", "N m s", is_slide(model%joint(stop%joint)%kind, stop%variable)))
+        end associate
+    end function unit_of_impulse
 end module linkdyn_drive_forward

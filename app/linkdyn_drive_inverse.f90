@@ -20,12 +20,12 @@ module linkdyn_drive_inverse
         result_power_imbalance, result_driving_force_error, result_reaction_error, result_assembly, variable_index
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
         exit_done, exit_bad_input, exit_samples_failed
-    use linkdyn_scene, only: scene_type, put_file_first
+    use linkdyn_scene, only: has_hard_stops, scene_type, put_file_first
     use linkdyn_scene_reader, only: read_scene, check_actuators
     use linkdyn_states_file, only: states_type, read_states
     use linkdyn_status, only: status_type
     use linkdyn_summary, only: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, &
-        reason_of_loss
+        reason_of_loss, passed_stops
     use linkdyn_terminal, only: show_stage, show_progress, say, seconds_since
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count
@@ -151,6 +151,7 @@ contains
         call note_roads(summary%roads, output, status)
         call note_assembly(layout, summary, output, status)
         if (variable_index(layout, result_assembly) > 0) call note_result("failure", reason_of_loss(summary), output, status)
+        if (has_hard_stops(model%scene)) call note_result("beyond_stops", passed_stops(model%scene, summary), output, status)
         call close_results(output, status)
 
     contains
@@ -190,7 +191,8 @@ contains
             call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, turns, results)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
-            call add_to_summary(layout, block, n, results%roads, part, results%lost_sample, results%lost_in_words)
+            call add_to_summary(layout, block, n, results%roads, part, results%lost_sample, results%lost_in_words, &
+                                model%scene)
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n

@@ -2,8 +2,10 @@
 module linkdyn_run_output
     use linkdyn_cli, only: command_line
     use linkdyn_csv_writer, only: csv_writer, create_csv, put_csv, close_csv
+    use linkdyn_event_log, only: event_log
     use linkdyn_model, only: model_type, shared_reactions
-    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
+    use linkdyn_netcdf_writer, only: netcdf_writer, attributes_type, create_netcdf, put_netcdf, put_event_table, &
+        note_netcdf, close_netcdf
     use linkdyn_path, only: refuse_inputs
     use linkdyn_results, only: layout_type, block_type, variable_index, result_assembly
     use linkdyn_roads, only: road_counts
@@ -15,7 +17,8 @@ module linkdyn_run_output
     use linkdyn_build, only: version
     implicit none (type, external)
     private
-    public :: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, default_name
+    public :: output_type, open_results, put_results, note_result, note_roads, note_assembly, note_events, close_results
+    public :: default_name
     public :: run_attributes
     public :: exit_done, exit_bad_input, exit_samples_failed
 
@@ -141,6 +144,17 @@ contains
         call note_result("change_points_passed", to_text(summary%crossing%n), output, status)
         call note_result("assemblies_found_anew", to_text(summary%anew%n), output, status)
     end subroutine note_assembly
+
+    !> What has happened in a forward run, if anything has.
+    subroutine note_events(scene, log, output, status)
+        type(scene_type), intent(in) :: scene
+        type(event_log), intent(in) :: log
+        type(output_type), intent(inout) :: output
+        type(status_type), intent(inout) :: status
+
+        if (output%is_none .or. output%is_csv .or. log%n == 0) return
+        call put_event_table(scene%event%name, log, output%netcdf, status)
+    end subroutine note_events
 
     subroutine close_results(output, status)
         type(output_type), intent(inout) :: output

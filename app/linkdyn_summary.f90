@@ -7,17 +7,18 @@ module linkdyn_summary
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
-        result_time, result_driving_force, result_reaction, result_status, result_assembly, variable_index, samples_width, &
+        result_time, result_driving_force, result_reaction, result_status, result_assembly, result_joint_variable, &
+        dim_variable, variable_index, samples_width, &
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: scene_type, idle_spins, share_by_least_norm
+    use linkdyn_scene, only: scene_type, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm
     use linkdyn_status, only: sample_ok, sample_status_name, message_len
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
     public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, reason_of_loss, &
-        significant, left, right
+        passed_stops, significant, left, right
 
     !> A largest value with its place.
     type :: peak_type
@@ -49,6 +50,7 @@ module linkdyn_summary
         integer :: first_failure = sample_ok                    !! status of that sample
         character(len=message_len) :: why = ""                  !! it failed; blank: its status says it all
         type(event_type) :: crossing                            !! of a change point
+        type(event_type), allocatable :: beyond(:)              !! a stop that throws back (n_stop); not allocated: nobody has looked
         type(event_type) :: anew                                !! the assembly was found from the start, after failures
         type(road_counts) :: roads
         logical :: has_force = .false., has_reaction = .false.
@@ -92,7 +94,7 @@ contains
     end subroutine add_worst
 
     !> Take a block in. Failed samples count as such and nowhere else.
-    subroutine add_to_summary(layout, block, n, roads, summary, lost_sample, why)
+    subroutine add_to_summary(layout, block, n, roads, summary, lost_sample, why, scene)
         type(layout_type), intent(in) :: layout
         type(block_type), intent(in), target :: block
         integer, intent(in) :: n                     !! samples
@@ -100,6 +102,7 @@ contains
         type(summary_type), intent(inout) :: summary
         integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
         character(len=*), intent(in), optional :: why
+        type(scene_type), intent(in), optional :: scene  !! whose motion is given: end stops may be passed
         real(wp), pointer :: time(:), force(:, :), reaction(:, :, :)
         integer, pointer :: code(:), assembly(:)
         integer :: i, k, n_force
@@ -109,6 +112,7 @@ contains
         call view_values(layout, result_assembly, n, block, assembly)
         call view_values(layout, result_driving_force, n, block, force)
         call view_values(layout, result_reaction, n, block, reaction)
+        if (present(scene)) call look_at_stops(layout, scene, block, n, summary%beyond)
         summary%has_force = associated(force)
         summary%has_reaction = associated(reaction)
         summary%n_sample = summary%n_sample + n
@@ -144,6 +148,51 @@ contains
             end do
         end do
     end subroutine add_to_summary
+
+    !> Samples beyond stops that throw back, as far as joint variables are among the results.
+    subroutine look_at_stops(layout, scene, block, n, beyond)
+        type(layout_type), intent(in) :: layout
+        type(scene_type), intent(in) :: scene
+        type(block_type), intent(in), target :: block
+        integer, intent(in) :: n                     !! samples
+        type(event_type), allocatable, intent(inout) :: beyond(:)
+        real(wp), parameter :: touch = 1.0e-9_wp     !! [m, rad] a motion that ends at a stop is not beyond it
+        real(wp), pointer :: time(:), variable(:, :)
+        integer :: i, k, v
+
+        if (.not. has_hard_stops(scene)) return
+        if (.not. allocated(beyond)) allocate (beyond(n_stop(scene)))
+        call view_values(layout, result_time, n, block, time)
+        call view_values(layout, result_joint_variable, n, block, variable)
+        if (.not. associated(variable)) return
+        do k = 1, n_stop(scene)
+            associate (stop => scene%stop(k), label => layout%dimension(dim_variable)%label)
+                v = findloc(label, trim(scene%joint(stop%joint)%name)//"."// &
+                            trim(variable_name(stop%variable, scene%joint(stop%joint)%kind)), dim=1)
+                if (v == 0 .or. .not. stop%is_hard) cycle
+                do i = 1, n
+                    if (stop%side*(variable(v, i) - stop%bound) > touch) call count_event(time(i), beyond(k))
+                end do
+            end associate
+        end do
+    end subroutine look_at_stops
+
+    !> "'floor.min' of joint 'h' by 12 samples, first at t = 0.3 s"; blank: none is passed.
+    function passed_stops(scene, summary) result(text)
+        type(scene_type), intent(in) :: scene
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+        integer :: k
+
+        text = ""
+        if (.not. allocated(summary%beyond)) return
+        do k = 1, size(summary%beyond)
+            if (summary%beyond(k)%n == 0) cycle
+            if (text /= "") text = text//"; "
+            text = text//quoted(scene%stop(k)%name)//" of joint "//quoted(scene%joint(scene%stop(k)%joint)%name)//" by " &
+                   //times_text(summary%beyond(k))
+        end do
+    end function passed_stops
 
     pure subroutine count_event(time, event)
         real(wp), intent(in) :: time
@@ -197,6 +246,12 @@ contains
         call join_events(part%failure, whole%failure)
         call join_events(part%crossing, whole%crossing)
         call join_events(part%anew, whole%anew)
+        if (allocated(part%beyond) .and. .not. allocated(whole%beyond)) allocate (whole%beyond(size(part%beyond)))
+        if (allocated(part%beyond)) then
+            do k = 1, size(part%beyond)
+                call join_events(part%beyond(k), whole%beyond(k))
+            end do
+        end if
         whole%n_sample = whole%n_sample + part%n_sample
         whole%roads = whole%roads + part%roads
         whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
@@ -275,6 +330,8 @@ contains
         if (model%share%n > 0) call print_shares()
         if (len(choices_in_words(model)) > 0) write (unit, "(a)") "  assembly         "//choices_in_words(model)
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
+        if (passed_stops(model%scene, summary) /= "") write (unit, "(a)") "  end stops        passed: " &
+            //passed_stops(model%scene, summary)
         if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &
             //times_text(summary%crossing)
         if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &

@@ -36,7 +36,7 @@ module linkdyn_equations
     use linkdyn_planar_pass, only: uncertainty_of_dyad
     use linkdyn_reactions, only: solution_type, unknown
     use linkdyn_row_order, only: order_rows
-    use linkdyn_scene, only: share_refused
+    use linkdyn_scene, only: n_stop, has_hard_stops, share_refused
     use linkdyn_shared_drives, only: share_drives
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
@@ -427,7 +427,8 @@ contains
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         workspace%state%has_applied = equations%are_solved .and. &
                                       (size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
-                                       .or. model%scene%base%moves .or. .not. all(equations%unknown%drive))
+                                       .or. model%scene%base%moves .or. has_hard_stops(model%scene) &
+                                       .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world
         workspace%state%carries_legs = equations%solver == solver_reduced
         if (equations%are_solved) call place_solution(model, equations, workspace)
@@ -601,6 +602,12 @@ contains
         call apply_springs(model, workspace%state)
         call apply_load_laws(model, workspace%state)
         call apply_base(model, workspace%state)
+        do i = 1, n_stop(model%scene)
+            associate (stop => model%scene%stop(i))
+                if (stop%is_hard) call apply_drive(model, stop%joint, stop%variable, &
+                                                   -stop%side*workspace%state%stop_force(:, i), workspace%state)
+            end associate
+        end do
         if (equations%shares_drives) return                ! nobody knows yet what drives apply
         do i = 1, model%n_actuator
             if (.not. equations%unknown%drive(i)) call apply_actuator(model, i, workspace)

@@ -15,6 +15,7 @@ module linkdyn_forward
     use linkdyn_carried_assembly, only: keep_evaluated, count_passed
     use linkdyn_constants, only: two_pi
     use linkdyn_coordinate_watch, only: dead_coordinate
+    use linkdyn_event_log, only: event_log, event_entry, add_entry
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
     use linkdyn_failure, only: failure_at, map_in_words, meeting_in_words
     use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase, &
@@ -23,7 +24,7 @@ module linkdyn_forward
     use linkdyn_forward_system, only: forward_system, build_forward_system, evaluations_before_record
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, &
-        stop_growth, stop_roughness, stop_pace, stop_law
+        stop_growth, stop_roughness, stop_pace, stop_law, stop_event
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse, only: inverse_results, part_of_results, run_prepared
     use linkdyn_joint_rates, only: coordinate_of
@@ -35,8 +36,9 @@ module linkdyn_forward
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: law_spec, scene_type, frame_link, law_none
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined
+    use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, has_hard_stops
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
+        sample_unreachable
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
@@ -51,6 +53,7 @@ module linkdyn_forward
 
     !> Where the results of a chunk go; what is not associated is not computed.
     type :: forward_results
+        real(wp), pointer :: time(:) => null()         !! instants of the samples (n) [s]
         real(wp), pointer :: q(:, :) => null()         !! (n_q, n) [m, rad]
         real(wp), pointer :: qd(:, :) => null()        !! (n_q, n)
         real(wp), pointer :: work(:) => null()         !! (n) of the driving forces since the start [J]
@@ -79,7 +82,9 @@ module linkdyn_forward
         integer :: n_crossed = 0                       !! change points passed before the last sample given
         real(wp), allocatable :: kink(:)               !! instants ahead at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
+        logical :: is_over = .false.                   !! an event has ended it, of which the last sample tells
         real(wp) :: good_until = 0                     !! [s]
+        real(wp) :: t_given = -huge(1.0_wp)            !! instant of the last sample given [s]
         character(len=256) :: reason = ""              !! why it stopped
     end type forward_run
 
@@ -119,6 +124,8 @@ contains
         if (.not. status%is_ok()) return
         call fill_start(model, run%system%layout, spread(q, 1, lanes), spread(qd, 1, lanes), run%y)
         call run%system%begin(options%t_start, run%y)
+        call refuse_beyond_stop(run, options%t_start, status)
+        if (.not. status%is_ok()) return
         call run%system%evaluate_on_lanes(spread(options%t_start, 1, lanes), run%y, rate(:, :run%system%n), failed)
         if (failed(1)) then
             call fail(status, status_bad_input, "the mechanism cannot be computed at its start: " &
@@ -139,8 +146,56 @@ contains
         call collect_kinks(model, run%kink)
         run%kink = pack(run%kink, run%kink > options%t_start)
         run%output = run%y
+        call begin_at_stops(run%system, options%t_start, run%y)
         call run%integrator%start(options%integrator, run%system, options%t_start, run%y, status)
     end subroutine start_integrator
+
+    !> No run begins beyond a stop.
+    subroutine refuse_beyond_stop(run, t, status)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: t                      !! [s]
+        type(status_type), intent(inout) :: status
+        real(wp) :: gap(lanes, n_event(run%model%scene))
+        integer :: i
+
+        if (.not. has_hard_stops(run%model%scene)) return
+        call run%system%evaluate_guards(spread(t, 1, lanes), run%y, gap)
+        do i = 1, n_stop(run%model%scene)
+            associate (stop => run%model%scene%stop(i))
+                if (.not. stop%is_hard .or. .not. gap(1, stop%event) < -touch(stop)) cycle
+                call fail(status, status_bad_input, "stop "//quoted(stop%name)//": joint " &
+                          //quoted(run%model%joint(stop%joint)%name)//" starts "//to_text(-gap(1, stop%event))//" beyond it " &
+                          //"(expected a start that the stop admits)")
+                return
+            end associate
+        end do
+    end subroutine refuse_beyond_stop
+
+    !> Gap that is none, where a run begins: a start written with the stop's own number is at the stop.
+    pure real(wp) function touch(stop)
+        type(stop_spec), intent(in) :: stop
+
+        touch = 1.0e-12_wp*max(1.0e-3_wp, abs(stop%bound))
+    end function touch
+
+    !> What touches its stop where the run begins strikes it or rests there.
+    subroutine begin_at_stops(system, t, y)
+        type(forward_system), intent(inout) :: system
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(inout) :: y(:, :)
+        real(wp) :: gap(lanes, n_event(system%model%scene))
+        logical :: touches(lanes, n_stop(system%model%scene))
+        integer :: i
+
+        if (.not. has_hard_stops(system%model%scene)) return
+        call system%evaluate_guards(spread(t, 1, lanes), y, gap)
+        do i = 1, size(touches, 2)
+            associate (stop => system%model%scene%stop(i))
+                touches(:, i) = stop%is_hard .and. abs(gap(:, stop%event)) <= touch(stop)
+            end associate
+        end do
+        if (any(touches)) call system%meet_stops(spread(t, 1, lanes), y, touches)
+    end subroutine begin_at_stops
 
     !> Forces that a motion asks for move a mechanism along it only if it starts on it. From elsewhere they would give a table
     !> of a motion that nobody has asked for.
@@ -209,20 +264,27 @@ contains
     !>
     !> With a time limit the run comes back when it has passed, after `n_done` instants, which may be none: call again
     !> with the rest. That changes nothing in the results.
-    subroutine advance_forward(run, t, results, n_done, seconds)
+    !>
+    !> Where an event ends the run, the last sample is at its instant, which `results%time` has, and none follows.
+    subroutine advance_forward(run, instants, results, n_done, seconds)
         type(forward_run), intent(inout) :: run
-        real(wp), intent(in) :: t(:)                   !! [s] (n)
+        real(wp), intent(in) :: instants(:)            !! [s] (n)
         type(forward_results), intent(inout) :: results
         integer, intent(out) :: n_done                 !! instants dealt with
         real(wp), intent(in), optional :: seconds      !! of computing time, about
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         real(wp), allocatable :: quaternion(:, :, :), rate(:, :)    !! attitudes, and qd with angular rates of these
+        real(wp), allocatable :: t(:), stop_force(:, :)
         type(sample_assembly) :: assembly
         real(wp) :: work
-        logical :: is_lost(size(t))
+        logical :: is_lost(size(instants))
         integer :: i, first, phase, n_found
 
+        t = instants
+        n_done = 0
+        if (run%is_over) return
         associate (m => run%own, n => size(t))
+            allocate (stop_force(n_stop(m%scene), n), source=0.0_wp)
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n), &
                       quaternion(4, m%n_attitude, n), rate(m%n_q, n))
         end associate
@@ -242,6 +304,15 @@ contains
         do i = 1, size(t)
             if (.not. run%has_stopped) call go_to(run, t(i))
             if (run%integrator%is_paused) exit
+            if (run%is_over) then
+                if (i > 1) then
+                    if (.not. run%good_until > t(i - 1)) exit
+                end if
+                if (i == 1 .and. .not. run%good_until > run%t_given) exit
+                t(i) = run%good_until
+                run%output = run%y
+                call evaluate_loads(run%own, t(i:i), load(:, :, i:i))
+            end if
             if (first == 0 .or. phase /= run%phase) then
                 if (first > 0) call find_forces(first, i - 1)
                 first = i
@@ -251,7 +322,7 @@ contains
             end if
             work = ieee_value(1.0_wp, ieee_quiet_nan)
             is_lost(i) = run%integrator%is_lost
-            if (.not. run%has_stopped) then
+            if (.not. run%has_stopped .or. run%is_over) then
                 call take_output(run, t(i), q(:, i), qd(:, i), qdd(:, i), force(:, i))
                 rate(:, i) = qd(:, i)
                 call read_attitudes(run%model, run%system%layout, run%output, quaternion(:, :, i), rate(:, i))
@@ -259,12 +330,16 @@ contains
                                     run%n_crossed)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%output(1, run%system%layout%work)
+                if (has_hard_stops(run%model%scene)) stop_force(:, i) = merge(run%system%push(1, :), 0.0_wp, run%system%rests(1, :))
             end if
+            if (associated(results%time)) results%time(i) = t(i)
             if (associated(results%work)) results%work(i) = work
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
             n_done = i
+            if (run%is_over) exit
         end do
+        if (n_done > 0) run%t_given = t(n_done)
         if (first > 0) call find_forces(first, n_done)
         n_done = n_found
 
@@ -279,7 +354,8 @@ contains
             associate (here => run%known(phase)%phase)
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
-                                  own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last), t=t(first:last))
+                                  own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last), t=t(first:last), &
+                                  stop_force=stop_force(:, first:last))
             end associate
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
@@ -300,7 +376,7 @@ contains
         own_qd = qd
         associate (choice => run%known(run%phase)%phase%choice)
             do k = 1, size(q)
-                if (choice(k) > 0 .and. .not. run%has_stopped) &
+                if (choice(k) > 0 .and. (run%is_over .or. .not. run%has_stopped)) &
                     call coordinate_now(run%own, run%model, run%system%workspace%state, k, own_q(k), own_qd(k))
             end do
             if (associated(results%q)) results%q(:, i) = own_q
@@ -325,6 +401,7 @@ contains
         run%good_until = run%integrator%good_until(1)
         run%has_stopped = run%integrator%failed(1)
         if (.not. run%has_stopped) return
+        run%is_over = run%integrator%reason == stop_event .and. .not. run%system%is_driven_through(1)
         call hold_texts()
         run%reason = reason_of_stop(run)
         call release_texts()
@@ -336,7 +413,14 @@ contains
         real(wp), intent(in) :: t
 
         do
-            if (run%system%wants_rest .or. all(run%integrator%failed)) call change_phase(run)
+            ! Instants behind the last step are looked at before anything changes.
+            if (run%system%n_guard > 0 .and. run%integrator%t >= t .and. .not. all(run%integrator%failed)) then
+                continue
+            else if (all(run%integrator%failed) .and. run%integrator%reason == stop_event) then
+                exit
+            else if (run%system%wants_rest .or. all(run%integrator%failed)) then
+                call change_phase(run)
+            end if
             if (all(run%integrator%failed)) exit
             if (size(run%kink) > 0) then
                 call run%integrator%advance(run%system, t, run%y, run%output, run%kink(1))
@@ -489,7 +573,12 @@ contains
         integer, parameter :: many_jumps = 100         !! evaluations on the other side than the one before: more than a passage takes
 
         reason = "stopped at t = "//to_text(run%good_until)//" s: "
-        if (run%dead_coordinate > 0) then
+        if (run%is_over) then
+            reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
+        else if (run%system%is_driven_through(1)) then
+            reason = reason//"what strikes stop "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
+                     //" is driven: no force of the stop changes its motion"
+        else if (run%dead_coordinate > 0) then
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
@@ -605,7 +694,7 @@ contains
 
     !> Many runs from different starts by rk4, `lanes` at once: coordinates and rates at the output instants. When the process
     !> is told to stop nothing of it can be used.
-    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status)
+    subroutine run_ensemble(model, options, q_start, qd_start, t, q, qd, good_until, n_crossed, outcome, status, log)
         type(model_type), intent(in), target :: model
         type(forward_options), intent(in) :: options   !! the method must be rk4
         real(wp), intent(in) :: q_start(:, :), qd_start(:, :)    !! (n_q, n_member)
@@ -615,6 +704,8 @@ contains
         integer, intent(out) :: n_crossed(:)           !! change points passed (n_member)
         integer, intent(out) :: outcome(:)             !! sample_ok, or why a member has stopped (n_member)
         type(status_type), intent(inout) :: status
+        type(event_log), intent(inout), optional :: log    !! events of all members, member after member; lanes are members
+        type(event_log), allocatable :: of_block(:)
         type(forward_system) :: teller                 ! whose record all blocks share
         type(status_type) :: block_status
         integer :: block, n_block
@@ -626,6 +717,7 @@ contains
         n_block = (size(q_start, 2) + lanes - 1)/lanes
         call make_shared_record(status)
         if (.not. status%is_ok()) return
+        allocate (of_block(n_block))
         !$omp parallel do num_threads(team_size(options%threads, n_block)) private(block_status) schedule(dynamic)
         do block = 1, n_block
             block_status = status_type()
@@ -636,6 +728,7 @@ contains
         end do
         !$omp end parallel do
         call teller%release()
+        if (present(log)) call gather_events(log)
 
     contains
 
@@ -658,6 +751,24 @@ contains
             call teller%make_record(options%t_start)
         end subroutine make_shared_record
 
+        !> Of each member as they came.
+        subroutine gather_events(log)
+            type(event_log), intent(inout) :: log
+            type(event_entry) :: entry
+            integer :: block, lane, i
+
+            do block = 1, n_block
+                do lane = 1, lanes
+                    do i = 1, of_block(block)%n
+                        if (of_block(block)%entry(i)%lane /= lane) cycle
+                        entry = of_block(block)%entry(i)
+                        entry%lane = (block - 1)*lanes + lane
+                        call add_entry(log, entry)
+                    end do
+                end do
+            end do
+        end subroutine gather_events
+
         !> One block of members; lanes beyond the last member repeat it.
         subroutine run_block(block, status)
             integer, intent(in) :: block
@@ -666,6 +777,7 @@ contains
             integer :: member(lanes), passed(lanes), i
 
             member = [(min((block - 1)*lanes + i, size(q_start, 2)), i=1, lanes)]
+            run%own => model
             run%model => model
             allocate (run%system)
             call hold_texts()
@@ -673,11 +785,13 @@ contains
             call release_texts()
             if (status%is_ok()) then
                 run%system%wants_work = .false.
+                run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
                 call run%system%share_record(teller)
                 allocate (run%y(lanes, run%system%n))
                 call fill_start(model, run%system%layout, transpose(q_start(:, member)), transpose(qd_start(:, member)), run%y)
                 call run%system%begin(options%t_start, run%y)
                 call start_integrator(run, model, options, status)
+                call leave_those_beyond_stops(run)
                 do i = 1, size(t)
                     call go_on_to(run, t(i))
                     if (is_interrupted()) exit
@@ -687,14 +801,35 @@ contains
                     good_until(member(i)) = run%integrator%good_until(i)
                     outcome(member(i)) = sample_ok
                     ! Rates that were found, and led beyond all numbers.
-                    if (run%integrator%failed(i)) outcome(member(i)) = merge(run%system%obstacle(i), sample_undefined, &
+                    if (run%integrator%failed(i) .and. (run%system%final_event(i) == 0 .or. run%system%is_driven_through(i))) &
+                        outcome(member(i)) = merge(run%system%obstacle(i), sample_undefined, &
                                                                              run%system%obstacle(i) /= sample_ok)
                 end do
                 call count_change_points(run, t(size(t)), passed)
                 n_crossed(member) = passed
+                of_block(block) = run%system%log
             end if
             call finish_forward(run)
         end subroutine run_block
+
+        !> A member that starts beyond a stop does not run.
+        subroutine leave_those_beyond_stops(run)
+            type(forward_run), intent(inout) :: run
+            real(wp) :: gap(lanes, n_event(model%scene))
+            integer :: i
+
+            if (.not. has_hard_stops(model%scene)) return
+            call run%system%evaluate_guards(spread(options%t_start, 1, lanes), run%y, gap)
+            do i = 1, n_stop(model%scene)
+                associate (stop => model%scene%stop(i))
+                    if (.not. stop%is_hard) cycle
+                    where (gap(:, stop%event) < -touch(stop) .and. .not. run%system%rests(:, i))
+                        run%integrator%failed = .true.
+                        run%system%obstacle = sample_unreachable
+                    end where
+                end associate
+            end do
+        end subroutine leave_those_beyond_stops
 
         !> Those that each lane has passed up to the last instant of output, or up to where it failed.
         subroutine count_change_points(run, instant, passed)

@@ -63,6 +63,7 @@ contains
             end if
         end associate
         time = t
+        results%time => time
         call advance_forward(run, t, results, n_done, seconds)
         roads = results%forces%roads
         if (associated(power)) &

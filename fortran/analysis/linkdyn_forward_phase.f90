@@ -25,6 +25,7 @@ module linkdyn_forward_phase
         logical :: wants_rcond = .false.               !! condition number at output instants; solver lapack always has it
         logical :: switches = .true.                   !! a coordinate at its dead point is exchanged for another joint variable
         integer :: threads = 1
+        logical :: events_end = .true.                 !! an event whose `do` is "stop" ends the run; false: it is noted
         logical :: by_record = .true.                  !! rates by a record of the scene, where it has one; false: by lanes alone
     end type forward_options
 
@@ -61,6 +62,8 @@ contains
             call make_condition(phase%model, unknown, phase%output%condition, status)
         end if
         if (.not. status%is_ok()) return
+        phase%system%own => own
+        phase%system%may_end = options%events_end
         phase%system%may_record = rates_by_record(options)
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)
         phase%system%watch%may_exchange = options%switches

@@ -3,6 +3,7 @@
 !> Rates come from a record of the scene, where it has one; a state that the record does not serve, near a dead point or where
 !> the assembly may change, is computed on lanes, and so is whatever is looked at beside the rates.
 module linkdyn_forward_system
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, evaluate_assembled, &
         accept_assembly
@@ -10,27 +11,32 @@ module linkdyn_forward_system
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
     use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
+    use linkdyn_contact_forces, only: solve_contacts
+    use linkdyn_event_log, only: event_log, event_entry, add_entry, kind_crossing, kind_end, kind_contact, kind_release, &
+        kind_impact, kind_rest
     use linkdyn_energy_balance, only: energy_of_motion, applied_power
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, choose_poses, solver_elimination, solver_reduced
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
         place_states, run_states, may_change_assembly
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
-        pack_rates
+        pack_rates, read_coordinates
     use linkdyn_inverse, only: are_alike
-    use linkdyn_joint_rates, only: actuator_rates
+    use linkdyn_exchange, only: coordinate_now
+    use linkdyn_joint_rates, only: actuator_rates, joint_rate
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_led_mechanism, only: measure_margins
-    use linkdyn_measures, only: find_laws
+    use linkdyn_measures, only: find_laws, find_events, follow_angle
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
     use linkdyn_payload_forces, only: add_payload_power
-    use linkdyn_scene, only: drive_inverse, drive_over
+    use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop
     use linkdyn_status, only: status_type, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
@@ -54,6 +60,20 @@ module linkdyn_forward_system
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
         type(motion_forces) :: of_motion
         real(wp), allocatable :: given_force(:)        !! in its place, by whoever steps the system (n_actuator); absent: nobody gives any
+        ! ---- events and end stops
+        type(model_type), pointer :: own => null()     !! with the coordinates that events are told in; null: model
+        logical :: may_end = .true.                    !! an event that ends runs ends this one
+        integer :: final_event(lanes) = 0              !! that did; 0: none
+        logical :: is_driven_through(lanes) = .false.  !! it is a stop that cannot hold: what strikes it is driven
+        type(event_log) :: log
+        integer :: n_told = 1                          !! lanes whose events are told
+        logical, allocatable :: rests(:, :)            !! a joint variable rests at a stop (lane, n_stop)
+        real(wp), allocatable :: push(:, :)            !! of stops at the state evaluated last, away from them (lane, n_stop) [N, N m]
+        real(wp), allocatable, private :: fastest(:, :)    !! impact so far (lane, n_stop) [m/s, rad/s]
+        type(kinematic_state), private :: look         !! scratch: of states that are looked at
+        integer, allocatable, private :: turning(:)    !! measures that wrap; events count their turns: at the accepted state
+        real(wp), allocatable, private :: angle(:, :), spin(:, :)    !! they are here and turn so fast (lane, measure) [rad, rad/s]
+        real(wp), private :: t_accepted(lanes) = 0     !! [s]
         integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
         ! ---- the record
         logical :: may_record = .false.                !! once that is worth while; the caller says so
@@ -72,6 +92,9 @@ module linkdyn_forward_system
         procedure :: note_turns => note_turns_forward
         procedure :: broken_law
         procedure :: leads_too_far
+        procedure :: evaluate_guards => evaluate_events
+        procedure :: meet_crossings => meet_events
+        procedure :: meet_stops
         procedure :: begin
         procedure :: take_over
         procedure :: look_at
@@ -118,6 +141,7 @@ contains
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
+        call prepare_events(model, system)
         if (.not. any(system%by_inverse) .or. allocated(system%given_force)) return
         if (present(motion_model)) then
             call plan_motion_forces(motion_model, system%of_motion, status)
@@ -125,6 +149,61 @@ contains
             call plan_motion_forces(model, system%of_motion, status)
         end if
     end subroutine build_forward_system
+
+    !> What the run is to look out for.
+    subroutine prepare_events(model, system)
+        type(model_type), intent(in) :: model
+        type(forward_system), intent(inout) :: system
+        integer :: i
+
+        system%n_guard = n_event(model%scene)
+        if (system%n_guard == 0) return
+        system%guard_direction = model%scene%event%direction
+        allocate (system%guard_side(lanes, system%n_guard), system%guard_scale(lanes, system%n_guard), source=0.0_wp)
+        allocate (system%rests(lanes, n_stop(model%scene)), source=.false.)
+        allocate (system%push(lanes, n_stop(model%scene)), system%fastest(lanes, n_stop(model%scene)), source=0.0_wp)
+        call prepare_kinematics(model, 0, system%look)
+        system%look%world_rates = .true.
+        associate (measure => model%scene%laws%measure)
+            allocate (system%angle(lanes, size(measure)), system%spin(lanes, size(measure)), source=0.0_wp)
+            system%turning = pack([(i, i=1, size(measure))], measure%wraps)
+            do i = 1, size(measure)
+                system%angle(:, i) = measure(i)%near
+            end do
+        end associate
+    end subroutine prepare_events
+
+    !> Where the angles that events count have got to.
+    subroutine follow_angles(self, t, y, is_accepted)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_accepted(lanes)
+        real(wp) :: about(lanes, size(self%angle, 2)), value(lanes), rate(lanes)
+        integer :: i
+
+        about = angles_about(self, t)
+        call look_closely(self, t, y)
+        do i = 1, size(self%turning)
+            associate (k => self%turning(i))
+                call follow_angle(self%model, self%look, k, about(:, k), value, rate)
+                where (is_accepted .and. abs(value) <= huge(1.0_wp))
+                    self%angle(:, k) = value
+                    self%spin(:, k) = rate
+                end where
+            end associate
+        end do
+        where (is_accepted) self%t_accepted = t
+    end subroutine follow_angles
+
+    !> About where these angles are at other instants.
+    pure function angles_about(self, t) result(about)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp) :: about(lanes, size(self%angle, 2))
+
+        about = self%angle + self%spin*spread(t - self%t_accepted, 2, size(self%angle, 2))
+    end function angles_about
 
     !> Virtual work where a link carries legs, which then need three columns instead of n; the planned elimination else.
     pure integer function fastest_solver(model, unknown) result(solver)
@@ -159,6 +238,7 @@ contains
         real(wp), intent(in) :: y(:, :)
 
         call begin_assembly(self%model, t, self%assembly)
+        self%t_accepted = t
         call begin_motion_forces(t, self%of_motion)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
         if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
@@ -174,6 +254,19 @@ contains
         call begin_assembly(self%model, t, self%assembly)
         self%assembly%n_crossed = other%assembly%n_crossed
         call go_on_from(other%of_motion, self%of_motion)
+        self%own => other%own
+        self%may_end = other%may_end
+        self%log = other%log
+        if (self%n_guard > 0) then
+            self%rests = other%rests
+            self%push = other%push
+            self%fastest = other%fastest
+            self%guard_side = other%guard_side
+            self%guard_scale = other%guard_scale
+            self%angle = other%angle
+            self%spin = other%spin
+            self%t_accepted = other%t_accepted
+        end if
         call free_forward_record(self%record)          ! whose plan is that of the start before
         self%watch%may_exchange = .true.
         self%watch%is_on = .false.
@@ -211,6 +304,9 @@ contains
             self%surplus_noise = self%surplus_noise_tried
         end if
         call accept_motion(t, is_accepted, self%of_motion)
+        if (allocated(self%turning)) then
+            if (size(self%turning) > 0) call follow_angles(self, t, y, is_accepted)
+        end if
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
 
@@ -271,6 +367,10 @@ contains
         integer, parameter :: evaluations_a_step = 10  !! about
         integer :: k
 
+        if (rests_anywhere(self)) then
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            return
+        end if
         if (self%may_record .and. .not. associated(self%record%recorded)) then
             ! Steps tell how long the run is whenever it comes back for want of time; evaluations, some made anew then, do not.
             if (self%n_accepted*evaluations_a_step >= evaluations_before_record(self%model)) call self%make_record(t(1))
@@ -328,6 +428,7 @@ contains
             end do
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
+            if (rests_anywhere(self)) call hold_at_stops(self, t, y)
             if (size(model%scene%laws%law) > 0) call self%note_mode(workspace%state%mode(1))
             call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
@@ -575,6 +676,378 @@ contains
             end do
         end do
     end subroutine find_surplus
+
+    ! ---------------------------------------------------------------- events and end stops
+
+    pure logical function rests_anywhere(self)
+        class(forward_system), intent(in) :: self
+
+        rests_anywhere = .false.
+        if (allocated(self%rests)) rests_anywhere = any(self%rests)
+    end function rests_anywhere
+
+    !> The scene's events at these states. That of a stop at which its joint variable rests is its push: when that vanishes
+    !> the variable leaves.
+    subroutine evaluate_events(self, t, y, guard)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(out) :: guard(:, :)
+        real(wp) :: rate(lanes, self%n)
+        logical :: failed(lanes)
+        integer :: i
+
+        call look_closely(self, t, y)
+        call find_events(self%model, self%look, angles_about(self, t), guard)
+        failed = self%look%unreachable .or. self%look%not_converged .or. self%look%way_status /= sample_ok
+        do i = 1, size(guard, 2)
+            where (failed) guard(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
+        end do
+        if (.not. rests_anywhere(self)) return
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        do i = 1, size(self%rests, 2)
+            associate (e => self%model%scene%stop(i)%event)
+                where (self%rests(:, i)) guard(:, e) = self%push(:, i)
+            end associate
+        end do
+    end subroutine evaluate_events
+
+    !> Motion of states; with the accelerations of the coordinates, if they are told.
+    subroutine look_closely(self, t, y, acceleration)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(in), optional :: acceleration(:, :)    !! (lane, n_q)
+
+        call unpack_state(self%model, self%layout, t, y, self%turns, self%look)
+        if (present(acceleration)) self%look%qdd = acceleration
+        self%look%time = t
+        call evaluate_assembled(self%model, t, self%assembly, self%look)
+    end subroutine look_closely
+
+    !> Velocities or accelerations of joint variables away from their stops, of the state looked at.
+    function away_from_stops(self, level) result(rate)
+        class(forward_system), intent(in) :: self
+        integer, intent(in) :: level
+        real(wp) :: rate(lanes, size(self%rests, 2))
+        integer :: i
+
+        do i = 1, size(rate, 2)
+            associate (stop => self%model%scene%stop(i))
+                rate(:, i) = 0
+                if (stop%is_hard) rate(:, i) = -stop%side*joint_rate(self%model, self%look, stop%joint, stop%variable, level)
+            end associate
+        end do
+    end function away_from_stops
+
+    !> Accelerations away from the stops, and those of the coordinates, while the stops push. Kinematics, loads and drives of the
+    !> state are in the workspace.
+    subroutine accelerate(self, t, y, push, away)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp), intent(in) :: push(:, :)             !! (lane, n_stop)
+        real(wp), intent(out) :: away(:, :)            !! (lane, n_stop)
+
+        self%workspace%state%stop_force = push
+        call solve_equations(self%model, self%equations, self%workspace)
+        self%workspace%state%stop_force = 0
+        call look_closely(self, t, y, self%workspace%acceleration)
+        away = away_from_stops(self, level_given)
+    end subroutine accelerate
+
+    !> What a unit push of each stop in contact gives: accelerations away from all stops, and of the coordinates. They are linear
+    !> in the push; one that outdoes all other forces leaves its digits to the difference.
+    subroutine find_responses(self, t, y, is_in_contact, response, of_coordinates)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop)
+        real(wp), intent(out) :: response(:, :, :)     !! (lane, of stop, by stop)
+        real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by stop)
+        real(wp), parameter :: much = 1.0e4_wp
+        real(wp), dimension(lanes, size(self%rests, 2)) :: push, at_rest, away
+        real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes)
+        integer :: k, i, turn
+
+        push = 0
+        response = 0
+        of_coordinates = 0
+        call accelerate(self, t, y, push, at_rest)
+        own = self%workspace%acceleration
+        largest = maxval(abs(own), dim=2)
+        do k = 1, size(push, 2)
+            if (.not. any(is_in_contact(:, k))) cycle
+            unit = 1
+            do turn = 1, 2
+                push = 0
+                push(:, k) = unit
+                call accelerate(self, t, y, push, away)
+                do i = 1, size(push, 2)
+                    response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
+                end do
+                do i = 1, self%model%n_q
+                    of_coordinates(:, i, k) = (self%workspace%acceleration(:, i) - own(:, i))/unit
+                end do
+                unit = much*max(1.0_wp, largest)/max(maxval(abs(of_coordinates(:, :, k)), dim=2), tiny(1.0_wp))
+                where (.not. unit <= huge(1.0_wp)) unit = 1
+            end do
+        end do
+    end subroutine find_responses
+
+    !> Push of the stops at which joint variables rest: as much as keeps them there. The accelerations in the workspace
+    !> become those with it.
+    subroutine hold_at_stops(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
+        real(wp), dimension(lanes, size(self%rests, 2)) :: push, away, change
+        real(wp) :: response(lanes, size(self%rests, 2), size(self%rests, 2))
+        real(wp) :: of_coordinates(lanes, self%model%n_q, size(self%rests, 2))
+        integer :: turn
+
+        call find_responses(self, t, y, self%rests, response, of_coordinates)
+        push = 0
+        call accelerate(self, t, y, push, away)
+        do turn = 1, n_turn
+            call solve_contacts(response, self%rests, -away, change)
+            push = push + change
+            call accelerate(self, t, y, push, away)
+        end do
+        self%push = push
+    end subroutine hold_at_stops
+
+    !> Events have come: they are noted, end the run, or stops throw back, catch and let go.
+    subroutine meet_events(self, t, y, has_crossed, has_changed, is_over)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)
+        logical, intent(in) :: has_crossed(:, :)
+        logical, intent(out) :: has_changed(lanes), is_over(lanes)
+        logical :: strikes(lanes, size(self%rests, 2))
+        real(wp) :: away(lanes, size(self%rests, 2))
+        integer :: lane, i
+
+        has_changed = .false.
+        is_over = .false.
+        strikes = .false.
+        call look_closely(self, t, y)
+        do i = 1, self%n_guard
+            associate (event => self%model%scene%event(i))
+                do lane = 1, lanes
+                    if (.not. has_crossed(lane, i)) cycle
+                    if (event%stop == 0) then
+                        is_over(lane) = is_over(lane) .or. (event%ends_run .and. self%may_end)
+                        if (event%ends_run .and. self%may_end) self%final_event(lane) = i
+                        call note(merge(kind_end, kind_crossing, event%ends_run))
+                    else if (.not. self%model%scene%stop(event%stop)%is_hard) then
+                        call note(merge(kind_contact, kind_release, self%guard_side(lane, i) > 0))
+                        has_changed(lane) = .true.
+                    else if (self%rests(lane, event%stop)) then
+                        call note(kind_release)
+                        call leave_stop(self, lane, event%stop)
+                        has_changed(lane) = .true.
+                        cycle
+                    else
+                        strikes(lane, event%stop) = .true.
+                        cycle
+                    end if
+                    self%guard_side(lane, i) = -self%guard_side(lane, i)
+                end do
+            end associate
+        end do
+        if (.not. any(strikes)) return
+        ! What is on its way out was thrown back a moment ago: rounding has its gap still closed.
+        away = away_from_stops(self, level_velocity)
+        strikes = strikes .and. away <= 0
+        if (.not. any(strikes)) return
+        call self%meet_stops(t, y, strikes)
+        has_changed = has_changed .or. any(strikes, dim=2)
+        is_over = is_over .or. self%is_driven_through
+
+    contains
+
+        subroutine note(kind)
+            integer, intent(in) :: kind
+            type(event_entry) :: entry
+
+            entry%kind = kind
+            entry%direction = nint(-self%guard_side(lane, i))
+            call note_entry(self, t, y, lane, i, entry)
+        end subroutine note
+    end subroutine meet_events
+
+    !> A joint variable rests at a stop no more.
+    subroutine leave_stop(self, lane, stop)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: lane, stop
+
+        self%rests(lane, stop) = .false.
+        self%push(lane, stop) = 0
+        associate (e => self%model%scene%stop(stop)%event)
+            self%guard_side(lane, e) = 1
+            self%guard_scale(lane, e) = 0
+        end associate
+    end subroutine leave_stop
+
+    !> Joint variables strike stops: impulses of these, and of those at which others rest, give each its speed away from its stop,
+    !> the restitution of the one it had towards it, or none where it rests. An impulse never pulls. When an impact is weaker than
+    !> `weak` of the strongest one so far at its stop, or there is no restitution, the variable does not leave: it rests, if it
+    !> is pressed against the stop.
+    subroutine meet_stops(self, t, y, strikes)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)
+        logical, intent(in) :: strikes(:, :)           !! (lane, n_stop)
+        real(wp), parameter :: weak = 1.0e-6_wp
+        real(wp), dimension(lanes, size(self%rests, 2)) :: before, wanted, impulse, after
+        real(wp) :: response(lanes, size(self%rests, 2), size(self%rests, 2))
+        real(wp) :: of_coordinates(lanes, self%model%n_q, size(self%rests, 2))
+        real(wp) :: rate(lanes, self%n), y_before(lanes, self%n), loss(lanes)
+        logical, dimension(lanes, size(self%rests, 2)) :: contact, stays, rested
+        logical :: failed(lanes)
+        integer :: i, k, lane
+
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call look_closely(self, t, y)
+        before = away_from_stops(self, level_velocity)
+        rested = self%rests
+        contact = rested
+        stays = .false.
+        wanted = 0
+        do i = 1, size(before, 2)
+            associate (stop => self%model%scene%stop(i))
+                where (strikes(:, i) .and. before(:, i) <= 0)
+                    contact(:, i) = .true.
+                    self%fastest(:, i) = max(self%fastest(:, i), -before(:, i))
+                    wanted(:, i) = -stop%restitution*before(:, i)
+                    stays(:, i) = .not. wanted(:, i) > weak*self%fastest(:, i)
+                end where
+                where (stays(:, i)) wanted(:, i) = 0
+            end associate
+        end do
+        call find_responses(self, t, y, contact, response, of_coordinates)
+        call find_impulses()
+        y_before = y
+        loss = 0
+        do i = 1, size(before, 2)
+            do k = 1, self%model%n_q
+                if (self%layout%rate(k) == 0) cycle
+                where (contact(:, i)) y(:, self%layout%rate(k)) = y(:, self%layout%rate(k)) + impulse(:, i)*of_coordinates(:, k, i)
+            end do
+        end do
+        call look_closely(self, t, y)
+        after = away_from_stops(self, level_velocity)
+        do i = 1, size(before, 2)
+            where (strikes(:, i) .and. after(:, i) < before(:, i)/2 .and. before(:, i) < 0)
+                self%is_driven_through = .true.
+                self%final_event = self%model%scene%stop(i)%event
+            end where
+        end do
+        loss = -sum(impulse*(before + after), dim=2, mask=contact)/2
+        y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
+        do i = 1, size(before, 2)
+            do lane = 1, lanes
+                if (rested(lane, i) .and. .not. contact(lane, i)) call leave_stop(self, lane, i)
+                if (.not. strikes(lane, i)) cycle
+                call leave_stop(self, lane, i)
+                self%rests(lane, i) = stays(lane, i) .and. contact(lane, i)
+            end do
+        end do
+        call let_go(self, t, y, strikes)
+        do i = 1, size(before, 2)
+            do lane = 1, lanes
+                if (strikes(lane, i)) call note(merge(kind_rest, kind_impact, self%rests(lane, i)))
+                if (rested(lane, i) .and. .not. self%rests(lane, i)) call note(kind_release)
+            end do
+        end do
+
+    contains
+
+        !> Contacts that would pull have none.
+        subroutine find_impulses()
+            integer :: turn
+
+            do turn = 1, size(contact, 2)
+                call solve_contacts(response, contact, wanted - before, impulse)
+                if (.not. any(contact .and. impulse < 0)) exit
+                contact = contact .and. .not. impulse < 0
+            end do
+        end subroutine find_impulses
+
+        subroutine note(kind)
+            integer, intent(in) :: kind
+            type(event_entry) :: entry
+
+            entry%kind = kind
+            entry%direction = -1
+            entry%impulse = merge(impulse(lane, i), 0.0_wp, contact(lane, i))
+            if (findloc(strikes(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
+            call note_entry(self, t, y_before, lane, self%model%scene%stop(i)%event, entry, y)
+        end subroutine note
+    end subroutine meet_stops
+
+    !> Of the stops at which something has come to rest, those that would have to pull are left, one after the other.
+    subroutine let_go(self, t, y, strikes)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: strikes(:, :)
+        real(wp) :: rate(lanes, self%n)
+        logical :: failed(lanes)
+        integer :: lane, turn, i
+
+        do turn = 1, size(self%rests, 2)
+            if (.not. any(self%rests .and. strikes)) return
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            if (.not. any(self%rests .and. self%push <= 0)) return
+            do lane = 1, lanes
+                if (.not. any(self%rests(lane, :))) cycle
+                i = minloc(self%push(lane, :), dim=1, mask=self%rests(lane, :))
+                if (self%push(lane, i) <= 0) call leave_stop(self, lane, i)
+            end do
+        end do
+    end subroutine let_go
+
+    !> An entry of the log, in the user's coordinates. Lanes that nobody asks for have none.
+    subroutine note_entry(self, t, y, lane, event, entry, y_after)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        integer, intent(in) :: lane, event
+        type(event_entry), intent(inout) :: entry
+        real(wp), intent(in), optional :: y_after(:, :)    !! behind an impact; absent: as before
+        real(wp), allocatable :: ignored(:)
+
+        if (lane > self%n_told) return
+        entry%lane = lane
+        entry%t = t(lane)
+        entry%event = event
+        call coordinates_of(y, entry%q, entry%qd)
+        entry%qd_after = entry%qd
+        if (present(y_after)) call coordinates_of(y_after, ignored, entry%qd_after)
+        call add_entry(self%log, entry)
+
+    contains
+
+        subroutine coordinates_of(state, q, qd)
+            real(wp), intent(in) :: state(:, :)
+            real(wp), allocatable, intent(out) :: q(:), qd(:)
+            real(wp), dimension(lanes, self%model%n_q) :: lane_q, lane_qd, lane_qdd
+            integer :: k
+
+            call look_closely(self, t, state)
+            call read_coordinates(self%model, self%layout, t, state, self%turns, self%look, lane_q, lane_qd, lane_qdd)
+            q = lane_q(lane, :)
+            qd = lane_qd(lane, :)
+            if (.not. associated(self%own)) return
+            do k = 1, size(q)
+                if (self%model%scene%coordinate(k)%for_joint > 0) &
+                    call coordinate_now(self%own, self%model, self%look, k, q(k), qd(k))
+            end do
+        end subroutine coordinates_of
+    end subroutine note_entry
 
     subroutine release(self)
         class(forward_system), intent(inout) :: self

@@ -24,7 +24,7 @@ module linkdyn_generate
     use linkdyn_recorded_forces, only: prepare_forces
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, dim_joint, &
         dim_component, dim_variable
-    use linkdyn_scene, only: axes_link, drive_inverse, law_none
+    use linkdyn_scene, only: axes_link, drive_inverse, law_none, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted, join
     implicit none (type, external)
@@ -137,6 +137,9 @@ contains
         if (any(payload_is_input(model)) .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: the mass of the payload on "//trim(model%scene%payload(findloc(payload_is_input(model), &
             .true., dim=1))%name)//" changes with time (expected one that is always there, or the kernel kinematics)")
+        if (has_hard_stops(model%scene) .and. wish%kernel == kernel_forward) call fail(status, status_bad_input, &
+            "no code can be generated: stop "//quoted(model%scene%stop(findloc(model%scene%stop%is_hard, .true., dim=1))%name)// &
+            " throws back (expected a scene without stops, or another kernel)")
         call hold_texts()
         call name_files(name, code, status)
         code%title = model%scene%title

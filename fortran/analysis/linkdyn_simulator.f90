@@ -71,6 +71,7 @@ contains
         allocate (self%system)
         self%system%given_force = spread(0.0_wp, 1, self%model%n_actuator)
         call build_forward_system(self%model, 0, self%system, status)
+        self%system%may_end = .false.
         if (.not. status%is_ok()) return
         self%system%may_record = .true.
         if (allocated(self%y)) deallocate (self%y)

@@ -14,7 +14,7 @@ module linkdyn_watched_run
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names
     use linkdyn_results, only: layout_type, variable_type, block_type, wanted_type, describe_results, prepare_block, &
-        variable_index, samples_width, dim_component, result_q, estimated, estimate_of
+        variable_index, samples_width, dim_component, result_time, result_q, estimated, estimate_of
     use linkdyn_roads, only: road_counts
     use linkdyn_similar_model, only: make_similar
     use linkdyn_status, only: status_type
@@ -93,6 +93,7 @@ contains
         type(forward_options) :: own
 
         own = options
+        own%events_end = .false.
         own%integrator%step = own%integrator%step/step_part(i)    ! of adaptive methods the first one, from which the others grow
         own%integrator%rtol = other_tolerance(own%integrator%rtol, i)
         own%integrator%atol = other_tolerance(own%integrator%atol, i)
@@ -125,7 +126,7 @@ contains
             if (size(watched%companion) == 0 .or. n_done == 0) return
             call prepare_block(watched%layout, n_done, watched%pending)
             call copy_samples(watched%layout, block, 0, 1, n_done, watched%pending, 0)
-            call send_companions(watched, t(:n_done))
+            call send_companions(watched, block%of(variable_index(watched%layout, result_time))%real(:n_done))
             watched%roads = roads
             roads = road_counts()
             n_done = 0
@@ -141,7 +142,7 @@ contains
             call estimate_errors(watched, estimated(i), estimate_of(i), block)
         end do
         watched%n_pending = 0
-        watched%t_given = t(n_done)
+        watched%t_given = block%of(variable_index(watched%layout, result_time))%real(n_done)
     end subroutine advance_watched
 
     !> Have the companions go to these instants, with a stop between any two: steps that end at the instants of output would

@@ -16,6 +16,7 @@ module linkdyn_f2py_api
     use linkdyn_description, only: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
     use linkdyn_explain, only: explain_model
     use linkdyn_explain_matrix, only: explain_first_instant
+    use linkdyn_event_log, only: event_log
     use linkdyn_forward, only: forward_options, choose_method, coordinates_in_words, rounding_in_words, default_method, &
         method_name, method_rk4, run_ensemble
     use linkdyn_generate, only: code_wish, choose_kernel, choose_code_results
@@ -47,7 +48,7 @@ module linkdyn_f2py_api
     public :: api_version, api_choose_code, api_code, api_default_method
     public :: api_open, api_add_loads, api_close, api_sizes, api_describe_scene, api_assemblies
     public :: api_describe_results, api_explain, api_motion, api_frame_motion, api_payloads, api_loads, api_state_loads
-    public :: api_inverse, api_forward, api_advance, api_finish, api_poses
+    public :: api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
     public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
@@ -562,7 +563,7 @@ contains
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
     subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, roads, &
-            rounding, stopped, coordinates, code, message)
+            rounding, stopped, coordinates, n_event, is_over, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: run_handle
         integer(c_int), intent(in) :: n, n_values, n_numbers
@@ -577,6 +578,8 @@ contains
         character(len=256), intent(out) :: rounding        ! what it left of the tolerances; blank if these were met
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
+        integer(c_int), intent(out) :: n_event             ! that have come so far
+        integer(c_int), intent(out) :: is_over             ! 1: an event has ended the run, no instant follows
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_run), pointer :: here
@@ -592,6 +595,8 @@ contains
         rounding = ""
         stopped = ""
         coordinates = ""
+        n_event = 0
+        is_over = 0
         call take_run(run_handle, here, status)
         if (status%code == 0) then
             call prepare_block(here%watched%layout, n, block)
@@ -626,10 +631,45 @@ contains
             if (here%watched%run%has_stopped) stopped = here%watched%run%reason
             coordinates = coordinates_in_words(here%watched%run)
             rounding = rounding_in_words(here%watched%run)
+            n_event = here%watched%run%system%log%n
+            if (here%watched%run%is_over .and. here%watched%n_pending == 0) is_over = 1
         end if
         call leave_run(run_handle, here)
         call report(status, code, message)
     end subroutine api_advance
+
+    !> The events that have come so far.
+    subroutine api_events(run_handle, n, n_values, kinds, instants, states, code, message)
+        integer(c_intptr_t), intent(in) :: run_handle
+        integer(c_int), intent(in) :: n, n_values
+        integer(c_int), intent(inout) :: kinds(3*n)        ! number of the event, kind, direction: one event after the other
+        real(c_double), intent(inout) :: instants(3*n)     ! instant [s], impulse [N s, N m s], energy lost [J]
+        real(c_double), intent(inout) :: states(n_values)  ! coordinates, their rates before and behind (n_q, 3, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_run), pointer :: here
+        type(status_type) :: status
+        integer :: i, n_q
+
+        call take_run(run_handle, here, status)
+        if (status%code == 0) then
+            n_q = here%model%n_q
+            call check_size("states", int(n_values, int64), 3*n_q, n, status)
+            if (status%code == 0 .and. n > here%watched%run%system%log%n) &
+                call fail(status, status_bad_input, "there are fewer events than that")
+        end if
+        if (status%code == 0) then
+            do i = 1, n
+                associate (entry => here%watched%run%system%log%entry(i))
+                    kinds(3*i - 2:3*i) = [entry%event, entry%kind, entry%direction]
+                    instants(3*i - 2:3*i) = [entry%t, entry%impulse, entry%loss]
+                    states(3*n_q*(i - 1) + 1:3*n_q*i) = [entry%q, entry%qd, entry%qd_after]
+                end associate
+            end do
+        end if
+        call leave_run(run_handle, here)
+        call report(status, code, message)
+    end subroutine api_events
 
     !> End a run; nothing happens to one that was ended before.
     subroutine api_finish(run_handle)
@@ -775,25 +815,35 @@ contains
 
     !> Forward runs by rk4 from many starts.
     subroutine api_ensemble(handle, threads, step, n_t, t, n, good_until, n_members, crossed, n_outcomes, outcome, &
-            n_start, q_start, n_start_rate, qd_start, n_q_values, q, n_qd_values, qd, code, message)
+            n_start, q_start, n_start_rate, qd_start, n_q_values, q, n_qd_values, qd, n_kinds, kinds, n_instants, instants, &
+            n_states, states, n_event, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: handle
         integer(c_int), intent(in) :: threads
         real(c_double), intent(in) :: step
         integer(c_int), intent(in) :: n_t, n, n_members, n_outcomes, n_start, n_start_rate, n_q_values, n_qd_values
+        integer(c_int), intent(in) :: n_kinds, n_instants, n_states
         real(c_double), intent(in) :: t(n_t)                                 ! increasing; the members start at the first [s]
         real(c_double), intent(inout) :: good_until(n)
         integer(c_int), intent(inout) :: crossed(n_members)                  ! change points passed
         integer(c_int), intent(inout) :: outcome(n_outcomes)                 ! why they stopped; 0: they have not
         real(c_double), intent(in), target :: q_start(n_start), qd_start(n_start_rate)     ! (n_q, n)
         real(c_double), intent(inout), target :: q(n_q_values), qd(n_qd_values)            ! (n_q, n_t, n)
+        integer(c_int), intent(inout) :: kinds(n_kinds)                      ! of events: member, event, kind, direction, one after
+                                                                             ! the other as far as there is room
+        real(c_double), intent(inout) :: instants(n_instants)                ! instant [s], impulse, energy lost of each
+        real(c_double), intent(inout) :: states(n_states)                    ! coordinates, their rates before and behind
+        integer(c_int), intent(out) :: n_event                               ! in all, more than there is room for perhaps
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
         type(status_type) :: status
         type(forward_options) :: options
+        type(event_log) :: log
+        integer :: i, n_q
         real(c_double), pointer :: q_start2(:, :), qd_start2(:, :), q3(:, :, :), qd3(:, :, :)
 
+        n_event = 0
         call start_listening()
         call take_scene(handle, scene, status)
         if (status%code == 0) call check_size("room for change points", int(n_members, int64), 1, n, status)
@@ -814,7 +864,16 @@ contains
             options%t_start = t(1)
             options%integrator%span = t(n_t) - t(1)
             options%threads = threads
-            call run_ensemble(scene%model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, outcome, status)
+            call run_ensemble(scene%model, options, q_start2, qd_start2, t, q3, qd3, good_until, crossed, outcome, status, log)
+            n_event = log%n
+            n_q = scene%model%n_q
+            do i = 1, min(log%n, n_kinds/4, n_instants/3, n_states/(3*n_q))
+                associate (entry => log%entry(i))
+                    kinds(4*i - 3:4*i) = [entry%lane, entry%event, entry%kind, entry%direction]
+                    instants(3*i - 2:3*i) = [entry%t, entry%impulse, entry%loss]
+                    states(3*n_q*(i - 1) + 1:3*n_q*i) = [entry%q, entry%qd, entry%qd_after]
+                end associate
+            end do
         end if
         call leave_scene(handle, scene)
         call report_heard(status, code, message)

@@ -1,22 +1,25 @@
 !> One door to all integrators: advance a lane system from instant to instant, each hit exactly.
 module linkdyn_integrator
     use, intrinsic :: iso_fortran_env, only: int64
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_crossings, only: step_taken, find_crossing, note_sides
     use linkdyn_gbs, only: gbs_method
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_ode_gsl, only: ode_gsl, runge_kutta_gsl, has_gsl
     use linkdyn_pause, only: pause_type
-    use linkdyn_rk4, only: rk4_workspace, rk4_step
+    use linkdyn_rk4, only: rk4_workspace, rk4_step, rk4_taken, note_rk4_start
     use linkdyn_seulex, only: seulex_method
-    use linkdyn_step_control, only: step_control, step_accepted, step_paused, step_too_rough, step_breaks_law
+    use linkdyn_step_control, only: step_control, controlled_step, step_accepted, step_paused, step_too_rough, step_breaks_law
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
     public :: integrator_type, integrator_options, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex
     public :: default_method, method_name, choose_method, check_options
-    public :: stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law
+    public :: stop_none, stop_no_rates, stop_growth, stop_roughness, stop_pace, stop_law, &
+        stop_event
 
     integer, parameter :: method_rk4 = 1       !! order 4, fixed step; all lanes
     integer, parameter :: method_rkf45 = 2     !! order 4(5), adaptive
@@ -37,6 +40,7 @@ module linkdyn_integrator
     integer, parameter :: stop_roughness = 3       !! rounding leaves too few digits
     integer, parameter :: stop_pace = 4            !! more steps are needed than anyone would wait for
     integer, parameter :: stop_law = 5             !! the solution would break the law of the system
+    integer, parameter :: stop_event = 6           !! a guard has crossed, and that is its end
 
     type :: integrator_options
         integer :: method = default_method
@@ -72,9 +76,21 @@ module linkdyn_integrator
         type(rk4_workspace), private :: work
         type(ode_gsl), private :: gsl
         type(step_control), private :: control
+        ! ---- where guards cross (all methods but rk4 look back into the last step for instants of output)
+        real(wp), private :: first_t = 0                         !! of the run
+        type(controlled_step), private :: taken                  !! the last step
+        logical, allocatable, private :: has_crossed(:, :)       !! at its end (lane, n_guard)
+        logical, private :: is_at_crossing = .false.             !! whose consequences are still to be drawn
     contains
         procedure :: start, advance, reset, exchange_system, finish
     end type integrator_type
+
+    !> A step of a multistep method.
+    type, extends(step_taken) :: multistep_taken
+        real(wp) :: rtol = 0, atol = 0
+    contains
+        procedure :: retake => retake_multistep
+    end type multistep_taken
 
 contains
 
@@ -123,9 +139,23 @@ contains
         self%options = options
         self%t = t
         self%good_until = t
+        self%first_t = t
         self%next_step = options%step
         call prepare_method(self, system, y, status)
+        if (system%n_guard > 0 .and. status%is_ok()) call begin_guards(self, system, y)
     end subroutine start
+
+    !> On which sides guards begin. One that begins at zero has no side yet.
+    subroutine begin_guards(self, system, y)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: y(:, :)
+
+        if (allocated(self%has_crossed)) deallocate (self%has_crossed)
+        allocate (self%has_crossed(lanes, system%n_guard), source=.false.)
+        self%is_at_crossing = .false.
+        call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
+    end subroutine begin_guards
 
     subroutine prepare_method(self, system, y, status)
         type(integrator_type), intent(inout) :: self
@@ -184,6 +214,7 @@ contains
         self%failed = .false.
         self%reason = stop_none
         self%n_short = 0
+        self%is_at_crossing = self%is_at_crossing .and. system%n_guard > 0
         if (.not. (self%next_step > 0 .and. self%next_step <= huge(1.0_wp))) self%next_step = self%options%step
         call prepare_method(self, system, y, status)
     end subroutine exchange_system
@@ -230,7 +261,11 @@ contains
             self%is_there = self%t >= t_end
             y_end = y
         case default
-            call advance_controlled(self, system, t_end, y, y_end, t_kink)
+            if (system%n_guard > 0) then
+                call advance_watching(self, system, t_end, y, y_end, t_kink)
+            else
+                call advance_controlled(self, system, t_end, y, y_end, t_kink)
+            end if
         end select
     end subroutine advance
 
@@ -257,8 +292,13 @@ contains
         h = (t_end - self%span_start)/self%n_span
         do while (self%i_step < self%n_span)
             if (must_pause(self)) return
+            if (system%n_guard > 0) then
+                call step_watching(self, system, h, t_end, y)
+                if (all(self%failed) .or. system%wants_rest) return
+                cycle
+            end if
             kept = y
-            call rk4_step(system, self%t, h, y, self%work, failed)
+            call rk4_step(system, spread(self%t, 1, lanes), spread(h, 1, lanes), y, self%work, failed)
             call self%pause%note_work()
             self%n_evaluation = self%n_evaluation + 4
             do k = 1, system%n
@@ -277,6 +317,76 @@ contains
             if (system%wants_rest) return
         end do
     end subroutine advance_rk4
+
+    !> One of the equal steps, in parts where guards cross: each lane has its own.
+    subroutine step_watching(self, system, h, t_end, y)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: h, t_end
+        real(wp), intent(inout) :: y(:, :)
+        integer, parameter :: most_parts = 10000       !! of one step: guards that cross more often do so without end
+        type(rk4_taken) :: taken
+        real(wp), dimension(lanes) :: t, length, share
+        logical, dimension(lanes) :: failed, is_moving, is_hit, has_changed, is_over
+        real(wp) :: t_next
+        integer :: part, k
+
+        t_next = self%span_start + (self%i_step + 1)*h
+        if (self%i_step + 1 == self%n_span) t_next = t_end
+        t = self%t
+        length = merge(0.0_wp, h, self%failed)
+        is_over = .false.
+        do part = 1, most_parts
+            is_moving = length > 0 .and. .not. self%failed
+            if (.not. any(is_moving)) exit
+            call note_rk4_start(system, t, length, y, self%work, taken)
+            call rk4_step(system, t, length, y, self%work, failed)
+            self%n_evaluation = self%n_evaluation + 6
+            call self%pause%note_work()
+            do k = 1, system%n
+                where (.not. is_moving) y(:, k) = taken%y(:, k)
+            end do
+            self%failed = self%failed .or. (failed .and. is_moving)
+            taken%y_end = y
+            call system%evaluate(t + length, y, taken%rate_end, failed)
+            call find_crossing(system, taken, share, self%has_crossed)
+            is_moving = is_moving .and. .not. self%failed
+            do k = 1, system%n_guard
+                self%has_crossed(:, k) = self%has_crossed(:, k) .and. is_moving
+            end do
+            is_hit = any(self%has_crossed, dim=2)
+            where (.not. is_hit) share = 1
+            call taken%retake(system, share, y)
+            t = t + share*length
+            where (.not. is_hit .and. is_moving) t = t_next
+            where (is_moving) self%good_until = t
+            call system%accept(t, y, is_moving)
+            has_changed = .false.
+            is_over = .false.
+            if (any(is_hit)) then
+                call system%meet_crossings(t, y, self%has_crossed, has_changed, is_over)
+                if (any(has_changed)) call system%accept(t, y, has_changed)
+                do k = 1, system%n
+                    where (has_changed) self%work%rest(:, k) = 0
+                end do
+                self%failed = self%failed .or. is_over
+                if (any(is_over)) self%reason = stop_event
+            end if
+            call note_sides(system, t, y, self%has_crossed)
+            call take_turns_off(self, system, y)
+            length = merge(t_next - t, 0.0_wp, is_hit)
+        end do
+        where (length > 0) self%failed = .true.
+        if (any(length > 0 .and. .not. is_over)) self%reason = stop_pace
+        self%i_step = self%i_step + 1
+        self%t = t_next
+        if (all(self%failed)) then
+            if (self%reason == stop_none) self%reason = reason_of_solution(y(1, :))
+            self%t = maxval(self%good_until)
+            return
+        end if
+        call note_step(self, h)
+    end subroutine step_watching
 
     !> Steps of a method that controls them itself, each cut where it would lead beyond t_end.
     subroutine advance_multistep(self, system, t_end, y)
@@ -300,7 +410,11 @@ contains
                 self%reason = reason_of_solution(y(1, :))
                 exit
             end if
+            if (system%n_guard > 0) call look_through(self, system, t_before, y, solution)
             call go_on(self, system, solution, self%t - t_before, y)
+            if (self%is_at_crossing) call meet(self, system, y)
+            if (system%n_guard > 0) solution = y(1, :)
+            if (all(self%failed)) exit
             ! A step cut short by t_end says nothing against the longer one proposed before.
             if (self%t >= t_end .and. self%last_step < self%next_step) h = max(h, self%next_step)
             self%next_step = h
@@ -308,6 +422,154 @@ contains
         end do
         call count_work(self)
     end subroutine advance_multistep
+
+    !> A step of the multistep method, looked through by another one that takes parts of it from its beginning, at the same
+    !> tolerances. Where guards cross the step ends.
+    subroutine look_through(self, system, t_before, y, solution)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t_before
+        real(wp), intent(in) :: y(:, :)                         !! before the step
+        real(wp), intent(inout) :: solution(:)                  !! after it
+        type(multistep_taken) :: taken
+        real(wp), dimension(size(solution)) :: rate
+        real(wp) :: share(lanes)
+        logical :: failed
+
+        taken%is_one = .true.
+        taken%t = t_before
+        taken%length = self%t - t_before
+        taken%rtol = self%options%rtol
+        taken%atol = self%options%atol
+        taken%y = y
+        taken%y_end = spread(solution, 1, lanes)
+        call system%evaluate_alone(t_before, y(1, :), rate, failed)
+        taken%rate = spread(rate, 1, lanes)
+        call system%evaluate_alone(self%t, solution, rate, failed)
+        taken%rate_end = spread(rate, 1, lanes)
+        call find_crossing(system, taken, share, self%has_crossed)
+        self%is_at_crossing = any(self%has_crossed)
+        if (self%is_at_crossing .and. share(1) < 1) then
+            call taken%retake(system, share, taken%y_end)
+            solution = taken%y_end(1, :)
+            self%t = t_before + share(1)*taken%length(1)
+            call self%gsl%reset()                               ! which stands where the step had ended
+        end if
+        call system%evaluate_alone(self%t, solution, rate, failed)
+    end subroutine look_through
+
+    subroutine retake_multistep(self, system, share, y)
+        class(multistep_taken), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: share(lanes)
+        real(wp), intent(out) :: y(:, :)
+        type(seulex_method), allocatable :: seulex
+        type(step_control) :: control
+        type(pause_type) :: never
+        real(wp) :: t_end
+        integer :: outcome
+
+        y = self%y_end
+        if (share(1) >= 1) return
+        y = self%y
+        t_end = self%t(1) + share(1)*self%length(1)
+        if (.not. t_end > self%t(1)) return
+        allocate (seulex)
+        call seulex%start(system%n, self%rtol)
+        call move_alloc(seulex, control%method)
+        call control%start(self%t(1), self%y(1, :), t_end - self%t(1), self%rtol, self%atol)
+        do while (control%t < t_end)
+            call control%take_step(system, t_end, t_end, never, outcome)
+            if (outcome /= step_accepted) exit
+        end do
+        y = spread(control%y, 1, lanes)
+        if (control%t < t_end) y = ieee_value(1.0_wp, ieee_quiet_nan)
+    end subroutine retake_multistep
+
+    !> Draw the consequences of crossings at the instant reached.
+    subroutine meet(self, system, y)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(inout) :: y(:, :)
+        logical, dimension(lanes) :: has_changed, is_over
+        real(wp) :: instant(lanes)
+
+        instant = self%t
+        self%is_at_crossing = .false.
+        call system%meet_crossings(instant, y, self%has_crossed, has_changed, is_over)
+        if (has_changed(1)) then
+            call system%accept(instant, y, has_changed)
+            if (self%options%method == method_msbdf) then
+                call self%gsl%reset()
+                self%next_step = min(self%next_step, self%options%step)
+            else
+                call self%control%exchange_solution(y(1, :))
+            end if
+        end if
+        call note_sides(system, instant, y, self%has_crossed)
+        self%failed = is_over
+        if (all(is_over)) self%reason = stop_event
+    end subroutine meet
+
+    !> Steps as long as their error allows and guards do not cross, until one has reached t_end; the solution there is found in
+    !> the last step. So instants of output change neither steps nor crossings. The last step ends with the run, and none is so
+    !> long a part of it that what guards do between its places would go unseen.
+    subroutine advance_watching(self, system, t_end, y, y_end, t_kink)
+        type(integrator_type), intent(inout), target :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t_end
+        real(wp), intent(inout) :: y(:, :), y_end(:, :)
+        real(wp), intent(in), optional :: t_kink
+        integer, parameter :: fewest_steps = 50
+        real(wp) :: limit, t_last, t_next, t_before, share(lanes), turns(lanes, system%n)
+        integer :: outcome
+
+        limit = huge(limit)
+        if (present(t_kink)) limit = t_kink
+        t_last = max(t_end, self%first_t + self%options%span)
+        if (t_last - t_end <= 4*spacing(t_end)) t_last = t_end
+        t_last = min(t_last, limit)
+        do
+            if (must_pause(self)) exit
+            if (self%t >= t_end) then
+                y_end = y
+                if (self%t > t_end) call self%taken%retake(system, (t_end - self%taken%t)/self%taken%length, y_end)
+                self%is_there = .true.
+                self%is_lost = .not. all(abs(y_end(1, :)) <= huge(1.0_wp))
+                call self%pause%note_work()
+                exit
+            end if
+            if (self%is_at_crossing) call meet(self, system, y)
+            if (all(self%failed)) exit
+            call self%control%begin_taken(system, self%taken)
+            t_before = self%t
+            t_next = t_last
+            if (self%options%span > 0) t_next = min(t_last, self%t + self%options%span/fewest_steps)
+            call self%control%take_step(system, t_next, limit, self%pause, outcome)
+            self%is_paused = outcome == step_paused
+            if (self%is_paused) exit
+            if (outcome /= step_accepted) then
+                self%failed = .true.
+                self%reason = reason_of_solution(y(1, :))
+                if (outcome == step_too_rough) self%reason = stop_roughness
+                if (outcome == step_breaks_law) self%reason = stop_law
+                exit
+            end if
+            call self%control%end_taken(self%taken)
+            call find_crossing(system, self%taken, share, self%has_crossed)
+            self%is_at_crossing = any(self%has_crossed)
+            call self%control%shorten(system, self%taken, share(1))
+            self%t = self%control%t
+            self%next_step = self%control%next
+            turns = 0
+            if (allocated(system%turns)) turns = system%turns
+            call go_on(self, system, self%control%y, self%t - t_before, y)
+            if (allocated(system%turns)) call self%taken%lose_turns(system%turns(1, :) - turns(1, :))
+            if (.not. self%is_at_crossing) call note_sides(system, spread(self%t, 1, lanes), y, self%has_crossed)
+            if ((system%wants_rest .and. self%t < t_end) .or. all(self%failed)) exit
+        end do
+        call count_work(self)
+    end subroutine advance_watching
 
     !> Steps as long as their error allows, until the next one would reach t_end.
     subroutine advance_controlled(self, system, t_end, y, y_end, t_kink)

@@ -20,7 +20,15 @@ module linkdyn_lane_system
         real(wp) :: mode = 0                              !! of the first lane at the last `evaluate`: changes where f jumps
         logical :: has_jumped = .false.                   !! it has, since the caller looked
         integer :: n_jump = 0                             !! how often, in all
+        ! ---- guards: numbers over the state whose sign a run looks out for
+        integer :: n_guard = 0
+        integer, allocatable :: guard_direction(:)        !! +1: a crossing upwards counts, -1: downwards, 0: either (n_guard)
+        real(wp), allocatable :: guard_side(:, :)         !! sign at the accepted state; 0: none yet (lane, n_guard)
+        real(wp), allocatable :: guard_scale(:, :)        !! largest size so far (lane, n_guard)
+        logical, allocatable :: guard_is_fresh(:, :)      !! it has crossed at the accepted state: zero but for rounding (lane, n_guard)
     contains
+        procedure :: evaluate_guards
+        procedure :: meet_crossings
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
         procedure :: broken_law
@@ -78,6 +86,30 @@ contains
 
         leads_too_far = .false.
     end function leads_too_far
+
+    !> All guards of these states; not a number where one has no value.
+    subroutine evaluate_guards(self, t, y, guard)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)                   !! (lane, n)
+        real(wp), intent(out) :: guard(:, :)              !! (lane, n_guard)
+
+        guard = 1
+    end subroutine evaluate_guards
+
+    !> The accepted state is where guards have crossed: on which side they are from here, and what comes of it.
+    subroutine meet_crossings(self, t, y, has_crossed, has_changed, is_over)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)                !! an impact changes it (lane, n)
+        logical, intent(in) :: has_crossed(:, :)          !! (lane, n_guard)
+        logical, intent(out) :: has_changed(lanes)        !! y or f is another one from here
+        logical, intent(out) :: is_over(lanes)            !! the run ends here
+
+        where (has_crossed) self%guard_side = -self%guard_side
+        has_changed = .false.
+        is_over = .false.
+    end subroutine meet_crossings
 
     !> The integrator goes on from y: for systems that remember where they are. Rates tried before count no more.
     subroutine accept(self, t, y, is_accepted)

@@ -2,6 +2,8 @@
 !>
 !> What rounding takes from y at a step is added at the next: a million steps round like one.
 module linkdyn_rk4
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_crossings, only: step_taken
     use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -9,7 +11,7 @@ module linkdyn_rk4
     use linkdyn_whole_turns, only: whole_turns, take_off
     implicit none (type, external)
     private
-    public :: rk4_workspace, rk4_step
+    public :: rk4_workspace, rk4_step, rk4_taken, note_rk4_start
 
     !> Scratch of a step, and what goes from one to the next.
     type :: rk4_workspace
@@ -19,7 +21,57 @@ module linkdyn_rk4
         procedure :: prepare, take_turns_off
     end type rk4_workspace
 
+    !> A step that was taken: each lane its own.
+    type, extends(step_taken) :: rk4_taken
+        type(rk4_workspace), private :: work
+        real(wp), allocatable, private :: rest(:, :)      !! of y where it begins (lane, n)
+    contains
+        procedure :: retake => retake_rk4
+    end type rk4_taken
+
 contains
+
+    !> Note where a step begins.
+    subroutine note_rk4_start(system, t, h, y, work, taken)
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: t(lanes), h(lanes)
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        type(rk4_workspace), intent(in) :: work
+        type(rk4_taken), intent(inout) :: taken
+        logical :: failed(lanes)
+
+        taken%t = t
+        taken%length = h
+        taken%y = y
+        taken%rest = work%rest
+        if (.not. allocated(taken%rate)) allocate (taken%rate(lanes, system%n), taken%rate_end(lanes, system%n))
+        call taken%work%prepare(system%n)
+        call system%evaluate(t, y, taken%rate, failed)
+    end subroutine note_rk4_start
+
+    subroutine retake_rk4(self, system, share, y)
+        class(rk4_taken), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: share(lanes)
+        real(wp), intent(out) :: y(:, :)
+        logical :: failed(lanes)
+        integer :: k
+
+        if (all(share >= 1)) then
+            y = self%y_end
+            return
+        end if
+        y = self%y
+        self%work%rest = self%rest
+        call rk4_step(system, self%t, share*self%length, y, self%work, failed)
+        do k = 1, size(y, 2)
+            where (share >= 1)
+                y(:, k) = self%y_end(:, k)
+            elsewhere (failed)
+                y(:, k) = ieee_value(1.0_wp, ieee_quiet_nan)
+            end where
+        end do
+    end subroutine retake_rk4
 
     subroutine prepare(self, n)
         class(rk4_workspace), intent(inout) :: self
@@ -47,8 +99,8 @@ contains
     !> One step. A lane whose right-hand side fails at a stage, or whose result is not finite, keeps its y.
     subroutine rk4_step(system, t, h, y, work, failed)
         class(lane_system), intent(inout) :: system
-        real(wp), intent(in) :: t
-        real(wp), intent(in) :: h                      !! step
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: h(lanes)               !! step
         real(wp), intent(inout) :: y(:, :)             !! (lane, n)
         type(rk4_workspace), intent(inout) :: work
         logical, intent(out) :: failed(lanes)
@@ -62,14 +114,18 @@ contains
         work%total = 0
         work%stage = y
         do i = 1, 4
-            if (i > 1) work%stage = y + (part(i)*h)*work%rate
+            do k = 1, merge(system%n, 0, i > 1)
+                work%stage(:, k) = y(:, k) + (part(i)*h)*work%rate(:, k)
+            end do
             instant = t + part(i)*h
             call system%evaluate(instant, work%stage, work%rate, stage_failed)
             failed = failed .or. stage_failed
             work%total = work%total + weight(i)*work%rate
         end do
         work%stage = y
-        work%total = (h/6)*work%total + work%rest
+        do k = 1, system%n
+            work%total(:, k) = (h/6)*work%total(:, k) + work%rest(:, k)
+        end do
         work%rest = 0
         call add_exactly(work%total, work%stage, work%rest)
         do k = 1, system%n

@@ -12,7 +12,9 @@
 !> Rates must be known where a step ends, since the next one begins with them. What rounding takes from the solution at a
 !> step is added at the next.
 module linkdyn_step_control
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_constants, only: golden, least_accuracy, two_pi
+    use linkdyn_crossings, only: step_taken
     use linkdyn_exact_sum, only: add_exactly
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
@@ -22,7 +24,7 @@ module linkdyn_step_control
     use linkdyn_whole_turns, only: whole_turns, take_off
     implicit none (type, external)
     private
-    public :: step_control, step_accepted, step_paused, step_too_short, step_too_rough, step_breaks_law
+    public :: step_control, controlled_step, step_accepted, step_paused, step_too_short, step_too_rough, step_breaks_law
 
     integer, parameter :: step_accepted = 0
     integer, parameter :: step_paused = 1          !! come back: the step is under way
@@ -95,7 +97,17 @@ module linkdyn_step_control
         real(wp), allocatable, private :: best_rough(:)    !! what rounding makes of that (n)
     contains
         procedure :: start, take_step, take_turns_off, look_ahead, forget, count_evaluations
+        procedure :: begin_taken, end_taken, shorten, exchange_solution
     end type step_control
+
+    !> A step that was accepted: the solution within it.
+    type, extends(step_taken) :: controlled_step
+        class(one_step_method), pointer, private :: method => null()
+        real(wp), allocatable, private :: rest(:)      !! of y where it begins (n)
+    contains
+        procedure :: retake => retake_controlled
+        procedure :: lose_turns
+    end type controlled_step
 
 contains
 
@@ -520,4 +532,101 @@ contains
         if (t < self%t .and. .not. trial%has_failed) is_good = is_good_enough(self, trial)
         if (is_good) y = trial%y
     end subroutine look_ahead
+
+    ! ---------------------------------------------------------------- a step that was taken
+
+    !> Note where the next step begins.
+    subroutine begin_taken(self, system, taken)
+        class(step_control), intent(inout), target :: self     !! must outlive the use of `taken`
+        class(lane_system), intent(inout) :: system
+        type(controlled_step), intent(inout) :: taken
+
+        call find_rates(self, system)
+        taken%is_one = .true.
+        taken%method => self%method
+        taken%t = self%t
+        taken%y = spread(self%y, 1, lanes)
+        taken%rate = spread(self%rate, 1, lanes)
+        taken%rest = self%rest
+    end subroutine begin_taken
+
+    !> Note where it has ended.
+    subroutine end_taken(self, taken)
+        class(step_control), intent(in) :: self
+        type(controlled_step), intent(inout) :: taken
+
+        taken%length = self%last
+        taken%y_end = spread(self%y, 1, lanes)
+        taken%rate_end = spread(self%rate, 1, lanes)
+    end subroutine end_taken
+
+    !> Let the step that was taken end earlier. Rates there are looked at, whatever was looked at since.
+    subroutine shorten(self, system, taken, share)
+        class(step_control), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        type(controlled_step), intent(inout) :: taken
+        real(wp), intent(in) :: share                  !! of its length; 1: it is not shorter
+        real(wp), dimension(size(self%y)) :: way, error
+        logical :: has_failed
+
+        if (share < 1) then
+            call taken%method%try_step(system, taken%t(1), share*taken%length(1), taken%y(1, :), taken%rate(1, :), way, error, &
+                                       has_failed, .true.)
+            self%y = taken%y(1, :)
+            self%rest = 0
+            call add_exactly(way + taken%rest, self%y, self%rest)
+            self%t = taken%t(1) + share*taken%length(1)
+        end if
+        call system%evaluate_alone(self%t, self%y, self%rate, has_failed)
+        self%n_evaluation = self%n_evaluation + 1
+        self%knows_rate = .not. has_failed
+        self%last = self%t - taken%t(1)
+        taken%length = self%last
+        call self%end_taken(taken)
+    end subroutine shorten
+
+    !> Go on from another solution at the same instant.
+    subroutine exchange_solution(self, y)
+        class(step_control), intent(inout) :: self
+        real(wp), intent(in) :: y(:)
+
+        self%y = y
+        self%rest = 0
+        call self%forget()
+    end subroutine exchange_solution
+
+    !> Turns have been taken out of the accepted solution: out of the step before it, too.
+    subroutine lose_turns(self, turns)
+        class(controlled_step), intent(inout) :: self
+        real(wp), intent(in) :: turns(:)               !! (n)
+        real(wp) :: rest(size(turns))
+
+        if (all(turns == 0)) return
+        rest = 0
+        call take_off(turns, self%y(1, :), self%rest)
+        call take_off(turns, self%y_end(1, :), rest)
+        self%y = spread(self%y(1, :), 1, lanes)
+        self%y_end = spread(self%y_end(1, :), 1, lanes)
+    end subroutine lose_turns
+
+    subroutine retake_controlled(self, system, share, y)
+        class(controlled_step), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: share(lanes)
+        real(wp), intent(out) :: y(:, :)
+        real(wp), dimension(size(y, 2)) :: way, error, solution, rest
+        logical :: has_failed
+
+        if (share(1) >= 1) then
+            y = self%y_end
+            return
+        end if
+        call self%method%try_step(system, self%t(1), share(1)*self%length(1), self%y(1, :), self%rate(1, :), way, error, &
+                                  has_failed, .true.)
+        solution = self%y(1, :)
+        rest = 0
+        call add_exactly(way + self%rest, solution, rest)
+        if (has_failed) solution = ieee_value(1.0_wp, ieee_quiet_nan)
+        y = spread(solution, 1, lanes)
+    end subroutine retake_controlled
 end module linkdyn_step_control

@@ -5,10 +5,9 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, shared_reactions
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, law_over, &
-        frame_link, &
-        axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, idle_spins, n_holding, coordinate_joint, &
-        is_pose_part
+    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, stop_spec, &
+        n_event, n_stop, law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
+        idle_spins, n_holding, coordinate_joint, is_pose_part
     implicit none (type, external)
     private
     public :: scene_as_json, layout_as_json, dataset_as_json, assemblies_as_json
@@ -67,6 +66,14 @@ contains
         do i = 1, size(scene%variable)
             text = text//separator(i)//"{"//pair("name", string(scene%variable(i)%name))//","// &
                 pair("value", number(scene%variable(i)%value))//","//pair("unit", string(scene%variable(i)%unit))//"}"
+        end do
+        text = text//'],"events":['
+        do i = 1, n_event(scene)
+            text = text//separator(i)//string(scene%event(i)%name)
+        end do
+        text = text//'],"stops":['
+        do i = 1, n_stop(scene)
+            text = text//separator(i)//stop_object(scene, scene%stop(i))
         end do
         text = text//"],"//pair("idle_spins", string(idle_spins(scene)))//","// &
             pair("shared_reactions", string(shared_reactions(model)))//","// &
@@ -135,6 +142,20 @@ contains
         end do
         text = text//"]}"
     end function layout_as_json
+
+    !> One side of an end stop.
+    function stop_object(scene, stop) result(text)
+        type(scene_type), intent(in) :: scene
+        type(stop_spec), intent(in) :: stop
+        character(len=:), allocatable :: text
+
+        associate (joint => scene%joint(stop%joint))
+            text = "{"//pair("name", string(stop%name))//","//pair("joint", string(joint%name))//"," &
+                   //pair("variable", string(trim(joint%name)//"."//trim(variable_name(stop%variable, joint%kind))))//"," &
+                   //pair("side", integer_value(stop%side))//","//pair("bound", number(stop%bound))//"," &
+                   //pair("is_hard", logical_value(stop%is_hard))//"}"
+        end associate
+    end function stop_object
 
     function link_object(link, name) result(text)
         type(link_spec), intent(in) :: link

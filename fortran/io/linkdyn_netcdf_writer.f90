@@ -5,17 +5,18 @@
 !> in chunks of about 1 MiB that whole blocks of samples fill.
 module linkdyn_netcdf_writer
     use, intrinsic :: iso_fortran_env, only: real64
+    use linkdyn_event_log, only: event_log, kind_name
     use linkdyn_kinds, only: wp
     use linkdyn_output_file, only: output_file, open_output, commit_output, discard_output, writing_failed
     use linkdyn_results, only: layout_type, block_type, variable_type, samples_width, &
         variable_index, result_time, dim_sample, n_dimension
     use linkdyn_status, only: status_type
-    use netcdf, only: nf90_create, nf90_def_dim, nf90_def_var, nf90_def_var_deflate, nf90_def_var_fill, nf90_put_att, &
-        nf90_put_var, nf90_close, nf90_strerror, nf90_netcdf4, nf90_clobber, nf90_char, nf90_double, &
+    use netcdf, only: nf90_create, nf90_inq_dimid, nf90_def_dim, nf90_def_var, nf90_def_var_deflate, nf90_def_var_fill, &
+        nf90_put_att, nf90_put_var, nf90_close, nf90_strerror, nf90_netcdf4, nf90_clobber, nf90_char, nf90_double, &
         nf90_int, nf90_global, nf90_noerr, nf90_unlimited
     implicit none (type, external)
     private
-    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, note_netcdf, close_netcdf
+    public :: netcdf_writer, attributes_type, create_netcdf, put_netcdf, put_event_table, note_netcdf, close_netcdf
     public :: open_netcdf, abandon_netcdf, put_attributes, put_strings, check, chunk_length
 
     integer, parameter :: chunk_values = 131072   !! values in a compressed chunk at most: 1 MiB
@@ -129,6 +130,88 @@ contains
             if (.not. status%is_ok()) return
         end do
     end subroutine put_netcdf
+
+    !> What has happened in the run, a row each: known at its end only. The names of kinds are those of the log.
+    subroutine put_event_table(name, log, writer, status)
+        character(len=*), intent(in) :: name(:)      !! of the scene's events
+        type(event_log), intent(in) :: log           !! with one entry at least
+        type(netcdf_writer), intent(inout) :: writer
+        type(status_type), intent(inout) :: status
+        real(real64), allocatable :: table(:, :)
+        character(len=len(name)), allocatable :: names(:)
+        integer :: event, coordinate, i
+
+        if (.not. status%is_ok()) return
+        call check(nf90_def_dim(writer%id, "event", log%n, event), writer, status)
+        call check(nf90_inq_dimid(writer%id, "coordinate", coordinate), writer, status)
+        associate (entry => log%entry(:log%n))
+            names = name([(entry(i)%event, i=1, log%n)])
+            call put_strings("event", names, event, writer, status)
+            call put_numbers("event_time", "instant of the event", "s", [(real(entry(i)%t, real64), i=1, log%n)])
+            call put_whole("event_kind", "what happened", [(entry(i)%kind, i=1, log%n)])
+            call put_whole("event_direction", "1: the number crossed zero upwards, -1: downwards", &
+                           [(entry(i)%direction, i=1, log%n)])
+            call put_numbers("event_impulse", "impulse of the stop", "N s or N m s", &
+                             [(real(entry(i)%impulse, real64), i=1, log%n)])
+            call put_numbers("event_loss", "energy lost in the impact", "J", [(real(entry(i)%loss, real64), i=1, log%n)])
+            allocate (table(size(entry(1)%q), log%n))
+            do i = 1, log%n
+                table(:, i) = real(entry(i)%q, real64)
+            end do
+            call put_table("event_q", "generalized coordinate at the event", "m or rad")
+            do i = 1, log%n
+                table(:, i) = real(entry(i)%qd, real64)
+            end do
+            call put_table("event_qd", "its rate before", "m/s or rad/s")
+            do i = 1, log%n
+                table(:, i) = real(entry(i)%qd_after, real64)
+            end do
+            call put_table("event_qd_after", "its rate behind", "m/s or rad/s")
+        end associate
+
+    contains
+
+        subroutine put_numbers(variable, long_name, units, values)
+            character(len=*), intent(in) :: variable, long_name, units
+            real(real64), intent(in) :: values(:)
+            integer :: id
+
+            if (.not. status%is_ok()) return
+            call check(nf90_def_var(writer%id, variable, nf90_double, [event], id), writer, status)
+            call describe(id, long_name, units)
+            call check(nf90_put_var(writer%id, id, values), writer, status)
+        end subroutine put_numbers
+
+        subroutine put_whole(variable, long_name, values)
+            character(len=*), intent(in) :: variable, long_name
+            integer, intent(in) :: values(:)
+            integer :: id
+
+            if (.not. status%is_ok()) return
+            call check(nf90_def_var(writer%id, variable, nf90_int, [event], id), writer, status)
+            call describe(id, long_name, "")
+            if (variable == "event_kind") call put_flags(writer, id, kind_name, status)
+            call check(nf90_put_var(writer%id, id, values), writer, status)
+        end subroutine put_whole
+
+        subroutine put_table(variable, long_name, units)
+            character(len=*), intent(in) :: variable, long_name, units
+            integer :: id
+
+            if (.not. status%is_ok()) return
+            call check(nf90_def_var(writer%id, variable, nf90_double, [coordinate, event], id), writer, status)
+            call describe(id, long_name, units)
+            call check(nf90_put_var(writer%id, id, table), writer, status)
+        end subroutine put_table
+
+        subroutine describe(id, long_name, units)
+            integer, intent(in) :: id
+            character(len=*), intent(in) :: long_name, units
+
+            call check(nf90_put_att(writer%id, id, "long_name", long_name), writer, status)
+            if (units /= "") call check(nf90_put_att(writer%id, id, "units", units), writer, status)
+        end subroutine describe
+    end subroutine put_event_table
 
     subroutine note_text(name, text, writer, status)
         character(len=*), intent(in) :: name, text

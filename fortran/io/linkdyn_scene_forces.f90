@@ -20,7 +20,7 @@ module linkdyn_scene_forces
         has_column, constant_law, spline, straight_lines, require_positive
     implicit none (type, external)
     private
-    public :: read_actuators, read_loads, read_springs
+    public :: read_actuators, read_loads, read_springs, read_stiffness
 
     character(len=13), parameter :: drive_name(7) = [character(len=13) :: "inverse", "constant", "table", &
         "spring-damper", "dc-motor", "pd", "formula"]

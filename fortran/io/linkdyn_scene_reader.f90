@@ -22,6 +22,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_laws, only: table_shelf, files_of
     use linkdyn_scene_motion, only: read_coordinates, read_base
     use linkdyn_scene_state_laws, only: read_measures, read_named_laws
+    use linkdyn_scene_events, only: read_events, read_stops
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_payloads, only: read_payloads
     use linkdyn_scene_time, only: read_time
@@ -153,6 +154,8 @@ contains
         call read_loads(root, shelf, scene, status)
         call read_springs(root, shelf, scene, status)
         call read_payloads(root, shelf, scene, status)
+        call read_events(root, scene, status)
+        call read_stops(root, shelf, scene, status)
         scene%laws = shelf%book
         scene%table_file = files_of(shelf)
         call read_time(root, scene, status)

@@ -25,7 +25,7 @@ module linkdyn_scene_state_laws
     use linkdyn_variables, only: symbol_entry, formula_of_text
     implicit none (type, external)
     private
-    public :: read_measures, read_named_laws, read_force_law, read_spring_law
+    public :: read_measures, read_named_laws, read_force_law, read_spring_law, add_joint_measure
 
     character(len=13), parameter :: over_key(8) = [character(len=13) :: "law", "table", "column", "over", "argument", &
         "interpolation", "period", "type"]          ! the last one of actuators only
@@ -117,6 +117,25 @@ contains
             wraps(scene%joint(measure%joint)%kind, measure%variable) .and. .not. is_coordinate(scene, measure)
         if (status%is_ok()) call add_measure(place, measure, quantity, shelf)
     end subroutine read_measure
+
+    !> A joint variable, or its rate, that no formula of the file names.
+    subroutine add_joint_measure(scene, joint, variable, near, is_rate, shelf, number)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: joint, variable
+        real(wp), intent(in) :: near                   !! an angle that is no coordinate is taken within half a turn of this [rad]
+        logical, intent(in) :: is_rate
+        type(table_shelf), intent(inout) :: shelf
+        integer, intent(out) :: number                 !! of the measure
+        type(measure_spec) :: measure
+        type(quantity_type) :: quantity
+
+        measure = measure_spec(kind=measure_joint, joint=joint, variable=variable, near=near, is_rate=is_rate)
+        quantity = variable_quantity(scene%joint(joint)%kind, variable)
+        measure%length_power = quantity%power(2)
+        if (.not. is_rate) measure%wraps = wraps(scene%joint(joint)%kind, variable) .and. .not. is_coordinate(scene, measure)
+        shelf%book%measure = [shelf%book%measure, measure]
+        number = size(shelf%book%measure)
+    end subroutine add_joint_measure
 
     !> Is the joint variable of a measure a coordinate, which counts turns?
     pure logical function is_coordinate(scene, measure)

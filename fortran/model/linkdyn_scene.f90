@@ -23,6 +23,7 @@ module linkdyn_scene
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
     public :: law_polynomial_345, law_harmonic, law_table, law_over
     public :: measure_spec, state_law, law_book, takes_time
+    public :: event_spec, stop_spec, n_event, n_stop, has_hard_stops
     public :: measure_time, measure_joint, measure_marker, measure_spring
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
@@ -244,6 +245,28 @@ module linkdyn_scene
         type(law_spec) :: motion(6)               !! x y z roll pitch yaw [m, rad]; law_none: zero
         integer :: line = 0
     end type base_spec
+    !> What a forward run looks out for: a number over the state that crosses zero.
+    type :: event_spec
+        character(len=2*name_len) :: name = ""
+        integer :: direction = 0                  !! +1: upwards, -1: downwards, 0: either way
+        logical :: ends_run = .false.
+        type(formula_type) :: formula             !! of measures and laws of the scene's book
+        integer :: stop = 0                       !! end stop that this is the gap of; 0: none
+        integer :: line = 0
+    end type event_spec
+
+    !> One side of an end stop of a joint variable. A soft one is a spring besides, whose law has the force.
+    type :: stop_spec
+        character(len=2*name_len) :: name = ""    !! "buffer.max"
+        integer :: joint = 0
+        integer :: variable = 1                   !! of the joint
+        integer :: side = 1                       !! +1: the variable does not pass it upwards, -1: downwards
+        real(wp) :: bound = 0                     !! [m, rad]
+        logical :: is_hard = .false.              !! it throws back
+        real(wp) :: restitution = 0               !! speed after an impact over the one before, of a hard one
+        integer :: event = 0                      !! whose formula is its gap
+        integer :: line = 0
+    end type stop_spec
 
     !> An idle spin, settled at a ball joint: two directions there stay square to each other. See `linkdyn_idle_spin`.
     type :: hold_spec
@@ -312,6 +335,8 @@ module linkdyn_scene
         type(spring_spec), allocatable :: spring(:)
         type(payload_spec), allocatable :: payload(:)
         type(law_book) :: laws
+        type(event_spec), allocatable :: event(:) !! the scene's own, then one for each side of an end stop
+        type(stop_spec), allocatable :: stop(:)
         type(hold_spec), allocatable :: hold(:)   !! how idle spins are settled; absent: nobody has looked, no file says it
         type(time_spec) :: time
         type(sweep_spec) :: sweep
@@ -366,6 +391,30 @@ contains
             text = text//scene%hold(i)%links
         end do
     end function idle_spins
+
+    !> What a forward run looks out for.
+    pure integer function n_event(scene)
+        type(scene_type), intent(in) :: scene
+
+        n_event = 0
+        if (allocated(scene%event)) n_event = size(scene%event)
+    end function n_event
+
+    !> Sides of end stops.
+    pure integer function n_stop(scene)
+        type(scene_type), intent(in) :: scene
+
+        n_stop = 0
+        if (allocated(scene%stop)) n_stop = size(scene%stop)
+    end function n_stop
+
+    !> Are there stops that throw back?
+    pure logical function has_hard_stops(scene)
+        type(scene_type), intent(in) :: scene
+
+        has_hard_stops = .false.
+        if (allocated(scene%stop)) has_hard_stops = any(scene%stop%is_hard)
+    end function has_hard_stops
 
     !> How many joints hold something; they come first.
     pure integer function n_holding(scene)

@@ -389,6 +389,10 @@ class Run:
         """Why the run stopped early; empty if it did not."""
         self.coordinates = ""
         """Which coordinates were integrated when; empty if none was exchanged."""
+        self.n_events = 0
+        """That have come so far."""
+        self.is_over = False
+        """An event has ended the run: no instant follows."""
         self.reached = t_start
         """Instant [s] at which the work stands: the mean of the run and of what estimates its errors."""
 
@@ -411,15 +415,36 @@ class Run:
         """
         kinds: tuple[type, ...] = (np.float64, np.intc)
         rows = {kind: _Row(len(t), kind, shapes) for kind in kinds}
-        n_done, self.reached, self.statistics, roads, rounding, stopped, coordinates, code, message = _api.api_advance(
-            self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values
+        n_done, self.reached, self.statistics, roads, rounding, stopped, coordinates, self.n_events, is_over, code, message = (
+            _api.api_advance(self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values)
         )
         check(code, message)
+        self.is_over = bool(is_over)
         self.roads += roads
         self.rounding = rounding.decode("utf-8", errors="replace").strip()
         self.stopped = stopped.decode("utf-8", errors="replace").strip()
         self.coordinates = coordinates.decode("utf-8", errors="replace").strip()
         return n_done, {name: rows[kind].take(name)[:n_done] for name, (shape, kind) in shapes.items()}
+
+    def events(self, n_q: int) -> tuple[NDArray[np.intc], Floats, Floats]:
+        """What has happened so far.
+
+        Returns
+        -------
+        kinds
+            (N, 3) number of the event from 1, kind, direction.
+        instants
+            (N, 3) instant [s], impulse, energy lost [J].
+        states
+            (N, 3, n_q) coordinates, their rates before and behind.
+        """
+        n = self.n_events
+        kinds, instants = np.zeros((n, 3), np.intc), np.zeros((n, 3))
+        states = np.zeros((n, 3, n_q))
+        flat = np.zeros(states.size)
+        if n > 0:
+            check(*_api.api_events(self._handle, kinds.ravel(), instants.ravel(), flat))
+        return kinds, instants, flat[: states.size].reshape(states.shape)
 
     def finish(self) -> None:
         """Give back what the run holds."""
@@ -498,8 +523,8 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
 
 
 def ensemble(
-    handle: int, q: Floats, qd: Floats, t: Floats, step: float, threads: int
-) -> tuple[Floats, Floats, Floats, NDArray[np.intc], NDArray[np.intc]]:
+    handle: int, q: Floats, qd: Floats, t: Floats, step: float, threads: int, has_events: bool
+) -> tuple[tuple[Floats, Floats, Floats, NDArray[np.intc], NDArray[np.intc]], tuple[NDArray[np.intc], Floats, Floats]]:
     """Forward runs by rk4 from the starts q, qd (n, n_q) at t[0].
 
     Returns
@@ -512,14 +537,25 @@ def ensemble(
         (n,) change points passed.
     outcome
         (n,) why each stopped, as the status of a sample; 0: it has not.
+    events
+        As `Run.events` has them, with the member, from 1, before the number of the event.
     """
     n, n_q = q.shape
     found, rate = np.empty((n, len(t), n_q)), np.empty((n, len(t), n_q))
     good_until, crossed, outcome = np.empty(n), np.empty(n, dtype=np.intc), np.empty(n, dtype=np.intc)
-    if n > 0:
+    room = max(64, 16 * n) if has_events and n > 0 else 0
+    while True:
+        kinds, instants, states = np.zeros((room, 4), np.intc), np.zeros((room, 3)), np.zeros((room, 3, n_q))
+        if n == 0:
+            break
         members = (good_until, crossed, outcome, _flat(q), _flat(qd), _flat(found), _flat(rate))
-        _listen(_api.api_ensemble, handle, threads, step, t, *members)
-    return found, rate, good_until, crossed, outcome
+        rows = (kinds.reshape(-1) if room else np.zeros(1, np.intc), _flat(instants), _flat(states))
+        n_events = _listen(_api.api_ensemble, handle, threads, step, t, *members, *rows)[0]
+        if n_events <= room or not has_events:
+            kinds, instants, states = kinds[:n_events], instants[:n_events], states[:n_events]
+            break
+        room = n_events  # more than usual: once more, which gives the same
+    return (found, rate, good_until, crossed, outcome), (kinds, instants, states)
 
 
 def _flat(array: NDArray[Any]) -> NDArray[Any]:

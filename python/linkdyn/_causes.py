@@ -39,7 +39,8 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     -------
     xarray.Dataset
         ``driving_force`` (cause, sample, actuator) and ``reaction`` (cause, sample, joint, component), as far as the run has them. ``cause``: "inertia"
-        (with gyroscopic parts), "frame" where it moves, "weight", "load MARKER", "spring NAME", "given MARKER" of wrenches given in the call.
+        (with gyroscopic parts), "frame" where it moves, "weight", "load MARKER", "spring NAME", "stop NAME", "given MARKER" of wrenches given in
+        the call.
 
     Raises
     ------
@@ -52,8 +53,10 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
         raise InputError("contributions: the run has neither driving forces nor reactions (expected want='driving_force', 'reaction' or both)")
     content = tomllib.loads(scene.text)
     causes = {"weight": _only(content, gravity=True)}
-    for kind in ("load", "spring"):
+    for kind in ("load", "spring", "stop"):
         for i, table in enumerate(content.get(kind, [])):
+            if "restitution" in table:
+                continue  # no force where the motion is given
             causes[_free(f"{kind} {_label(kind, table)}", causes)] = _only(content, kept=(kind, i))
     given = _given(run, scene)
     base = _forces(Scene(_only(content), folder=scene.folder), run, wanted)
@@ -75,8 +78,8 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
 
 
 def _only(content: dict[str, Any], gravity: bool = False, kept: tuple[str, int] | None = None) -> dict[str, Any]:
-    """The scene with inertia, and gravity or one load or spring if that is to be kept."""
-    changed = {key: value for key, value in content.items() if key not in ("load", "spring", "sweep")}
+    """The scene with inertia, and gravity or one load, spring or stop if that is to be kept."""
+    changed = {key: value for key, value in content.items() if key not in ("load", "spring", "stop", "event", "sweep")}
     if not gravity:
         changed.pop("gravity", None)
     if kept:

@@ -197,6 +197,56 @@ def flag_attributes(flags: list[str]) -> dict[str, Any]:
     }
 
 
+EVENT_KINDS = ["crossing", "end", "contact", "release", "impact", "rest"]
+
+
+def event_variables(
+    scene: dict[str, Any], kinds: NDArray[np.intc], instants: NDArray[np.float64], states: NDArray[np.float64]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What has happened in a run, along the dimension "event".
+
+    Parameters
+    ----------
+    scene
+        Its description.
+    kinds, instants, states
+        As `_bind.Run.events` has them.
+
+    Returns
+    -------
+    variables, coordinates
+        For a Dataset.
+    """
+    names = np.array([scene["events"][k - 1] for k in kinds[:, 0]], dtype=np.str_)
+    of_state = ("event", "coordinate")
+    variables = {
+        "event_time": ("event", instants[:, 0], {"long_name": "instant of the event", "units": "s"}),
+        "event_kind": ("event", kinds[:, 1], {"long_name": "what happened"} | flag_attributes(EVENT_KINDS)),
+        "event_direction": ("event", kinds[:, 2], {"long_name": "1: the number crossed zero upwards, -1: downwards"}),
+        "event_impulse": ("event", instants[:, 1], {"long_name": "impulse of the stop", "units": "N s or N m s"}),
+        "event_loss": ("event", instants[:, 2], {"long_name": "energy lost in the impact", "units": "J"}),
+        "event_q": (of_state, states[:, 0], {"long_name": "generalized coordinate at the event", "units": "m or rad"}),
+        "event_qd": (of_state, states[:, 1], {"long_name": "its rate before", "units": "m/s or rad/s"}),
+        "event_qd_after": (of_state, states[:, 2], {"long_name": "its rate behind", "units": "m/s or rad/s"}),
+    }
+    return variables, {"event": ("event", names)}
+
+
+def passed_stops(scene: dict[str, Any], run: xr.Dataset) -> str:
+    """Stops with restitution that a motion passes, as the executable tells them; empty: none, or the run has no joint variables."""
+    told = []
+    for stop in scene["stops"]:
+        if not stop["is_hard"] or "joint_variable" not in run or stop["variable"] not in run["variable"].values:
+            continue
+        beyond = stop["side"] * (run["joint_variable"].sel(variable=stop["variable"]).values - stop["bound"]) > 1e-9
+        if not beyond.any():
+            continue
+        n, first = int(beyond.sum()), int(beyond.argmax())
+        place = f"t = {float(run['time'][first]):.6g} s" if "time" in run.coords else f"sample {first}"
+        told.append(f"'{stop['name']}' of joint '{stop['joint']}' by {n} sample{'s' * (n > 1)}, first at {place}")
+    return "; ".join(told)
+
+
 def ensemble_dataset(
     schema: dict[str, Any],
     scene: dict[str, Any],

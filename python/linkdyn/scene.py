@@ -28,7 +28,7 @@ from ._code import GeneratedCode
 from ._keys import told_by_keys
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, SceneError
-from .results import FOLDER, RunTemplate, ensemble_dataset, result_shapes
+from .results import FOLDER, RunTemplate, ensemble_dataset, event_variables, passed_stops, result_shapes
 from .study import run_study
 from .sweep import run_sweep
 
@@ -439,7 +439,8 @@ class Scene:
             As the executable writes it: driving_force (sample, actuator), reaction (sample, joint, component), ...
             A sample that failed is NaN, its ``status`` is not 0. Along a motion "assembly" says of a sample whether a change
             point was passed before it, or its assembly found anew from the start, and ``attrs["failure"]`` why the assembly was lost first, if it
-            was, or which law or spring left a sample undefined.
+            was, or which law or spring left a sample undefined. ``attrs["beyond_stops"]`` names end stops with
+            `restitution` that the motion passes.
 
         Raises
         ------
@@ -464,6 +465,8 @@ class Scene:
         data.encoding[FOLDER] = self.folder
         if "assembly" in data or failure:
             data.attrs["failure"] = failure
+        if any(stop["is_hard"] for stop in self.description["stops"]):
+            data.attrs["beyond_stops"] = passed_stops(self.description, data)
         return data
 
     def simulator(
@@ -545,7 +548,9 @@ class Scene:
         Returns
         -------
         xarray.Dataset
-            As the executable writes it. A run that cannot go on is NaN from there: ``attrs["stopped"]`` says why.
+            As the executable writes it. A run that cannot go on is NaN from there: ``attrs["stopped"]`` says why. One that an
+            event of the scene ends has its last sample at the instant of the event. What has happened, events and contacts with
+            stops, stands along the dimension "event".
 
         Raises
         ------
@@ -600,6 +605,9 @@ class Scene:
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
             data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}
             data.attrs["coordinates_integrated"] = run.coordinates
+            if self.description["events"]:
+                variables, labels = event_variables(self.description, *run.events(len(self.description["coordinates"])))
+                data = data.assign(variables).assign_coords(labels)
             return data
 
         sign = Progress(progress)
@@ -609,6 +617,8 @@ class Scene:
                 for name, values in arrays.items():
                     found[name][n_done : n_done + n] = values
                 n_done += n
+                if run.is_over:
+                    break
                 sign.show((run.reached - t[0]) / (t[-1] - t[0]) if len(t) > 1 else 1.0)
         except KeyboardInterrupt:
             run.stopped = f"interrupted at t = {run.reached:.6g} s"
@@ -646,8 +656,9 @@ class Scene:
         -------
         xarray.Dataset
             "q" and "qd" (member, time, coordinate), NaN from where a member cannot go on, "good_until" (member) [s], its
-            last good instant, "status" (member), 0 if it came to the end or what it met there, named as for `inverse`, and
-            "change_points_passed" (member). Forces at any of these states: `inverse`.
+            last good instant, "status" (member), 0 if it came to the end (its own, where an event ends it) or what it met there,
+            named as for `inverse`, and "change_points_passed" (member). Events as in `forward`, with "event_member". Forces at
+            any of these states: `inverse`.
 
         Raises
         ------
@@ -659,19 +670,30 @@ class Scene:
         start = self._batch("q", q, None)
         rate = self._batch("qd", qd, len(start))
         parts: list[tuple[NDArray[Any], ...]] = []
+        events: list[tuple[NDArray[Any], ...]] = []
+        has_events = bool(self.description["events"])
         n_done, sign = 0, Progress(None if progress is None else as_flag("progress", progress))
         try:
             while n_done < len(start) or not parts:
                 block = slice(n_done, n_done + ENSEMBLE_BLOCK)
-                parts.append(_bind.ensemble(self._handle, start[block], rate[block], instants, *settings))
+                part, happened = _bind.ensemble(self._handle, start[block], rate[block], instants, *settings, has_events)
+                happened[0][:, 0] += n_done
+                parts.append(part)
+                events.append(happened)
                 n_done += ENSEMBLE_BLOCK
                 sign.show(min(1.0, n_done / max(1, len(start))))
         finally:
             sign.end()
         schema = _bind.describe_results(self._handle, "elimination", "joint_variable", False, is_forward=True)
-        return ensemble_dataset(
+        data = ensemble_dataset(
             schema, self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts))
         )
+        if not has_events:
+            return data
+        kinds, *rest = (np.concatenate(arrays) for arrays in zip(*events))
+        variables, labels = event_variables(self.description, kinds[:, 1:], *rest)
+        member = ("event", kinds[:, 0] - 1, {"long_name": "member that it happened to"})
+        return data.assign(variables | {"event_member": member}).assign_coords(labels)
 
     def balance(
         self, links: Iterable[str] | None = None, minimise: str = "rms", harmonics: Iterable[int] = (1,)

@@ -1,0 +1,300 @@
+!> Events and end stops of a scene file: what a forward run looks out for.
+!>
+!> A side of an end stop is an event whose formula is its gap. A soft stop is a spring besides, without stiffness or damping of
+!> its own, whose law over the state is the one-sided force: whatever works for laws works for it.
+module linkdyn_scene_events
+    use linkdyn_expression, only: measured_value
+    use linkdyn_formula, only: formula_type, formula_node, add_node, node_number, node_symbol, node_add, node_subtract, &
+        node_multiply, node_negate, node_max, node_if
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: scene_type, event_spec, stop_spec, spring_spec, state_law, law_over, name_len
+    use linkdyn_scene_forces, only: read_stiffness
+    use linkdyn_scene_joints, only: variable_quantity
+    use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_name, get_word, &
+        get_text
+    use linkdyn_scene_laws, only: table_shelf
+    use linkdyn_scene_names, only: find_joint, find_variable
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
+    use linkdyn_scene_state_laws, only: add_joint_measure
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text, quoted
+    use linkdyn_toml, only: toml_node
+    use linkdyn_units, only: quantity_type, plain_number
+    use linkdyn_variables, only: formula_of_text
+    implicit none (type, external)
+    private
+    public :: read_events, read_stops
+
+    integer, parameter :: side_of(2) = [-1, 1]
+    character(len=3), parameter :: side_key(2) = ["min", "max"]
+
+contains
+
+    !> The tables [[event]].
+    subroutine read_events(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(repeated_tables) :: tables
+        type(scene_place) :: place
+        integer :: i, k
+
+        allocate (scene%event(0), scene%stop(0))
+        call list_repeated(root, "event", scene%planar, .false., tables, status)
+        if (.not. status%is_ok()) return
+        do i = 1, size(tables%table)
+            place = repeated_at(root, tables, i, "event")
+            scene%event = [scene%event, event_spec()]
+            call read_event(place, scene%event(i), status)
+            if (.not. status%is_ok()) return
+            k = findloc(scene%event(:i)%name, scene%event(i)%name, dim=1)
+            if (k < i) call refuse(place, "there is an event of that name (expected another name)", status)
+        end do
+    end subroutine read_events
+
+    subroutine read_event(place, event, status)
+        type(scene_place), intent(inout) :: place
+        type(event_spec), intent(inout) :: event
+        type(status_type), intent(inout) :: status
+        character(len=name_len) :: name
+        integer :: direction, action
+        logical :: found
+
+        event%line = place%line
+        call get_name(place, "name", name, status)
+        if (.not. status%is_ok()) return
+        event%name = name
+        place%what = "event "//quoted(name)
+        call allow_keys(place, [character(len=9) :: "name", "when", "direction", "do"], status)
+        call read_when(place, event%formula, status)
+        direction = 3
+        call get_word(place, "direction", [character(len=4) :: "down", "up", "both"], direction, status, found)
+        action = 1
+        call get_word(place, "do", [character(len=4) :: "note", "stop"], action, status, found)
+        event%direction = 2*direction - 3
+        if (direction == 3) event%direction = 0
+        event%ends_run = action == 2
+    end subroutine read_event
+
+    !> What crosses zero.
+    subroutine read_when(place, formula, status)
+        type(scene_place), intent(in) :: place
+        type(formula_type), intent(inout) :: formula
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: expected = &
+            "(expected a formula of measures and laws that crosses zero, such as ""x - 12 mm"")"
+        character(len=:), allocatable :: text, problem
+        type(measured_value) :: found
+
+        call get_text(place, "when", text, status)
+        if (.not. status%is_ok()) return
+        call formula_of_text(text, place%variables, found, formula, problem)
+        if (problem /= "") then
+            call refuse_value(place, "when", place%node%get("when"), "= "//problem//" "//expected, status)
+        else if (found%node == 0) then
+            call refuse_value(place, "when", place%node%get("when"), "= "//quoted(text)//" does not depend on the motion "// &
+                expected, status)
+        end if
+    end subroutine read_when
+
+    !> The tables [[stop]].
+    subroutine read_stops(root, shelf, scene, status)
+        type(scene_place), intent(in) :: root
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(repeated_tables) :: tables
+        type(scene_place) :: place
+        integer :: i
+
+        call list_repeated(root, "stop", scene%planar, .false., tables, status)
+        if (.not. status%is_ok()) return
+        do i = 1, size(tables%table)
+            place = repeated_at(root, tables, i, "stop")
+            call read_stop(place, shelf, scene, status)
+            if (.not. status%is_ok()) return
+        end do
+    end subroutine read_stops
+
+    !> One end stop: both of its sides.
+    subroutine read_stop(place, shelf, scene, status)
+        type(scene_place), intent(inout) :: place
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(stop_spec) :: bumper
+        type(quantity_type) :: quantity
+        type(toml_node) :: node(2)
+        character(len=name_len) :: name
+        real(wp) :: bound(2), value(2), near
+        logical :: has(2), is_spring
+        integer :: k, position, rate
+
+        bumper%line = place%line
+        call get_name(place, "name", name, status)
+        if (.not. status%is_ok()) return
+        place%what = "stop "//quoted(name)
+        call allow_keys(place, [character(len=11) :: "name", "joint", "variable", "min", "max", "restitution", "stiffness", &
+            "damping"], status)
+        call find_joint(scene, place, bumper%joint, status)
+        if (.not. status%is_ok()) return
+        call find_variable(scene, place, bumper%joint, bumper%variable, status)
+        if (.not. status%is_ok()) return
+        quantity = variable_quantity(scene%joint(bumper%joint)%kind, bumper%variable)
+        do k = 1, 2
+            call get_quantity(place, side_key(k), quantity, bound(k), status, has(k))
+        end do
+        if (.not. status%is_ok()) return
+        if (.not. any(has)) then
+            call refuse(place, "missing key 'min' or 'max' (expected at least one)", status)
+        else if (all(has) .and. .not. bound(1) < bound(2)) then
+            call refuse_value(place, "max", place%node%get("max"), "= "//to_text(bound(2))//" is not above 'min' "// &
+                "(expected more than "//to_text(bound(1))//" "//trim(quantity%unit)//")", status)
+        else if (any(scene%stop%name == trim(name)//".min" .or. scene%stop%name == trim(name)//".max")) then
+            call refuse(place, "there is a stop of that name (expected another name)", status)
+        end if
+        node = [place%node%get("stiffness"), place%node%get("damping")]
+        is_spring = node(1)%is_present() .or. node(2)%is_present()
+        call read_restitution(place, scene, is_spring, bumper, status)
+        if (.not. status%is_ok()) return
+        value = 0
+        if (is_spring) then
+            call read_stiffness(place, quantity%unit == "rad", value, status)
+            do k = 1, 2
+                if (status%is_ok() .and. value(k) < 0) call refuse_value(place, trim(merge("stiffness", "damping  ", k == 1)), &
+                    node(k), "= "//to_text(value(k))//" would pull (expected zero or more)", status)
+            end do
+            if (.not. status%is_ok()) return
+        end if
+        near = sum(bound, mask=has)/count(has)
+        call add_joint_measure(scene, bumper%joint, bumper%variable, near, .false., shelf, position)
+        call add_joint_measure(scene, bumper%joint, bumper%variable, 0.0_wp, .true., shelf, rate)
+        do k = 1, 2
+            if (.not. has(k)) cycle
+            bumper%name = trim(name)//"."//side_key(k)
+            bumper%side = side_of(k)
+            bumper%bound = bound(k)
+            call add_side(bumper, position, scene)
+        end do
+        if (is_spring) call add_spring(name, bumper, has, bound, value, position, rate, shelf, scene)
+    end subroutine read_stop
+
+    !> A stop throws back, or it gives way.
+    subroutine read_restitution(place, scene, is_spring, bumper, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        logical, intent(in) :: is_spring
+        type(stop_spec), intent(inout) :: bumper
+        type(status_type), intent(inout) :: status
+
+        call get_quantity(place, "restitution", plain_number, bumper%restitution, status, bumper%is_hard)
+        if (.not. status%is_ok()) return
+        if (bumper%is_hard .eqv. is_spring) then
+            call refuse(place, "needs either 'restitution' or 'stiffness' and 'damping' (expected one of them)", status)
+        else if (.not. (bumper%restitution >= 0 .and. bumper%restitution <= 1)) then
+            call refuse_value(place, "restitution", place%node%get("restitution"), "= "//to_text(bumper%restitution)// &
+                " (expected a number from 0 to 1)", status)
+        else if (bumper%is_hard .and. all(scene%joint(bumper%joint)%kind /= [joint_revolute, joint_prismatic, joint_cylindrical, &
+                                                                         joint_screw])) then
+            call refuse_value(place, "restitution", place%node%get("restitution"), "is for joints with one axis (expected a "// &
+                "revolute, prismatic, cylindrical or screw joint, or 'stiffness')", status)
+        end if
+    end subroutine read_restitution
+
+    !> One side, and its gap as an event: positive while there is no contact.
+    subroutine add_side(bumper, position, scene)
+        type(stop_spec), intent(in) :: bumper
+        integer, intent(in) :: position                !! measure of the joint variable
+        type(scene_type), intent(inout) :: scene
+        type(event_spec) :: event
+        integer :: gap
+
+        event%name = bumper%name
+        event%stop = size(scene%stop) + 1
+        event%direction = merge(-1, 0, bumper%is_hard)
+        event%line = bumper%line
+        gap = depth(event%formula, bumper, position)
+        call add_node(event%formula, formula_node(node_negate, a=gap))
+        scene%event = [scene%event, event]
+        scene%stop = [scene%stop, bumper]
+        scene%stop(event%stop)%event = size(scene%event)
+    end subroutine add_side
+
+    !> How far a joint variable is past the bound of a side, as a node.
+    integer function depth(formula, bumper, position) result(node)
+        type(formula_type), intent(inout) :: formula
+        type(stop_spec), intent(in) :: bumper
+        integer, intent(in) :: position
+
+        call add_node(formula, formula_node(node_symbol, a=position))
+        call add_node(formula, formula_node(node_number, number=bumper%bound))
+        node = formula%n
+        if (bumper%side > 0) then
+            call add_node(formula, formula_node(node_subtract, a=node - 1, b=node))
+        else
+            call add_node(formula, formula_node(node_subtract, a=node, b=node - 1))
+        end if
+        node = formula%n
+    end function depth
+
+    !> The one-sided springs of a soft stop, as a law of a spring: what it pulls with at `max` less what it pushes with at `min`.
+    subroutine add_spring(name, bumper, has, bound, value, position, rate, shelf, scene)
+        character(len=*), intent(in) :: name
+        type(stop_spec), intent(in) :: bumper            !! joint, variable and line are those of both sides
+        logical, intent(in) :: has(2)
+        real(wp), intent(in) :: bound(2), value(2)     !! stiffness and damping
+        integer, intent(in) :: position, rate          !! measures
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(state_law) :: law
+        type(stop_spec) :: side
+        type(spring_spec) :: spring
+        integer :: k, total, push
+
+        law%name = "stop "//quoted(name)
+        total = 0
+        do k = 1, 2
+            if (.not. has(k)) cycle
+            side = bumper
+            side%side = side_of(k)
+            side%bound = bound(k)
+            push = one_sided_force(law%formula, side, value, position, rate)
+            if (k == 1) call add_node(law%formula, formula_node(node_negate, a=push))
+            if (total > 0) call add_node(law%formula, formula_node(node_add, a=total, b=push))
+            total = law%formula%n
+        end do
+        law%wraps = shelf%book%measure(position)%wraps
+        shelf%book%law = [shelf%book%law, law]
+        spring%name = name
+        spring%joint = bumper%joint
+        spring%variable = bumper%variable
+        spring%force%kind = law_over
+        spring%force%law = size(shelf%book%law)
+        spring%line = bumper%line
+        scene%spring = [scene%spring, spring]
+    end subroutine add_spring
+
+    !> Stiffness times depth and damping times its rate, in contact and never a pull, as a node.
+    integer function one_sided_force(formula, bumper, value, position, rate) result(node)
+        type(formula_type), intent(inout) :: formula
+        type(stop_spec), intent(in) :: bumper
+        real(wp), intent(in) :: value(2)               !! stiffness, damping
+        integer, intent(in) :: position, rate
+        integer :: deep, zero
+
+        deep = depth(formula, bumper, position)
+        call add_node(formula, formula_node(node_number, number=value(1)))
+        call add_node(formula, formula_node(node_multiply, a=formula%n, b=deep))
+        node = formula%n
+        call add_node(formula, formula_node(node_symbol, a=rate))
+        call add_node(formula, formula_node(node_number, number=bumper%side*value(2)))
+        call add_node(formula, formula_node(node_multiply, a=formula%n - 1, b=formula%n))
+        call add_node(formula, formula_node(node_add, a=node, b=formula%n))
+        call add_node(formula, formula_node(node_number, number=0.0_wp))
+        zero = formula%n
+        call add_node(formula, formula_node(node_max, a=zero - 1, b=zero))
+        call add_node(formula, formula_node(node_if, a=deep, b=formula%n, c=zero))
+        node = formula%n
+    end function one_sided_force
+end module linkdyn_scene_events
