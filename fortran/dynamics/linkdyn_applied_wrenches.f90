@@ -15,7 +15,8 @@ module linkdyn_applied_wrenches
         operator(.rotate.), operator(.unrotate.), vec3_of, zero_vec3
     implicit none (type, external)
     private
-    public :: clear_applied, apply_drive, apply_springs, apply_load_laws, spring_energy, spring_without_direction
+    public :: clear_applied, apply_drive, apply_springs, apply_load_laws, spring_energy, spring_without_direction, &
+        apply_force, apply_moment
 
 contains
 

@@ -3,6 +3,7 @@ module linkdyn_builder
     use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_code, only: check_code
     use linkdyn_constants, only: two_pi
+    use linkdyn_contact, only: list_contacts
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: plan_gears
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
@@ -85,6 +86,7 @@ contains
 
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
+        if (.not. allocated(model%scene%friction)) allocate (model%scene%friction(0))
         if (.not. allocated(model%scene%laws%measure)) allocate (model%scene%laws%measure(0))
         if (.not. allocated(model%scene%laws%law)) allocate (model%scene%laws%law(0))
         model%is_planar = scene%planar
@@ -109,6 +111,7 @@ contains
             model%joint(i)%first_variable = model%n_variable
             if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
+        call list_contacts(model%scene, model%contact)
         call spread_weld_starts(model)
         call number_tables(model%scene)
         call list_joints_of_links(model)

@@ -22,6 +22,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_laws, only: table_shelf, files_of
     use linkdyn_scene_motion, only: read_coordinates
     use linkdyn_scene_state_laws, only: read_measures, read_named_laws
+    use linkdyn_scene_friction, only: read_frictions
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_time, only: read_time
     use linkdyn_scene_sweep, only: read_sweep
@@ -149,6 +150,7 @@ contains
         call read_actuators(root, driven, shelf, scene, status)
         call read_loads(root, shelf, scene, status)
         call read_springs(root, shelf, scene, status)
+        call read_frictions(root, scene, status)
         scene%laws = shelf%book
         scene%table_file = files_of(shelf)
         call read_time(root, scene, status)

@@ -14,6 +14,7 @@ module linkdyn_scene
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf, hold_spec
+    public :: friction_spec
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     public :: joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
@@ -216,6 +217,21 @@ module linkdyn_scene
         integer :: line = 0
     end type spring_spec
 
+    !> Friction in a joint: of what its reaction presses together. See `linkdyn_contact`.
+    type :: friction_spec
+        integer :: joint = 0
+        real(wp) :: coulomb = 0                   !! coefficient where it slides fast
+        real(wp) :: static = 0                    !! coefficient where it begins to slide
+        real(wp) :: stribeck_speed = 0            !! of the surfaces, over which the one falls to the other [m/s]; 0: they are equal
+        real(wp) :: creep_speed = 0               !! of the surfaces, below which friction goes to zero [m/s]
+        real(wp) :: viscous = 0                   !! beside it [N s/m]; at joints that only turn [N m s/rad]
+        real(wp) :: radius = 0                    !! of the surface that slides [m]; 0: it has none
+        real(wp) :: length = 0                    !! between the ends that take a tilting moment [m]; 0: it makes no friction
+        real(wp) :: collar = 0                    !! mean radius of the face that takes the force along a pin [m]; 0: it makes no friction
+        real(wp) :: preload = 0                   !! by which the surfaces are pressed together besides [N]
+        integer :: line = 0
+    end type friction_spec
+
     !> An idle spin, settled at a ball joint: two directions there stay square to each other. See `linkdyn_idle_spin`.
     type :: hold_spec
         integer :: joint = 0
@@ -279,6 +295,7 @@ module linkdyn_scene
         type(actuator_spec), allocatable :: actuator(:)
         type(load_spec), allocatable :: load(:)
         type(spring_spec), allocatable :: spring(:)
+        type(friction_spec), allocatable :: friction(:)
         type(law_book) :: laws
         type(hold_spec), allocatable :: hold(:)   !! how idle spins are settled; absent: nobody has looked, no file says it
         type(time_spec) :: time

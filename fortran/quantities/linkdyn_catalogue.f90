@@ -21,6 +21,7 @@ module linkdyn_catalogue
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_position, result_rotation, result_margin, result_margin_rate
     public :: result_velocity, result_angular_velocity, result_driving_position
+    public :: result_friction, result_friction_power
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -60,6 +61,9 @@ module linkdyn_catalogue
     integer, parameter :: result_velocity = 35              ! of links' origins
     integer, parameter :: result_angular_velocity = 36
     integer, parameter :: result_driving_position = 37      ! driven joint variables; coordinates count turns
+    ! ---- of scenes with friction
+    integer, parameter :: result_friction = 38
+    integer, parameter :: result_friction_power = 39
 
 contains
 
