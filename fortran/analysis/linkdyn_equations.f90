@@ -622,6 +622,7 @@ contains
             do i = 1, size(model%contact)
                 where (.not. is_settled) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force_before(:, i)
             end do
+            call spare_lanes_follow()
             call solve_again(model, equations, workspace)
             call find_pressing_forces(model, equations, workspace, force)
             change = maxval(abs(force - force_before), dim=2)/max(maxval(force, dim=2), tiny(1.0_wp))
@@ -632,6 +633,7 @@ contains
             change_before = change
         end do
         call continue_friction(model, equations, workspace, is_settled)
+        call spare_lanes_follow()
         call solve_again(model, equations, workspace)
         call find_pressing_forces(model, equations, workspace, force)
         do i = 1, size(model%contact)
@@ -643,6 +645,19 @@ contains
                 end associate
             end do
         end do
+
+    contains
+
+        !> Lanes that nobody looks at are like the last of the others, and what they give is taken for its.
+        subroutine spare_lanes_follow()
+            integer :: lane
+
+            associate (friction => workspace%friction, last => workspace%n_used)
+                do lane = last + 1, lanes
+                    friction%amount(lane, :) = friction%amount(last, :)
+                end do
+            end associate
+        end subroutine spare_lanes_follow
     end subroutine settle_friction
 
     !> Solve with the present friction.

@@ -129,6 +129,9 @@ contains
         if (size(model%scene%laws%law) > 0 .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: "//trim(model%scene%laws%law(1)%name)//" follows the state of the mechanism "// &
             "(expected forces of time, or the kernel kinematics)")
+        if (size(model%contact) > 0 .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
+            "no code can be generated: friction at joint '"//trim(model%joint(model%contact(1)%joint)%name)//"' needs an "// &
+            "iteration (expected a scene without friction, or the kernel kinematics)")
         call hold_texts()
         call name_files(name, code, status)
         code%title = model%scene%title
