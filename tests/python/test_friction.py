@@ -601,3 +601,51 @@ def test_simulator_feels_friction() -> None:
     for _ in range(2):
         simulator.step(0.5, [])
     np.testing.assert_allclose(simulator.qd, whole.qd[-1], rtol=1e-7)
+
+
+# ---------------------------------------------------------------- around it
+
+
+def test_contributions_name_friction() -> None:
+    """All causes add up; friction is what it adds to the ideal machine."""
+    plain, rough = with_friction(EXAMPLES / "fourbar" / "scene.toml")
+    run, ideal = rough.inverse(), plain.inverse()
+    causes = linkdyn.cycle.contributions(run, rough)
+    assert "friction" in causes.cause.values
+    found = causes.driving_force.sel(cause="friction").values
+    np.testing.assert_allclose(found, run.driving_force.values - ideal.driving_force.values, atol=1e-10)
+    np.testing.assert_allclose(causes.reaction.sum("cause"), run.reaction, atol=1e-8)
+
+
+def test_sweep_with_friction() -> None:
+    """A sweep over poses, speeds and the coefficient finds the peak that single scenes find, and counts what locks."""
+    text = CRANK.format(rod=1.1, rod_inertia=0.014, slide='"mu"') + "\n[variables]\nmu = 0.1\n"
+    angles, coefficients = np.linspace(0.1, 6.0, 33), (0.05, 0.1, 30.0)
+    largest, locked = 0.0, 0
+    for mu in coefficients:
+        scene = linkdyn.Scene(text.replace("mu = 0.1", f"mu = {mu}"))
+        for rate in (5.0, -5.0):
+            q = angles[:, None]
+            run = scene.inverse(q=q, qd=np.full_like(q, rate), qdd=0 * q, t=np.zeros(33))
+            largest = max(largest, float(run.driving_force.max()))
+            locked += int((run.status == 6).sum())
+    assert locked > 0
+    swept = linkdyn.Scene(text).sweep({
+        "reduce": ["driving_force"],
+        "axis": [{"coordinate": "A", "linspace": [0.1, 6.0, 33]}, {"rate": "A", "values": [5.0, -5.0]},
+                 {"parameter": "variables.mu", "values": list(coefficients)}],
+    })
+    assert float(swept.driving_force_max.max()) == pytest.approx(largest, rel=1e-12)
+    assert int(swept.outcome_count.sel(outcome="locked").sum()) == locked
+
+
+def test_what_cannot_be() -> None:
+    """Solvers without reactions, code without an iteration, and spins that friction would decide are refused by name."""
+    scene = linkdyn.Scene(CRANK.format(rod=1.1, rod_inertia=0.014, slide=0.1))
+    with pytest.raises(linkdyn.InputError, match="'reduced' has no reactions, which friction at joint 'A' comes from"):
+        scene.inverse(q=[[0.3]], qd=[[0.0]], qdd=[[0.0]], t=[0.0], solver="reduced")
+    with pytest.raises(linkdyn.InputError, match="friction at joint 'A' needs an iteration"):
+        scene.generate()
+    rssr = linkdyn.Scene(TESTS / "scenes" / "rssr.toml").text
+    with pytest.raises(linkdyn.SceneError, match="friction at joint 'B' holds it back"):
+        linkdyn.Scene(rssr + '\n[[friction]]\njoint = "B"\ncoulomb = 0.1\nradius = 0.01\n')
