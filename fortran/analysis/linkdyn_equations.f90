@@ -15,6 +15,7 @@ module linkdyn_equations
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
+    use linkdyn_contact, only: has_settled, most_rounds
     use linkdyn_constants, only: golden
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_dyad_map, only: is_surely_certain
@@ -607,8 +608,7 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        integer, parameter :: most = 25
-        real(wp), parameter :: enough = 64*epsilon(1.0_wp), noise = 1e-8_wp
+        real(wp), parameter :: misfit = 1e-6_wp
         real(wp), dimension(lanes, size(model%contact)) :: force, force_before
         real(wp), dimension(lanes) :: change, change_before
         logical :: is_settled(lanes)
@@ -618,7 +618,7 @@ contains
         is_settled(workspace%n_used + 1:) = .true.
         call find_pressing_forces(model, equations, workspace, force_before)
         change_before = huge(1.0_wp)
-        do n = 1, most
+        do n = 1, most_rounds
             do i = 1, size(model%contact)
                 where (.not. is_settled) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force_before(:, i)
             end do
@@ -626,8 +626,7 @@ contains
             call solve_again(model, equations, workspace)
             call find_pressing_forces(model, equations, workspace, force)
             change = maxval(abs(force - force_before), dim=2)/max(maxval(force, dim=2), tiny(1.0_wp))
-            ! Near a singular position rounding goes on changing digits that are not known.
-            is_settled = is_settled .or. change <= enough .or. (change <= noise .and. change > 0.5_wp*change_before)
+            is_settled = is_settled .or. has_settled(change, change_before)
             if (all(is_settled)) return
             force_before = force
             change_before = change
@@ -640,7 +639,7 @@ contains
             do lane = 1, workspace%n_used
                 if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
                 associate (found => workspace%friction%at(i)%factor(lane)*force(lane, i))
-                    if (.not. abs(found - workspace%friction%amount(lane, i)) <= 100*noise*max(found, &
+                    if (.not. abs(found - workspace%friction%amount(lane, i)) <= misfit*max(found, &
                         workspace%friction%at(i)%factor(lane)*maxval(force(lane, :)))) workspace%status(lane) = sample_not_converged
                 end associate
             end do

@@ -236,7 +236,7 @@ contains
         nullify (recorded, margins, closer)
         if (associated(solver%closing) .and. n_all >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
             call need_closer(model, solver, q, closer)
-        if (associated(solver%records) .and. is_worth_recording(model, n_all) .and. .not. size(model%contact) > 0 .and. .not. &
+        if (associated(solver%records) .and. is_worth_recording(model, n_all) .and. .not. &
             (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) then
             call need_record(model, solver, results, q, recorded)
             if (is_on_way) call need_margins(model, solver, q, by_record%record)

@@ -14,7 +14,7 @@ module linkdyn_inputs
     private
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
-    public :: in_found, in_pull
+    public :: in_found, in_pull, in_friction
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -29,11 +29,13 @@ module linkdyn_inputs
     integer, parameter :: in_number = 10        !! numbers of the scene that vary
     integer, parameter :: in_found = 11         !! what another program of the same record has found
     integer, parameter :: in_pull = 12          !! of springs' own laws over the state (n_spring) [N, N m]
-    integer, parameter :: n_block = 12
+    integer, parameter :: in_friction = 13      !! of contacts, over the speed of their surfaces (n_contact) [N s/m]
+    integer, parameter :: n_block = 13
 
     !> What is wanted of a trace.
     type :: trace_request
         logical :: at_rest = .false.                       !! positions alone
+        logical :: has_friction = .false.                  !! joints rub, and whoever runs the kernel knows how much
         logical :: by_quaternion = .false.                 !! poses are given by position and quaternion
         logical, allocatable :: has_load(:, :)             !! (6, load); absent: none
         logical, allocatable :: drive_is_unknown(:)        !! (actuator); absent: all are
@@ -88,6 +90,7 @@ contains
         call add(in_effort, [(is_given(model%scene%actuator(k)%drive) .and. is_known(k), k=1, model%n_actuator)])
         call add(in_branch, [(any(model%step%has_branches .and. model%step%first == k), k=1, model%n_branch)])
         call add(in_pull, [(model%scene%spring(k)%force%kind == law_over, k=1, size(model%scene%spring))])
+        call add(in_friction, [(request%has_friction, k=1, size(model%contact))])
         is_input = .false.
         do k = 1, size(model%group)
             is_input(:, model%group(k)%link) = .true.

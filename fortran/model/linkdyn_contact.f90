@@ -16,7 +16,8 @@ module linkdyn_contact
     use linkdyn_scene, only: scene_type, friction_spec
     implicit none (type, external)
     private
-    public :: contact_type, list_contacts, is_turning, friction_of_speed, n_press, pressing, pressing_slope
+    public :: contact_type, list_contacts, is_turning, friction_of_speed, n_press, pressing, pressing_slope, has_settled, &
+        most_rounds
     public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate
 
     integer, parameter :: form_pin = 1       !! of a hinge, or one of both of a universal joint
@@ -29,6 +30,9 @@ module linkdyn_contact
 
     !> What a contact feels of a reaction: the forces at both ends (3 numbers each), and one along the axis.
     integer, parameter :: n_press = 7
+
+    !> So often is friction put in again before it is found otherwise.
+    integer, parameter :: most_rounds = 25
 
     type :: contact_type
         integer :: joint = 0
@@ -133,6 +137,7 @@ contains
     pure elemental real(wp) function friction_of_speed(contact, speed) result(c)
         type(contact_type), intent(in) :: contact
         real(wp), intent(in) :: speed         !! [m/s]
+        real(wp), parameter :: fast = 40      ! beyond it tanh is one, in all digits
         real(wp) :: mu
 
         c = 0
@@ -140,12 +145,23 @@ contains
         mu = contact%coulomb
         if (contact%stribeck_speed > 0) &
             mu = mu + (contact%static - contact%coulomb)*exp(-(speed/contact%stribeck_speed)**2)
-        if (speed > 0) then
+        if (speed > fast*contact%creep_speed) then
+            c = mu/speed
+        else if (speed > 0) then
             c = mu*tanh(speed/contact%creep_speed)/speed
         else
             c = mu/contact%creep_speed
         end if
     end function friction_of_speed
+
+    !> Has what presses come to rest? By its change in two rounds, relative to the largest force. Near a singular position
+    !> rounding goes on changing digits that are not known.
+    pure elemental logical function has_settled(change, change_before)
+        real(wp), intent(in) :: change, change_before
+        real(wp), parameter :: enough = 64*epsilon(1.0_wp), noise = 1e-8_wp
+
+        has_settled = change <= enough .or. (change <= noise .and. change > 0.5_wp*change_before)
+    end function has_settled
 
     !> The force that presses, from what the contact feels.
     pure real(wp) function pressing(contact, press)

@@ -1,6 +1,7 @@
 !> The results that there are, and how each is computed from a traced scene.
 module linkdyn_catalogue
     use linkdyn_force_system, only: reaction_of
+    use linkdyn_friction_quantities, only: friction_wrenches, friction_powers
     use linkdyn_joint_variables, only: one_variable, variable_rate
     use linkdyn_margins, only: assembly_margins
     use linkdyn_motion_quantities, only: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, &
@@ -71,7 +72,8 @@ contains
     elemental logical function needs_equations(id)
         integer, intent(in) :: id                       !! one of `result_*`
 
-        needs_equations = any(id == [result_qdd, result_driving_force, result_reaction, result_power_imbalance])
+        needs_equations = any(id == [result_qdd, result_driving_force, result_reaction, result_power_imbalance, &
+                                     result_friction, result_friction_power])
     end function needs_equations
 
     !> The values of one result, as samples store them; none for what no kernel computes.
@@ -115,6 +117,10 @@ contains
                 v = transmission_angles(mechanism)
             case (result_power_imbalance)
                 v = [power_imbalance(traced)]
+            case (result_friction)
+                v = friction_wrenches(traced)
+            case (result_friction_power)
+                v = friction_powers(traced)
             case (result_kinetic_energy)
                 v = [kinetic_energy(mechanism)]
             case (result_potential_energy)
