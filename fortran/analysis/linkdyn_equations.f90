@@ -611,13 +611,13 @@ contains
         real(wp), parameter :: misfit = 1e-6_wp
         real(wp), dimension(lanes, size(model%contact)) :: force, force_before
         real(wp), dimension(lanes) :: change, change_before
-        logical :: is_settled(lanes)
+        logical :: is_settled(lanes), has_come(lanes)
         integer :: n, i, lane
 
         is_settled = workspace%status /= sample_ok
         is_settled(workspace%n_used + 1:) = .true.
         call find_pressing_forces(model, equations, workspace, force_before)
-        change_before = huge(1.0_wp)
+        change_before = 1                              ! from no friction to some
         do n = 1, most_rounds
             do i = 1, size(model%contact)
                 where (.not. is_settled) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force_before(:, i)
@@ -626,8 +626,16 @@ contains
             call solve_again(model, equations, workspace)
             call find_pressing_forces(model, equations, workspace, force)
             change = maxval(abs(force - force_before), dim=2)/max(maxval(force, dim=2), tiny(1.0_wp))
-            is_settled = is_settled .or. has_settled(change, change_before)
-            if (all(is_settled)) return
+            has_come = .not. is_settled .and. has_settled(change, change_before)
+            do i = 1, size(model%contact)
+                where (has_come) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force(:, i)
+            end do
+            is_settled = is_settled .or. has_come
+            if (all(is_settled)) then
+                call spare_lanes_follow()
+                call solve_again(model, equations, workspace)
+                return
+            end if
             force_before = force
             change_before = change
         end do

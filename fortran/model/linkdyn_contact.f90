@@ -154,13 +154,15 @@ contains
         end if
     end function friction_of_speed
 
-    !> Has what presses come to rest? By its change in two rounds, relative to the largest force. Near a singular position
-    !> rounding goes on changing digits that are not known.
+    !> Has what presses come to rest? By its change in two rounds, relative to the largest force: the next one, which shrinks as
+    !> this one did, would change nothing. Near a singular position rounding goes on changing digits that are not known.
     pure elemental logical function has_settled(change, change_before)
         real(wp), intent(in) :: change, change_before
         real(wp), parameter :: enough = 64*epsilon(1.0_wp), noise = 1e-8_wp
+        real(wp), parameter :: small = 1e-3_wp     !! larger ones may go to and fro
 
-        has_settled = change <= enough .or. (change <= noise .and. change > 0.5_wp*change_before)
+        has_settled = (change <= small .and. change*min(change/change_before, 1.0_wp) <= enough) &
+                      .or. (change <= noise .and. change > 0.5_wp*change_before)
     end function has_settled
 
     !> The force that presses, from what the contact feels.

@@ -108,7 +108,7 @@ contains
         call load_samples(programs%press, settled, first, count, space%press)
         call run_samples(programs%press, space%press, first, count, [goes_to(out_force, space%force_before, is_of_block=.true.)])
         rests = is_left
-        change_before = huge(1.0_wp)
+        change_before = 1                              ! from no friction to some
         do n = 1, most_rounds
             do i = 1, count
                 if (.not. rests(i)) space%amount(:, i) = space%factor(:, i)*space%force_before(:, i)
@@ -118,7 +118,11 @@ contains
             do i = 1, count
                 change(i) = maxval(abs(space%force(:, i) - space%force_before(:, i)))/max(maxval(space%force(:, i)), tiny(1.0_wp))
             end do
-            rests = rests .or. has_settled(change, change_before)
+            do i = 1, count
+                if (rests(i)) cycle
+                rests(i) = has_settled(change(i), change_before(i))
+                if (rests(i)) space%amount(:, i) = space%factor(:, i)*space%force(:, i)
+            end do
             if (all(rests)) exit
             space%force_before(:, :count) = space%force(:, :count)
             change_before = change
