@@ -393,7 +393,8 @@ contains
             call solve_block(model, solver%equations, workspace)
             if (associated(results%reaction)) &
                 call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
-            if (size(model%contact) > 0) call measure_friction(model, workspace%friction, friction, friction_power)
+            if (associated(results%friction) .or. associated(results%friction_power)) &
+                call measure_friction(model, workspace%friction, friction, friction_power)
             if (allocated(solver%probe)) then
                 call estimate_errors(solver%probe, workspace, reaction, associated(results%reaction), probe)
                 workspace%error = probe%worst

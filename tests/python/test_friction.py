@@ -639,6 +639,14 @@ def test_sweep_with_friction() -> None:
     assert int(swept.outcome_count.sel(outcome="locked").sum()) == locked
 
 
+def test_motion_without_forces() -> None:
+    """Kinematics alone asks for no friction."""
+    plain, rough = with_friction(EXAMPLES / "fourbar" / "scene.toml")
+    q = plain.motion()[0][:20]
+    np.testing.assert_array_equal(plain.poses(q).position, rough.poses(q).position)
+    np.testing.assert_array_equal(rough.load_values(q=q, qd=q).shape, plain.load_values(q=q, qd=q).shape)
+
+
 def test_what_cannot_be() -> None:
     """Solvers without reactions, code without an iteration, and spins that friction would decide are refused by name."""
     scene = linkdyn.Scene(CRANK.format(rod=1.1, rod_inertia=0.014, slide=0.1))
