@@ -633,10 +633,20 @@ def test_sweep_with_friction() -> None:
     swept = linkdyn.Scene(text).sweep({
         "reduce": ["driving_force"],
         "axis": [{"coordinate": "A", "linspace": [0.1, 6.0, 33]}, {"rate": "A", "values": [5.0, -5.0]},
-                 {"parameter": "variables.mu", "values": list(coefficients)}],
+                 {"parameter": "friction.D.coulomb", "values": list(coefficients)}],
     })
     assert float(swept.driving_force_max.max()) == pytest.approx(largest, rel=1e-12)
     assert int(swept.outcome_count.sel(outcome="locked").sum()) == locked
+
+
+def test_changes_by_joint() -> None:
+    """A table of friction is called by its joint, put in and taken out."""
+    scene = linkdyn.Scene(CRANK.format(rod=1.1, rod_inertia=0.014, slide=0.1))
+    again = scene.with_({"friction.A": None, "friction.B": None, "friction.C": None, "friction.D.coulomb": 0.2})
+    one = again.with_({"friction.A": {"joint": "A", "coulomb": 0.2, "radius": "30 mm"}})
+    at = {"q": [[0.4]], "qd": [[3.0]], "qdd": [[0.0]], "t": [0.0]}
+    first, second = again.inverse(**at).friction_power[0], one.inverse(**at).friction_power[0]
+    assert (first > 0).values.tolist() == [False, False, False, True] and (second > 0).values.tolist() == [True, False, False, True]
 
 
 def test_motion_without_forces() -> None:
