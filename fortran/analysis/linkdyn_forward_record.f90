@@ -38,14 +38,14 @@ module linkdyn_forward_record
 
 contains
 
-    !> May the scene have a record? No joint rubs, attitudes must come all in the same way, and no coordinate stand in for another one,
+    !> May the scene have a record? Attitudes must come all in the same way, and no coordinate stand in for another one,
     !> whose turns a record does not count.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         integer :: i
 
-        can_be_recorded = size(model%group) == 0 .and. size(model%contact) == 0 .and. all(model%scene%coordinate%for_joint == 0) &
+        can_be_recorded = size(model%group) == 0 .and. all(model%scene%coordinate%for_joint == 0) &
                           .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
         do i = 1, size(model%step)
             if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
@@ -73,6 +73,7 @@ contains
         allocate (request%has_load(6, model%n_load))
         request%has_load = .true.
         request%drive_is_unknown = unknown%drive
+        request%has_friction = size(model%contact) > 0
         request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
         call record_rates(model, request, wants_power, representatives(model, layout, pose), stand, record%recorded)
