@@ -667,3 +667,90 @@ def test_what_cannot_be() -> None:
     rssr = linkdyn.Scene(TESTS / "scenes" / "rssr.toml").text
     with pytest.raises(linkdyn.SceneError, match="friction at joint 'B' holds it back"):
         linkdyn.Scene(rssr + '\n[[friction]]\njoint = "B"\ncoulomb = 0.1\nradius = 0.01\n')
+
+
+PENDULUM = """
+space = "planar"
+gravity = [0, -9.81]
+[frame]
+markers = { O = [0, 0] }
+[[link]]
+name = "upper"
+mass = 2
+inertia = 0.05
+cog = [0.3, 0]
+markers = { O = [0, 0], T = [0.6, 0] }
+[[link]]
+name = "lower"
+mass = 2
+inertia = 0.05
+cog = [0.3, 0]
+markers = { O = [0, 0] }
+[[joint]]
+name = "A"
+type = "revolute"
+between = ["frame.O", "upper.O"]
+[[joint]]
+name = "B"
+type = "revolute"
+between = ["upper.T", "lower.O"]
+[[coordinate]]
+joint = "A"
+start = { position = 0.3, velocity = 0 }
+[[coordinate]]
+joint = "B"
+[[friction]]
+joint = "A"
+coulomb = 0.2
+radius = "20 mm"
+[[friction]]
+joint = "B"
+coulomb = 0.2
+radius = "20 mm"
+[time]
+end = 5
+samples = 4001
+"""
+
+
+def test_energy_goes_into_friction() -> None:
+    """A double pendulum loses what the power of friction adds up to, whichever method; most of it by the record."""
+    scene = linkdyn.Scene(PENDULUM)
+    run = scene.forward(method="gbs")
+    energy = (run.kinetic_energy + run.potential_energy).values
+    loss = float(run.friction_power.sum("joint").integrate("time"))
+    assert energy[0] - energy[-1] == pytest.approx(loss, rel=1e-5) and loss > 1
+    other = scene.forward(method="seulex")
+    np.testing.assert_allclose(other.q, run.q, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["rsur", "hexaglide", "excavator"])
+def test_long_batches(name: str) -> None:
+    """Batches worth a program, closed by iteration too: as by the dense solver."""
+    _, rough = with_friction(TESTS / "scenes" / f"{name}.toml")
+    q = rough.motion()[0]
+    q = np.repeat(q, -(-300 // len(q)), axis=0)
+    qd = 0.3 * np.cos(np.arange(q.size).reshape(q.shape))
+    run, dense = (rough.inverse(q=q, qd=qd, qdd=-qd, t=np.zeros(len(q)), solver=solver) for solver in ("elimination", "lapack"))
+    assert (run.status == 0).all()
+    for quantity in ("driving_force", "reaction", "friction", "friction_power"):
+        values = dense[quantity].values
+        np.testing.assert_allclose(run[quantity].values, values, rtol=1e-9, atol=1e-10 * np.abs(values).max())
+
+
+def test_grows_steadily_until_it_locks() -> None:
+    """With growing coefficients forces change without a jump until a sample locks, and it stays locked."""
+    text = CRANK.format(rod=1.1, rod_inertia=0.014, slide='"2*s"').replace("coulomb = 0.2", 'coulomb = "2*s"')
+    text = text.replace('"30 mm"', '"60 mm"').replace('"20 mm"', '"60 mm"') + "\n[variables]\ns = 1.0\n"
+    scene, random = linkdyn.Scene(text), np.random.default_rng(5)
+    q, qd, qdd = random.uniform(0, 6.28, (60, 1)), random.uniform(-8, 8, (60, 1)), random.uniform(-20, 20, (60, 1))
+    runs = [scene.with_({"variables.s": float(s)}).inverse(q=q, qd=qd, qdd=qdd, t=np.zeros(60)) for s in np.linspace(0, 1, 81)]
+    status = np.array([run.status.values for run in runs])
+    assert set(np.unique(status)) == {0, 6} and 10 < (status[-1] == 6).sum() < 50
+    for sample in status.T:
+        locked = np.flatnonzero(sample == 6)
+        assert len(locked) == 0 or (sample[locked[0]:] == 6).all()
+    torque = np.array([run.driving_force.values[:, 0] for run in runs])
+    for values in torque.T[status[-1] == 0]:
+        steps = np.abs(np.diff(values))
+        assert (steps[1:-1] <= 3 * np.maximum(steps[:-2], steps[2:]) + 1e-6).all()
