@@ -231,7 +231,7 @@ contains
         type(wanted_type) :: wanted
 
         wanted = all_wanted(config%options%solver)
-        if (config%no_output) wanted = wanted_type(.true., wanted%reaction, .false., .false., .false.)
+        if (config%no_output) wanted = wanted_type(.true., wanted%reaction, .false., .false., .false., .false.)
     end function default_wanted
 
     !> One option with its value, or the name of the scene.

@@ -17,7 +17,8 @@ module linkdyn_drive_inverse
         find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
         result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
         result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
-        result_power_imbalance, result_driving_force_error, result_reaction_error, result_assembly, variable_index
+        result_friction, result_friction_power, result_power_imbalance, result_driving_force_error, &
+        result_reaction_error, result_assembly, variable_index
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
         exit_done, exit_bad_input, exit_samples_failed
     use linkdyn_scene, only: has_hard_stops, scene_type, put_file_first
@@ -257,6 +258,8 @@ contains
         call view_values(layout, result_reaction, n, block, results%reaction)
         call view_values(layout, result_joint_variable, n, block, results%joint_variable)
         call view_values(layout, result_joint_rate, n, block, results%joint_rate)
+        call view_values(layout, result_friction, n, block, results%friction)
+        call view_values(layout, result_friction_power, n, block, results%friction_power)
         call view_values(layout, result_rcond, n, block, results%rcond)
         call view_values(layout, result_singularity_distance, n, block, results%singularity_distance)
         call view_values(layout, result_error, n, block, results%error)

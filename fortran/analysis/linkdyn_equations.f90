@@ -17,13 +17,17 @@ module linkdyn_equations
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
+    use linkdyn_contact, only: has_settled, most_rounds
     use linkdyn_constants, only: golden
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_dyad_map, only: is_surely_certain
     use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
     use linkdyn_elimination_run, only: run_plan, load_constants
     use linkdyn_formulation, only: formulation_type, build_formulation, style_lecture, style_sparse
+    use linkdyn_friction_balance, only: balance_friction
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_joint_friction, only: friction_space, prepare_friction, view_contacts, press_contacts, pressing_forces, &
+        apply_friction
     use linkdyn_joint_rates, only: actuator_columns, work_columns
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
@@ -34,13 +38,13 @@ module linkdyn_equations
     use linkdyn_model, only: model_type, is_dyad
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_pass, only: uncertainty_of_dyad
-    use linkdyn_reactions, only: solution_type, unknown
+    use linkdyn_reactions, only: solution_type, unknown, collect_reactions
     use linkdyn_row_order, only: order_rows
     use linkdyn_scene, only: n_stop, has_hard_stops, share_refused
     use linkdyn_shared_drives, only: share_drives
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
-        sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
+        sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, sample_locked
     use linkdyn_text, only: to_text
     use linkdyn_uncertainty, only: largest_uncertainty
     implicit none (type, external)
@@ -99,6 +103,7 @@ module linkdyn_equations
         real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
         logical :: fell_back(lanes) = .false.           !! the plan handed the lane to the dense solver
+        type(friction_space) :: friction
     contains
         procedure :: free
     end type equation_workspace
@@ -146,11 +151,16 @@ contains
         equations%unknown = find_drives(model)
         if (present(unknown)) equations%unknown = unknown
         if (.not. present(unknown)) call share_among_drives(model, equations)
-        equations%wants_reactions = wants_reactions
-        equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 .or. equations%shares_drives &
+        equations%wants_reactions = wants_reactions .or. size(model%contact) > 0      ! which friction comes from
+        equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 .or. size(model%contact) > 0 &
+                                .or. equations%shares_drives &
                                 .or. (solver == solver_reduced .and. .not. all(model%leg%is_carried))
         if (solver == solver_reduced .and. wants_reactions) then
             call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")
+            return
+        else if (solver == solver_reduced .and. size(model%contact) > 0) then
+            call fail(status, status_bad_input, "solver 'reduced' has no reactions, which friction at joint '" &
+                      //trim(model%joint(model%contact(1)%joint)%name)//"' comes from (expected another solver)")
             return
         end if
         call build_formulation(model, merge(style_sparse, style_lecture, solver == solver_elimination), &
@@ -427,7 +437,7 @@ contains
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         workspace%state%has_applied = equations%are_solved .and. &
                                       (size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
-                                       .or. model%scene%base%moves .or. has_hard_stops(model%scene) &
+                                       .or. model%scene%base%moves .or. has_hard_stops(model%scene) .or. size(model%contact) > 0 &
                                        .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world
         workspace%state%carries_legs = equations%solver == solver_reduced
@@ -437,6 +447,7 @@ contains
         workspace%driving_force = 0
         workspace%load = 0
         if (.not. equations%are_solved) return
+        if (size(model%contact) > 0) call prepare_friction(model, workspace%friction)
         select case (equations%solver)
         case (solver_gauss_jordan, solver_gauss_jordan_plain)
             allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
@@ -543,24 +554,37 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        integer :: k
 
         call judge_motion(model, workspace)
-        workspace%acceleration = workspace%state%qdd
         call find_payloads(model, workspace%state)
         if (workspace%state%has_applied) then
+            if (size(model%contact) > 0) call begin_friction(model, workspace)
             call apply_known_forces(model, equations, workspace)
             where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
         end if
         if (equations%shares_drives) then
             call drive_together(model, workspace)
+            workspace%acceleration = workspace%state%qdd
             if (equations%solver == solver_reduced .or. .not. equations%wants_reactions) return
         else if (equations%solver == solver_reduced) then
+            workspace%acceleration = workspace%state%qdd
             call solve_reduced(model, equations%unknown, workspace)
             call flag_not_finite(workspace%driving_force, workspace%status)
             call flag_not_finite(workspace%acceleration, workspace%status)
             return
         end if
+        call solve_forces(model, equations, workspace)
+        if (size(model%contact) > 0) call settle_friction(model, equations, workspace)
+    end subroutine solve_equations
+
+    !> Assembly and solution with the forces applied to the links.
+    subroutine solve_forces(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: k
+
+        workspace%acceleration = workspace%state%qdd
         associate (formulation => equations%formulation)
             call assemble_matrix(model, formulation, workspace%state, workspace%slot%value)
             call assemble_accelerations(model, formulation, equations%accelerations, workspace%state, workspace%slot%value)
@@ -588,7 +612,147 @@ contains
                                                + unknown(workspace%solution, equations%accelerations%column(k))
             end do
         end associate
-    end subroutine solve_equations
+    end subroutine solve_forces
+
+    ! ---------------------------------------------------------------- friction
+
+    !> How contacts slide; none of them rubs yet but for what is viscous.
+    subroutine begin_friction(model, workspace)
+        type(model_type), intent(in) :: model
+        type(equation_workspace), intent(inout) :: workspace
+
+        call view_contacts(model, workspace%state, workspace%friction)
+        workspace%friction%amount = 0
+        workspace%state%holding = 0
+    end subroutine begin_friction
+
+    !> Friction that fits the reactions which it changes. Most mechanisms are rubbed little: what friction makes of the reactions
+    !> is put in again until nothing changes. Where that does not come to rest soon, friction grows from zero (`balance_friction`).
+    subroutine settle_friction(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp), parameter :: misfit = 1e-6_wp
+        real(wp), dimension(lanes, size(model%contact)) :: force, force_before
+        real(wp), dimension(lanes) :: change, change_before
+        logical :: is_settled(lanes), has_come(lanes)
+        integer :: n, i, lane
+
+        is_settled = workspace%status /= sample_ok
+        is_settled(workspace%n_used + 1:) = .true.
+        call find_pressing_forces(model, equations, workspace, force_before)
+        change_before = 1                              ! from no friction to some
+        do n = 1, most_rounds
+            do i = 1, size(model%contact)
+                where (.not. is_settled) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force_before(:, i)
+            end do
+            call spare_lanes_follow()
+            call solve_again(model, equations, workspace)
+            call find_pressing_forces(model, equations, workspace, force)
+            change = maxval(abs(force - force_before), dim=2)/max(maxval(force, dim=2), tiny(1.0_wp))
+            has_come = .not. is_settled .and. has_settled(change, change_before)
+            do i = 1, size(model%contact)
+                where (has_come) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force(:, i)
+            end do
+            is_settled = is_settled .or. has_come
+            if (all(is_settled)) then
+                call spare_lanes_follow()
+                call solve_again(model, equations, workspace)
+                return
+            end if
+            force_before = force
+            change_before = change
+        end do
+        call continue_friction(model, equations, workspace, is_settled)
+        call spare_lanes_follow()
+        call solve_again(model, equations, workspace)
+        call find_pressing_forces(model, equations, workspace, force)
+        do i = 1, size(model%contact)
+            do lane = 1, workspace%n_used
+                if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
+                associate (found => workspace%friction%at(i)%factor(lane)*force(lane, i))
+                    if (.not. abs(found - workspace%friction%amount(lane, i)) <= misfit*max(found, &
+                        workspace%friction%at(i)%factor(lane)*maxval(force(lane, :)))) workspace%status(lane) = sample_not_converged
+                end associate
+            end do
+        end do
+
+    contains
+
+        !> Lanes that nobody looks at are like the last of the others, and what they give is taken for its.
+        subroutine spare_lanes_follow()
+            integer :: lane
+
+            associate (friction => workspace%friction, last => workspace%n_used)
+                do lane = last + 1, lanes
+                    friction%amount(lane, :) = friction%amount(last, :)
+                end do
+            end associate
+        end subroutine spare_lanes_follow
+    end subroutine settle_friction
+
+    !> Solve with the present friction.
+    subroutine solve_again(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+
+        call apply_known_forces(model, equations, workspace)
+        call solve_forces(model, equations, workspace)
+    end subroutine solve_again
+
+    subroutine find_pressing_forces(model, equations, workspace, force)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        real(wp), intent(out) :: force(:, :)           !! (lane, contact) [N]
+
+        call collect_reactions(model, equations%formulation, workspace%state, workspace%solution, workspace%friction%reaction)
+        call press_contacts(model, workspace%friction)
+        call pressing_forces(model, workspace%friction, force)
+    end subroutine find_pressing_forces
+
+    !> The friction of lanes that are not settled, from what each contact's does to all. Where none fits, a joint holds fast.
+    subroutine continue_friction(model, equations, workspace, is_settled)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        logical, intent(in) :: is_settled(lanes)
+        real(wp), dimension(lanes, size(model%contact)) :: settled, force
+        real(wp), dimension(lanes) :: largest, one
+        real(wp), allocatable :: press(:, :, :), slope(:, :, :, :)
+        real(wp) :: factor(size(model%contact))
+        integer :: i, k, lane
+
+        associate (n => size(model%contact), friction => workspace%friction)
+            settled = friction%amount
+            allocate (slope(lanes, size(friction%press, 2), n, n))
+            friction%amount = 0
+            call solve_again(model, equations, workspace)
+            call find_pressing_forces(model, equations, workspace, force)
+            press = friction%press
+            largest = maxval(force, dim=2)
+            do k = 1, n
+                ! about as much as it will be, for the digits' sake
+                one = friction%at(k)%factor*largest
+                friction%amount = 0
+                friction%amount(:, k) = one
+                call solve_again(model, equations, workspace)
+                call find_pressing_forces(model, equations, workspace, force)
+                do lane = 1, lanes
+                    slope(lane, :, :, k) = (friction%press(lane, :, :) - press(lane, :, :))/max(one(lane), tiny(1.0_wp))
+                end do
+            end do
+            friction%amount = settled
+            do lane = 1, workspace%n_used
+                if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
+                factor = [(friction%at(i)%factor(lane), i=1, n)]
+                call balance_friction(model%contact, factor, press(lane, :, :), slope(lane, :, :, :), friction%amount(lane, :), &
+                                      workspace%state%holding(lane))
+                if (workspace%state%holding(lane) > 0) workspace%status(lane) = sample_locked
+            end do
+        end associate
+    end subroutine continue_friction
 
     !> Springs, laws over the state and given driving forces become wrenches on the links.
     subroutine apply_known_forces(model, equations, workspace)
@@ -608,6 +772,7 @@ contains
                                                    -stop%side*workspace%state%stop_force(:, i), workspace%state)
             end associate
         end do
+        if (size(model%contact) > 0) call apply_friction(model, workspace%friction, workspace%state)
         if (equations%shares_drives) return                ! nobody knows yet what drives apply
         do i = 1, model%n_actuator
             if (.not. equations%unknown%drive(i)) call apply_actuator(model, i, workspace)

@@ -6,7 +6,7 @@ module linkdyn_forward_block
         result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
-        result_closure, result_step, result_stand_in, result_assembly
+        result_closure, result_step, result_stand_in, result_assembly, result_friction, result_friction_power
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
@@ -43,6 +43,8 @@ contains
             call view_values(layout, result_assembly, n, block, forces%assembly)
             call view_values(layout, result_driving_force, n, block, forces%driving_force)
             call view_values(layout, result_reaction, n, block, forces%reaction)
+            call view_values(layout, result_friction, n, block, forces%friction)
+            call view_values(layout, result_friction_power, n, block, forces%friction_power)
             call view_values(layout, result_joint_variable, n, block, forces%joint_variable)
             call view_values(layout, result_joint_rate, n, block, forces%joint_rate)
             call view_values(layout, result_rcond, n, block, forces%rcond)

@@ -75,6 +75,7 @@ contains
         allocate (request%has_load(6, model%n_load))
         request%has_load = .true.
         request%drive_is_unknown = unknown%drive
+        request%has_friction = size(model%contact) > 0
         request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
         call record_rates(model, request, wants_power, representatives(model, layout, pose), stand, record%recorded)

@@ -212,7 +212,7 @@ contains
         integer, parameter :: many = 20                    !! links a coordinate
 
         solver = solver_elimination
-        if (.not. all(unknown%acceleration)) return
+        if (.not. all(unknown%acceleration) .or. size(model%contact) > 0) return     ! friction comes from reactions
         ! Where a plan fails, near a change point, the dense solver of a long chain would take 100 times as long.
         if (any(model%leg%is_carried) .or. model%n_link > many*model%n_q) solver = solver_reduced
     end function fastest_solver

@@ -140,6 +140,9 @@ contains
         if (has_hard_stops(model%scene) .and. wish%kernel == kernel_forward) call fail(status, status_bad_input, &
             "no code can be generated: stop "//quoted(model%scene%stop(findloc(model%scene%stop%is_hard, .true., dim=1))%name)// &
             " throws back (expected a scene without stops, or another kernel)")
+        if (size(model%contact) > 0 .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
+            "no code can be generated: friction at joint '"//trim(model%joint(model%contact(1)%joint)%name)//"' needs an "// &
+            "iteration (expected a scene without friction, or the kernel kinematics)")
         call hold_texts()
         call name_files(name, code, status)
         code%title = model%scene%title

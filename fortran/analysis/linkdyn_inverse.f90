@@ -18,12 +18,13 @@ module linkdyn_inverse
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
         choose_solver, choose_poses
     use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
-    use linkdyn_failure, only: lost_in_words, failure_at
+    use linkdyn_failure, only: lost_in_words, failure_at, lock_in_words
     use linkdyn_group_motion, only: group_closer
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_base, &
         in_payload
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures, make_undefined
+    use linkdyn_joint_friction, only: measure_friction
     use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, power_imbalance, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
@@ -47,7 +48,7 @@ module linkdyn_inverse
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
     use linkdyn_settled_samples, only: settle_samples
     use linkdyn_shared_reactions, only: share_reactions
-    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined
+    use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, sample_locked
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count, count_turns
     use linkdyn_uncertainty, only: is_surely_certain
@@ -78,6 +79,8 @@ module linkdyn_inverse
     type :: thread_space
         type(equation_workspace) :: workspace
         real(wp), allocatable :: reaction(:, :, :)              !! (lane, 6, n_joint)
+        real(wp), allocatable :: friction(:, :, :)              !! (lane, n_component, n_joint)
+        real(wp), allocatable :: friction_power(:, :)           !! (lane, n_joint)
         real(wp), allocatable :: variable(:, :), rate(:, :)     !! (lane, n_variable)
         type(probe_space) :: probe                              !! if errors are wanted
         type(condition_space) :: condition                      !! if the condition number or the distance is
@@ -229,6 +232,7 @@ contains
         class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
+        integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
         integer :: n, n_all, n_left, n_dense
         logical :: wants_rates, wants_driven, wants_world, has_stand_ins, is_on_way
 
@@ -270,6 +274,7 @@ contains
         end if
         if (associated(results%load)) call tell_loads()
         n_left = n
+        if (size(model%contact) > 0) allocate (holding(n), source=0)
         if (associated(recorded)) then
             if (is_on_way .or. .not. allocated(solver%at_start%status)) then
                 call run_by_record(model, recorded, threads, q, qd, qdd, load, assembly, results, n_left, left, t)
@@ -291,6 +296,7 @@ contains
             call release_texts()
         end if
         if (present(trail) .and. results%lost_sample == 0 .and. associated(results%status)) call tell_undefined()
+        if (results%lost_sample == 0 .and. allocated(holding)) call tell_locked()
         if (present(turns) .and. associated(results%joint_variable)) then
             if (present(own)) then
                 call count_turns(own, results%joint_variable, turns)
@@ -340,6 +346,17 @@ contains
                 if (results%status(sample) /= sample_ok) call make_undefined(results, sample)
             end do
         end subroutine share
+        !> Which joint holds the first sample fast that one does.
+        subroutine tell_locked()
+            integer :: sample
+
+            sample = findloc(holding > 0, .true., dim=1)
+            if (sample == 0) return
+            call hold_texts()
+            results%lost_in_words = lock_in_words(model, holding(sample))
+            call release_texts()
+            results%lost_sample = sample
+        end subroutine tell_locked
 
         !> Why the first sample that has no forces has none: a law left its table, a spring lost its direction.
         subroutine tell_undefined()
@@ -389,8 +406,8 @@ contains
             !$omp do schedule(dynamic, share) reduction(+:n_dense)
             do block = 1, n_block
                 if (is_interrupted()) cycle
-                call run_block(block, space%workspace, space%reaction, space%variable, space%rate, space%probe, space%condition, &
-                               space%singularity)
+                call run_block(block, space%workspace, space%reaction, space%friction, space%friction_power, space%variable, &
+                               space%rate, space%probe, space%condition, space%singularity)
                 n_dense = n_dense + count(space%workspace%fell_back(:min(lanes, n_left - (block - 1)*lanes)))
             end do
             !$omp end do
@@ -416,10 +433,10 @@ contains
         end function sample_of
 
         !> One block from samples to samples.
-        subroutine run_block(block, workspace, reaction, variable, rate, probe, condition, singularity)
+        subroutine run_block(block, workspace, reaction, friction, friction_power, variable, rate, probe, condition, singularity)
             integer, intent(in) :: block
             type(equation_workspace), intent(inout) :: workspace
-            real(wp), intent(inout) :: reaction(:, :, :), variable(:, :), rate(:, :)
+            real(wp), intent(inout) :: reaction(:, :, :), friction(:, :, :), friction_power(:, :), variable(:, :), rate(:, :)
             type(probe_space), intent(inout) :: probe
             type(condition_space), intent(inout) :: condition
             type(singularity_space), intent(inout) :: singularity
@@ -433,6 +450,8 @@ contains
             call solve_block(model, solver%equations, workspace)
             if (associated(results%reaction)) &
                 call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
+            if (associated(results%friction) .or. associated(results%friction_power)) &
+                call measure_friction(model, workspace%friction, friction, friction_power)
             if (allocated(solver%probe)) then
                 call estimate_errors(solver%probe, workspace, reaction, associated(results%reaction), probe)
                 workspace%error = probe%worst
@@ -458,8 +477,8 @@ contains
             if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
             if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
             if (has_stand_ins) workspace%acceleration = of_own
-            call scatter(block, workspace, reaction, variable, rate, driven, driven_rate, probe, imbalance, kinetic, potential, &
-                         gap, distance)
+            call scatter(block, workspace, reaction, friction, friction_power, variable, rate, driven, driven_rate, probe, &
+                         imbalance, kinetic, potential, gap, distance)
         end subroutine run_block
 
         !> Samples into lanes; lanes beyond the last sample repeat it.
@@ -492,11 +511,12 @@ contains
         end subroutine gather
 
         !> Lanes into samples; failed ones become NaN.
-        subroutine scatter(block, workspace, reaction, variable, rate, driven, driven_rate, probe, imbalance, kinetic, potential, &
-                           gap, distance)
+        subroutine scatter(block, workspace, reaction, friction, friction_power, variable, rate, driven, driven_rate, probe, &
+                           imbalance, kinetic, potential, gap, distance)
             integer, intent(in) :: block
             type(equation_workspace), intent(in) :: workspace
-            real(wp), intent(in) :: reaction(:, :, :), variable(:, :), rate(:, :), driven(:, :), driven_rate(:, :)
+            real(wp), intent(in) :: reaction(:, :, :), friction(:, :, :), friction_power(:, :)
+            real(wp), intent(in) :: variable(:, :), rate(:, :), driven(:, :), driven_rate(:, :)
             type(probe_space), intent(in) :: probe
             real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap, distance
             real(wp) :: total(lanes)
@@ -544,6 +564,13 @@ contains
                 if (associated(results%reaction)) then
                     results%reaction(:, :, sample) = reaction(lane, :, :)
                 end if
+                if (associated(results%friction)) then
+                    results%friction(:, :, sample) = friction(lane, :, :)
+                end if
+                if (associated(results%friction_power)) then
+                    results%friction_power(:, sample) = friction_power(lane, :)
+                end if
+                if (outcome(lane) == sample_locked) holding(sample) = workspace%state%holding(lane)
                 if (associated(results%driving_force_error)) then
                     results%driving_force_error(:, sample) = probe%driving_force_error(lane, :)
                 end if
@@ -893,6 +920,7 @@ contains
         call prepare_workspace(model, solver%equations, space%workspace)
         allocate (space%reaction(lanes, model%n_component, model%n_joint), space%variable(lanes, model%n_variable), &
                   space%rate(lanes, model%n_variable))
+        allocate (space%friction(lanes, model%n_component, model%n_joint), space%friction_power(lanes, model%n_joint))
         if (allocated(solver%probe)) call prepare_probe_space(solver%probe, space%probe)
         if (allocated(solver%condition)) call prepare_condition(solver%condition, space%condition)
         if (solver%wants_distance) then

@@ -3,7 +3,7 @@ module linkdyn_inverse_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_catalogue, only: result_qdd, result_driving_force, result_reaction, result_joint_variable, result_joint_rate, &
         result_power_imbalance, result_transmission_angle, result_kinetic_energy, result_potential_energy, result_closure, &
-        result_position, result_rotation, result_driving_position, result_driving_speed
+        result_position, result_rotation, result_driving_position, result_driving_speed, result_friction, result_friction_power
     use linkdyn_kinds, only: wp
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: result_list, add_target
@@ -36,6 +36,8 @@ module linkdyn_inverse_results
         real(wp), pointer, contiguous :: potential_energy(:) => null() !! (n) of gravity and springs [J]
         real(wp), pointer, contiguous :: load(:, :, :) => null()    !! loads, with those that follow the state (6, n_load, n) [N, N m]
         real(wp), pointer, contiguous :: closure(:) => null()   !! (n) largest gap of a joint [m, rad]
+        real(wp), pointer, contiguous :: friction(:, :, :) => null() !! (n_component, n_joint, n) on the second link [N, N m]
+        real(wp), pointer, contiguous :: friction_power(:, :) => null() !! (n_joint, n) that it takes [W]
         real(wp), pointer, contiguous :: position(:, :, :) => null() !! (3, n_link, n) origins [m]
         real(wp), pointer, contiguous :: rotation(:, :, :, :) => null() !! (3, 3, n_link, n) columns: the link's axes
         type(road_counts) :: roads                              !! of the samples
@@ -70,6 +72,8 @@ contains
         if (associated(whole%kinetic_energy)) part%kinetic_energy => whole%kinetic_energy(first:last)
         if (associated(whole%potential_energy)) part%potential_energy => whole%potential_energy(first:last)
         if (associated(whole%closure)) part%closure => whole%closure(first:last)
+        if (associated(whole%friction)) part%friction => whole%friction(:, :, first:last)
+        if (associated(whole%friction_power)) part%friction_power => whole%friction_power(:, first:last)
         if (associated(whole%position)) part%position => whole%position(:, :, first:last)
         if (associated(whole%rotation)) part%rotation => whole%rotation(:, :, :, first:last)
     end function part_of_results
@@ -83,6 +87,8 @@ contains
         nan = ieee_value(1.0_wp, ieee_quiet_nan)
         if (associated(results%driving_force)) results%driving_force(:, sample) = nan
         if (associated(results%reaction)) results%reaction(:, :, sample) = nan
+        if (associated(results%friction)) results%friction(:, :, sample) = nan
+        if (associated(results%friction_power)) results%friction_power(:, sample) = nan
         if (associated(results%driving_force_error)) results%driving_force_error(:, sample) = nan
         if (associated(results%reaction_error)) results%reaction_error(:, :, sample) = nan
         if (associated(results%joint_variable)) results%joint_variable(:, sample) = nan
@@ -126,6 +132,10 @@ contains
         if (associated(results%closure)) call add_target(list, result_closure, 1, n, results%closure)
         if (associated(results%position)) &
             call add_target(list, result_position, 3*size(results%position, 2), n, results%position)
+        if (associated(results%friction)) &
+            call add_target(list, result_friction, size(results%friction, 1)*size(results%friction, 2), n, results%friction)
+        if (associated(results%friction_power)) &
+            call add_target(list, result_friction_power, size(results%friction_power, 1), n, results%friction_power)
         if (associated(results%rotation)) &
             call add_target(list, result_rotation, 9*size(results%rotation, 3), n, results%rotation)
     end subroutine list_results

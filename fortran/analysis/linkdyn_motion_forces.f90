@@ -4,7 +4,7 @@
 module linkdyn_motion_forces
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
-        solve_equations, solver_reduced
+        solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
         place_states, may_change_assembly
     use linkdyn_forward_state, only: state_layout, plan_layout
@@ -48,7 +48,9 @@ contains
 
         forces%is_needed = .true.
         forces%model => model
-        call build_equations(model, solver_reduced, .false., forces%equations, status)
+        ! friction comes from reactions
+        call build_equations(model, merge(solver_elimination, solver_reduced, size(model%contact) > 0), .false., &
+                             forces%equations, status)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, forces%equations, forces%workspace)
         forces%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places

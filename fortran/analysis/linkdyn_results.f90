@@ -11,7 +11,7 @@ module linkdyn_results
         result_error, result_growth, result_power_imbalance, result_time, result_driving_force_error, &
         result_reaction_error, result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step, &
         result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly, result_q_error, &
-        result_qd_error, result_qdd_error, result_joint_rate_error
+        result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
@@ -31,6 +31,7 @@ module linkdyn_results
     public :: result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step
     public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
+    public :: result_friction, result_friction_power
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -56,8 +57,8 @@ module linkdyn_results
                                             result_reaction_error, result_joint_rate_error]
 
     ! ---- what the user may ask for
-    character(len=20), parameter :: wanted_name(8) = [character(len=20) :: &
-        "driving_force", "reaction", "joint_variable", "power", "checks", "rcond", "singularity_distance", "all"]
+    character(len=20), parameter :: wanted_name(9) = [character(len=20) :: &
+        "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "rcond", "singularity_distance", "all"]
 
     !> Parts of the results that cost time or room, each on its own switch.
     type :: wanted_type
@@ -65,7 +66,8 @@ module linkdyn_results
         logical :: reaction = .true.
         logical :: joint_variable = .true.   !! with its rate, and the transmission angles
         logical :: power = .true.            !! speed and power of every actuator
-        logical :: checks = .true.           !! power_imbalance, and what the solver tells of itself:
+        logical :: checks = .true.           !! power_imbalance, and what the solver tells of itself
+        logical :: friction = .true.         !! of the joints, and its power, if the scene has some
         logical :: growth = .false.          !! gauss-jordan, of its pivots
         logical :: bound = .false.           !! lapack, of its error
         logical :: rcond = .false.           !! costs as much as everything else together, or more
@@ -185,7 +187,7 @@ contains
         integer :: first, comma
         character(len=:), allocatable :: word
 
-        wanted = wanted_type(.false., .false., .false., .false., .false.)
+        wanted = wanted_type(.false., .false., .false., .false., .false., .false.)
         first = 1
         do while (first <= len(text) + 1)
             comma = index(text(first:), ",")
@@ -203,6 +205,8 @@ contains
                 wanted%power = .true.
             case ("checks")
                 wanted%checks = .true.
+            case ("friction")
+                wanted%friction = .true.
             case ("rcond")
                 wanted%rcond = .true.
             case ("singularity_distance")
@@ -242,6 +246,9 @@ contains
         is_run = .false.
         if (present(is_forward)) is_run = is_forward
         call describe_variables(wanted, has_time, is_run, layout, length)
+        if (wanted%friction .and. allocated(scene%friction)) then
+            if (size(scene%friction) > 0) call describe_friction(layout)
+        end if
         if (present(follows_assembly)) then
             if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
                 "how the assembly of the sample was found", "1", flag=reached_name)
@@ -377,6 +384,16 @@ contains
         if (wanted%checks) call add(layout, result_power_imbalance, "power_imbalance", &
             "driving and external power less change of energy, relative to the sum of magnitudes", "1")
     end subroutine describe_variables
+
+    !> What scenes with friction have.
+    subroutine describe_friction(layout)
+        type(layout_type), intent(inout) :: layout
+
+        call add(layout, result_friction, "friction", &
+            "wrench of friction of the first link of the joint on the second, at the joint point, world axes", &
+            of=[dim_joint, dim_component], units=layout%dimension(dim_component)%unit)
+        call add(layout, result_friction_power, "friction_power", "power that friction in the joint takes", "W", of=[dim_joint])
+    end subroutine describe_friction
 
     !> What only a run of forward dynamics has.
     subroutine describe_run(wanted, has_joint_coordinates, layout)

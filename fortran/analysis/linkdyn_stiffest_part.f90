@@ -36,6 +36,7 @@ contains
         name = ""
         rate = 0
         bare = model
+        bare%contact = bare%contact(:0)
         bare%scene%spring%stiffness = 0
         bare%scene%spring%damping = 0
         bare%scene%base%moves = .false.

@@ -73,7 +73,8 @@ contains
         if (.not. status%is_ok()) return
         call describe_results(model%scene, wanted, .true., watched%layout, is_forward=.true., dyad=dyad_names(model), &
                               follows_assembly=follows_assembly(model))
-        needed = wanted_type(wanted%driving_force, wanted%reaction, wanted%joint_variable, power=.false., checks=.false.)
+        needed = wanted_type(wanted%driving_force, wanted%reaction, wanted%joint_variable, power=.false., checks=.false., &
+                             friction=.false.)
         do i = 1, size(watched%companion)
             associate (companion => watched%companion(i))
                 companion%scale = scale_of(i)

@@ -13,7 +13,7 @@ module linkdyn_inverse_call
     use linkdyn_results, only: find_driving_power, result_driving_force, result_driving_speed, result_driving_power, &
         result_reaction, result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, &
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
-        result_transmission_angle, result_growth, result_assembly
+        result_transmission_angle, result_growth, result_assembly, result_friction, result_friction_power
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type, takes_time, payload_changes
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
@@ -25,14 +25,15 @@ module linkdyn_inverse_call
         check_count
 
     !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
-    integer, parameter :: n_room = 15
+    integer, parameter :: n_room = 17
     integer, parameter :: room_id(n_room) = [result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, result_singularity_distance, &
         result_error, result_driving_force_error, result_reaction_error, result_transmission_angle, result_growth, &
-        result_assembly]
+        result_assembly, result_friction, result_friction_power]
     character(len=20), parameter :: room_name(n_room) = [character(len=20) :: "driving_force", "driving_speed", "driving_power", &
         "reaction", "joint_variable", "joint_rate", "power_imbalance", "rcond", "singularity_distance", "error", &
-        "driving_force_error", "reaction_error", "transmission_angle", "growth", "assembly"]
+        "driving_force_error", "reaction_error", "transmission_angle", "growth", "assembly", &
+        "friction", "friction_power"]
 
     !> Where a result goes; null: it is not wanted.
     type :: room_type
@@ -61,6 +62,10 @@ contains
             width = model%n_component*model%n_joint
         case (result_joint_variable, result_joint_rate)
             width = model%n_variable
+        case (result_friction)
+            width = merge(model%n_component*model%n_joint, 0, size(model%contact) > 0)
+        case (result_friction_power)
+            width = merge(model%n_joint, 0, size(model%contact) > 0)
         case (result_transmission_angle)
             width = model%n_dyad
         case default
@@ -202,6 +207,10 @@ contains
                 results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
             case (result_transmission_angle)
                 results%transmission_angle(1:model%n_dyad, 1:n) => room(i)%real
+            case (result_friction)
+                if (size(model%contact) > 0) results%friction(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
+            case (result_friction_power)
+                if (size(model%contact) > 0) results%friction_power(1:model%n_joint, 1:n) => room(i)%real
             case (result_growth)
                 results%growth => room(i)%real
             end select

@@ -7,7 +7,8 @@ module linkdyn_status
     private
     public :: status_type, fail
     public :: status_ok, status_bad_input, status_io_error, status_unavailable, status_internal, status_interrupted
-    public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined, sample_branch_lost
+    public :: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_undefined, sample_branch_lost, &
+        sample_locked
     public :: n_sample_status
     public :: sample_status_name
     public :: message_len
@@ -26,9 +27,10 @@ module linkdyn_status
     integer, parameter :: sample_not_converged = 3 !! an iteration ran out of steps
     integer, parameter :: sample_undefined = 4     !! a force has no direction here, or a value is beyond all numbers
     integer, parameter :: sample_branch_lost = 5   !! two assemblies meet on the way: which of them it is cannot be told
-    integer, parameter :: n_sample_status = 6
+    integer, parameter :: sample_locked = 6        !! friction holds the mechanism fast: no forces can keep up this motion
+    integer, parameter :: n_sample_status = 7
     character(len=13), parameter :: sample_status_name(0:n_sample_status - 1) = &
-        [character(len=13) :: "ok", "unreachable", "singular", "not_converged", "undefined", "branch_lost"]
+        [character(len=13) :: "ok", "unreachable", "singular", "not_converged", "undefined", "branch_lost", "locked"]
 
     !> Outcome of a call: `code` is one of the `status_*` constants, `message` one line for people.
     type :: status_type

@@ -64,7 +64,7 @@ contains
         formulation%n_unknown = count(keep)
     end subroutine drop_drives
 
-    !> Springs and given driving forces act on massless links too: their right-hand sides are not zero then.
+    !> Springs, friction and given driving forces act on massless links too: their right-hand sides are not zero then.
     subroutine mark_applied(model, is_given, formulation)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_given(:)             !! (n_actuator)
@@ -82,6 +82,9 @@ contains
                     call mark(spring%link)
                 end if
             end associate
+        end do
+        do i = 1, size(model%contact)
+            call mark(model%joint(model%contact(i)%joint)%link)
         end do
 
     contains

@@ -3,6 +3,7 @@ module linkdyn_builder
     use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_code, only: check_code
     use linkdyn_constants, only: two_pi
+    use linkdyn_contact, only: list_contacts
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: plan_gears
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
@@ -48,6 +49,7 @@ contains
         if (.not. status%is_ok()) return
         call plan_scene(scene, model, status, closed_forms)
         if (status%is_ok() .and. model%share%n > 0) call choose_fitting_branches(scene, model, closed_forms)
+        if (status%is_ok()) call refuse_open_friction(model, status)
         if (.not. status%is_ok() .or. allocated(scene%hold)) return
         if (size(model%scene%hold) == 0) return
         ! Now it is known how the links stand at the start: idle spins are held by directions that suit.
@@ -55,6 +57,24 @@ contains
         with_holds%hold = holds_at_start(model)
         call plan_scene(with_holds, model, status, closed_forms)
     end subroutine build_model
+
+    !> Friction comes of reactions that are determined; and drives that share the work are found before any reaction is.
+    subroutine refuse_open_friction(model, status)
+        type(model_type), intent(in) :: model
+        type(status_type), intent(inout) :: status
+        integer :: i, j
+
+        if (size(model%contact) == 0) return
+        do i = 1, size(model%contact)
+            j = model%contact(i)%joint
+            if (model%share%n == 0) exit
+            if (any(model%share%joint == j)) call fail(status, status_bad_input, "joint "//quoted(model%joint(j)%name) &
+                //": friction needs its reaction, which the equations leave open (expected friction elsewhere, or joints that hold less)")
+        end do
+        if (model%n_actuator > model%n_q .and. model%scene%redundancy /= share_refused) call fail(status, status_bad_input, &
+            "friction at joint "//quoted(model%joint(model%contact(1)%joint)%name)//" and more actuators than coordinates: how these " &
+            //"share the work is not known then (expected as many actuators as coordinates)")
+    end subroutine refuse_open_friction
 
     !> Of an over-constrained mechanism not every way to close one loop lets the others close. Where nothing else chooses, such a way
     !> is taken that does; if there is none, the model stays as it is.
@@ -148,6 +168,7 @@ contains
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
         if (.not. allocated(model%scene%payload)) allocate (model%scene%payload(0))
+        if (.not. allocated(model%scene%friction)) allocate (model%scene%friction(0))
         if (.not. allocated(model%scene%laws%measure)) allocate (model%scene%laws%measure(0))
         if (.not. allocated(model%scene%laws%law)) allocate (model%scene%laws%law(0))
         model%is_planar = scene%planar
@@ -173,6 +194,7 @@ contains
             if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
         call take_payloads(model)
+        call list_contacts(model%scene, model%contact)
         call spread_weld_starts(model)
         call number_tables(model%scene)
         call list_joints_of_links(model)

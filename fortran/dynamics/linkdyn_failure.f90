@@ -11,11 +11,12 @@ module linkdyn_failure
     use linkdyn_measures, only: find_laws, find_measures
     use linkdyn_model, only: model_type, step_type, step_group, step_csp, is_dyad, is_length
     use linkdyn_reach, only: find_reach
-    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined
+    use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, &
+        sample_locked
     use linkdyn_text, only: to_text, join, quoted
     implicit none (type, external)
     private
-    public :: failure_at, lost_in_words, map_in_words, meeting_in_words, reach_in_words
+    public :: failure_at, lock_in_words, lost_in_words, map_in_words, meeting_in_words, reach_in_words
 
 contains
 
@@ -29,7 +30,9 @@ contains
         integer :: i
 
         i = failing_step(model, state, lane)
-        if (i > 0) then
+        if (status == sample_locked .and. state%holding(lane) > 0) then
+            text = lock_in_words(model, state%holding(lane))
+        else if (i > 0) then
             text = links_of(model, model%step(i))
             if (state%branch_lost(lane)) then
                 text = text//" hang by gears on an angle that a loop gives and that is half a turn from its start: which turn " &
@@ -59,6 +62,16 @@ contains
             text = "the mechanism cannot be computed"
         end if
     end function failure_at
+
+    !> Which joint holds the mechanism fast.
+    function lock_in_words(model, contact) result(text)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: contact                   !! that is pressed most
+        character(len=:), allocatable :: text
+
+        text = "joint "//quoted(model%joint(model%contact(contact)%joint)%name) &
+               //" locks: its friction grows with the forces that it takes to overcome it, without end"
+    end function lock_in_words
 
     !> The first law over the state that has no value on a lane; 0: there is none.
     integer function law_without_value(model, state, lane) result(k)

@@ -6,6 +6,7 @@
 !> round differently. Zeros stay zero and equal lengths stay equal, so the similar mechanism has the same equations.
 module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
+    use linkdyn_contact, only: list_contacts, is_turning
     use linkdyn_joint_table, only: is_slide, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length
@@ -23,7 +24,8 @@ contains
         integer, intent(in) :: copy
         real(wp), intent(in) :: scale                !! s
         type(model_type), intent(out) :: similar
-        integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107, of_base = 108  ! keys
+        integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107, of_base = 108, &
+                              of_friction = 109    ! keys
         real(wp) :: own_scale
         integer :: i, k, n_length
 
@@ -73,6 +75,20 @@ contains
                 end if
             end associate
         end do
+        do i = 1, size(model%scene%friction)
+            associate (friction => similar%scene%friction(i))
+                if (is_turning(model%scene%joint(friction%joint)%kind)) friction%viscous = scale**2*friction%viscous
+                friction%stribeck_speed = scale*friction%stribeck_speed
+                friction%creep_speed = scale*friction%creep_speed
+                friction%radius = scale*friction%radius
+                friction%length = scale*friction%length
+                friction%collar = scale*friction%collar
+                friction%preload = scale*friction%preload
+                friction%coulomb = near_one([copy, of_friction, i])*friction%coulomb
+                friction%static = near_one([copy, of_friction, i])*friction%static
+            end associate
+        end do
+        call list_contacts(similar%scene, similar%contact)
         do i = 1, model%n_q
             ! Angles have no size: they differ in the last place instead.
             own_scale = coordinate_scale(model, i, scale)

@@ -16,7 +16,7 @@ module linkdyn_inputs
     private
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
-    public :: in_found, in_pull, in_base, in_payload
+    public :: in_found, in_pull, in_base, in_payload, in_friction
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -33,11 +33,13 @@ module linkdyn_inputs
     integer, parameter :: in_pull = 12          !! of springs' own laws over the state (n_spring) [N, N m]
     integer, parameter :: in_base = 13          !! what is felt of the frame's motion (n_base), see `linkdyn_base_motion`
     integer, parameter :: in_payload = 14       !! masses that links carry (n_payload) [kg]
-    integer, parameter :: n_block = 14
+    integer, parameter :: in_friction = 15      !! of contacts, over the speed of their surfaces (n_contact) [N s/m]
+    integer, parameter :: n_block = 15
 
     !> What is wanted of a trace.
     type :: trace_request
         logical :: at_rest = .false.                       !! positions alone
+        logical :: has_friction = .false.                  !! joints rub, and whoever runs the kernel knows how much
         logical :: by_quaternion = .false.                 !! poses are given by position and quaternion
         logical, allocatable :: has_load(:, :)             !! (6, load); absent: none
         logical, allocatable :: drive_is_unknown(:)        !! (actuator); absent: all are
@@ -94,6 +96,7 @@ contains
         call add(in_pull, [(model%scene%spring(k)%force%kind == law_over, k=1, size(model%scene%spring))])
         call add(in_base, base_is_felt(model))
         call add(in_payload, payload_is_input(model), model%scene%payload%mass%value(1))
+        call add(in_friction, [(request%has_friction, k=1, size(model%contact))])
         is_input = .false.
         do k = 1, size(model%group)
             is_input(:, model%group(k)%link) = .true.

@@ -3,9 +3,10 @@ module linkdyn_trace
     use linkdyn_acting, only: acting_type
     use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_drive_laws, only: drive_effort
+    use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
-        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
+        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction
     use linkdyn_layout, only: layout_type
     use linkdyn_loads, only: apply_load
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch, properties_of, payload_properties
@@ -30,7 +31,8 @@ module linkdyn_trace
         type(force_unknowns) :: unknowns
         type(value), allocatable :: acceleration(:)        !! of the coordinates, known or unknown (n_q)
         type(value), allocatable :: place(:, :)            !! of links in groups closed by iteration (place_size, link)
-        type(acting_type), allocatable :: acting(:)        !! what is known to act: loads, springs
+        type(acting_type), allocatable :: acting(:)        !! what is known to act: loads, springs, friction
+        type(contact_motion), allocatable :: contact(:)    !! not there: nothing rubs
     end type traced_type
 
 contains
@@ -109,7 +111,7 @@ contains
         call balance_links(traced%mechanism, layout, traced%acting, traced%system, traced%unknowns)
     end subroutine trace_equations
 
-    !> Driving forces, unknown or given, loads and springs.
+    !> Driving forces, unknown or given, loads, springs and friction.
     subroutine trace_what_acts(request, traced)
         type(trace_request), intent(in) :: request
         type(traced_type), intent(inout) :: traced
@@ -139,6 +141,11 @@ contains
             end do
             do i = 1, size(model%payload)
                 traced%acting = [traced%acting, payload_wrench(traced%mechanism, i)]
+            end do
+            if (request%has_friction) call move_contacts(traced%mechanism, traced%contact)
+            do i = 1, merge(size(model%contact), 0, request%has_friction)
+                traced%acting = [traced%acting, friction_wrench(traced%mechanism, i, traced%contact(i), &
+                                                                traced%in%of(in_friction)%v(i))]
             end do
             if (.not. model%scene%base%moves) return
             do i = 1, model%n_link

@@ -23,6 +23,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_motion, only: read_coordinates, read_base
     use linkdyn_scene_state_laws, only: read_measures, read_named_laws
     use linkdyn_scene_events, only: read_events, read_stops
+    use linkdyn_scene_friction, only: read_frictions
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_payloads, only: read_payloads
     use linkdyn_scene_time, only: read_time
@@ -156,6 +157,7 @@ contains
         call read_payloads(root, shelf, scene, status)
         call read_events(root, scene, status)
         call read_stops(root, shelf, scene, status)
+        call read_frictions(root, scene, status)
         scene%laws = shelf%book
         scene%table_file = files_of(shelf)
         call read_time(root, scene, status)

@@ -256,6 +256,13 @@ contains
                 return
             end associate
         end do
+        do i = 1, size(model%scene%friction)
+            associate (joint => model%joint(model%scene%friction(i)%joint))
+                if (any(spin%link == joint%link(1)) .eqv. any(spin%link == joint%link(2))) cycle
+                why = "friction at joint "//quoted(joint%name)//" holds it back"
+                return
+            end associate
+        end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint > 0) cycle

@@ -50,6 +50,7 @@ module linkdyn_kinematic_state
         logical :: branch_lost(lanes) = .false.               !! two assemblies meet on the way
         integer :: way_status(lanes) = sample_ok              !! how following the assembly to here came out: one of `sample_*`
         logical :: undefined(lanes) = .false.                 !! a spring has no direction
+        integer :: holding(lanes) = 0                         !! the contact whose friction holds the mechanism fast; 0: none does
         real(wp) :: uncertainty(lanes) = 0                    !! largest relative one of what groups and CSP groups found
         type(planar_motion) :: plane
         type(group_motion) :: group                           !! closed by Newton's method

@@ -1,5 +1,6 @@
 !> The planned mechanism: constant after `build_model`, read by every algorithm, shared by all threads.
 module linkdyn_model
+    use linkdyn_contact, only: contact_type
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal
@@ -183,6 +184,7 @@ module linkdyn_model
         type(leg_type), allocatable :: leg(:)
         type(payload_type), allocatable :: payload(:)
         type(gear_type), allocatable :: gear(:)
+        type(contact_type), allocatable :: contact(:)    !! where joints rub
         type(led_type), allocatable :: led(:)
         type(loose_type), allocatable :: loose(:)
         type(group_type), allocatable :: group(:)

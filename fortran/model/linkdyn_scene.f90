@@ -15,6 +15,7 @@ module linkdyn_scene
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf, hold_spec
     public :: base_spec, payload_spec, payload_changes, wants_instants
+    public :: friction_spec
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
     public :: joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
@@ -245,6 +246,7 @@ module linkdyn_scene
         type(law_spec) :: motion(6)               !! x y z roll pitch yaw [m, rad]; law_none: zero
         integer :: line = 0
     end type base_spec
+
     !> What a forward run looks out for: a number over the state that crosses zero.
     type :: event_spec
         character(len=2*name_len) :: name = ""
@@ -267,6 +269,21 @@ module linkdyn_scene
         integer :: event = 0                      !! whose formula is its gap
         integer :: line = 0
     end type stop_spec
+
+    !> Friction in a joint: of what its reaction presses together. See `linkdyn_contact`.
+    type :: friction_spec
+        integer :: joint = 0
+        real(wp) :: coulomb = 0                   !! coefficient where it slides fast
+        real(wp) :: static = 0                    !! coefficient where it begins to slide
+        real(wp) :: stribeck_speed = 0            !! of the surfaces, over which the one falls to the other [m/s]; 0: they are equal
+        real(wp) :: creep_speed = 0               !! of the surfaces, below which friction goes to zero [m/s]
+        real(wp) :: viscous = 0                   !! beside it [N s/m]; at joints that only turn [N m s/rad]
+        real(wp) :: radius = 0                    !! of the surface that slides [m]; 0: it has none
+        real(wp) :: length = 0                    !! between the ends that take a tilting moment [m]; 0: it makes no friction
+        real(wp) :: collar = 0                    !! mean radius of the face that takes the force along a pin [m]; 0: it makes no friction
+        real(wp) :: preload = 0                   !! by which the surfaces are pressed together besides [N]
+        integer :: line = 0
+    end type friction_spec
 
     !> An idle spin, settled at a ball joint: two directions there stay square to each other. See `linkdyn_idle_spin`.
     type :: hold_spec
@@ -334,6 +351,7 @@ module linkdyn_scene
         type(load_spec), allocatable :: load(:)
         type(spring_spec), allocatable :: spring(:)
         type(payload_spec), allocatable :: payload(:)
+        type(friction_spec), allocatable :: friction(:)
         type(law_book) :: laws
         type(event_spec), allocatable :: event(:) !! the scene's own, then one for each side of an end stop
         type(stop_spec), allocatable :: stop(:)

@@ -74,6 +74,7 @@ contains
         logical :: is_last(traced%system%n_unknown)
 
         is_last = .false.
+        if (allocated(traced%contact)) return      ! friction comes from reactions
         if (.not. any(wanted == result_reaction)) is_last = are_among(traced, traced%unknowns%effort)
     end function wanted_last
 end module linkdyn_force_program

@@ -7,6 +7,7 @@ module linkdyn_rate_program
     use linkdyn_link_wrenches, only: applied_power
     use linkdyn_margins, only: assembly_margins
     use linkdyn_model, only: model_type
+    use linkdyn_recorded_friction, only: friction_programs, compile_with_friction
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_system, only: solved
@@ -35,13 +36,14 @@ module linkdyn_rate_program
 contains
 
     !> Trace a scene and compile its rates. Without pivots that serve the samples no program is made.
-    subroutine make_rate_program(model, request, wants_power, sample, program, out)
+    subroutine make_rate_program(model, request, wants_power, sample, program, out, friction)
         type(model_type), intent(in) :: model
         type(trace_request), intent(in) :: request
         logical, intent(in) :: wants_power         !! else it is zero
         type(sample_set), intent(in) :: sample     !! representative: pivots are chosen by them
         type(scene_program), intent(inout) :: program
         type(rate_outputs), intent(out) :: out
+        type(friction_programs), intent(inout) :: friction    !! made if joints rub: `program` is then the last of them
         type(record_type), target :: record
         type(traced_type) :: traced
         type(output_list) :: list
@@ -59,7 +61,11 @@ contains
             if (.not. any(request%acceleration_is_unknown)) effort = solved(traced%system, traced%unknowns%effort)
             call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, effort, power, &
                                               alarm_of(traced), reach_of(traced)])
-            call make_scene_program(record, traced%in, list, program)
+            if (allocated(traced%contact)) then
+                call compile_with_friction(record, traced, list, friction, program)
+            else
+                call make_scene_program(record, traced%in, list, program)
+            end if
             out = rate_outputs(n=size(list%v), acceleration=1, margin=model%n_q + 1, drift=model%n_q + model%n_branch + 1, &
                                effort=merge(model%n_q + 2*model%n_branch + 1, 0, size(effort) > 0), &
                                work=size(list%v) - 3, supplied=size(list%v) - 2, alarm=size(list%v) - 1, reach=size(list%v))
@@ -85,6 +91,8 @@ contains
         type(traced_type), intent(in) :: traced
         logical :: is_last(traced%system%n_unknown)
 
+        is_last = .false.
+        if (allocated(traced%contact)) return      ! friction comes from reactions
         is_last = are_among(traced, traced%acceleration)
         if (.not. any(is_last)) is_last = are_among(traced, traced%unknowns%effort)
     end function are_wanted

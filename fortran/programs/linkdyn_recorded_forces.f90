@@ -14,6 +14,9 @@ module linkdyn_recorded_forces
     use linkdyn_lock, only: hold_lock, release_lock
     use linkdyn_model, only: model_type
     use linkdyn_planner, only: plan_steps
+    use linkdyn_recorded_friction, only: friction_programs, friction_space, make_friction_programs, settle_block, &
+        free_friction_programs, free_friction_space
+    use linkdyn_catalogue, only: needs_equations
     use linkdyn_samples, only: sample_arrays, result_list, most_results
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, output_target, goes_to, &
         free_scene_program, free_program_space
@@ -29,6 +32,7 @@ module linkdyn_recorded_forces
     !> Slots that no thread is using: a list, changed by one thread at a time.
     type :: idle_space
         type(program_space) :: slots
+        type(friction_space) :: friction
         real(wp), allocatable :: alarm(:, :), reach(:, :)      !! (1, lane)
         logical, allocatable :: is_left(:)                     !! (sample of a batch)
         type(idle_space), pointer :: next => null()
@@ -46,6 +50,7 @@ module linkdyn_recorded_forces
         logical :: needs_places = .false.                      !! some links stand where they have been found by iteration
         type(model_type), pointer :: model => null()           !! planned for records
         type(scene_program) :: program
+        type(friction_programs) :: friction                    !! there if joints rub and forces are wanted
         type(space_pool), pointer, private :: pool => null()
     end type recorded_forces
 
@@ -127,7 +132,12 @@ contains
         if (.not. is_planned) return
         recorded%needs_branches = any(recorded%model%step%has_branches)
         recorded%needs_places = size(recorded%model%group) > 0
-        call make_force_program(recorded%model, request, wanted, sample, recorded%program)
+        request%has_friction = size(model%contact) > 0 .and. any(needs_equations(wanted))
+        if (request%has_friction) then
+            call make_friction_programs(recorded%model, request, wanted, sample, recorded%friction, recorded%program)
+        else
+            call make_force_program(recorded%model, request, wanted, sample, recorded%program)
+        end if
         recorded%is_usable = recorded%program%is_made
     end subroutine record_forces
 
@@ -259,8 +269,9 @@ contains
         integer, intent(in) :: way_status(:)
         type(output_target), intent(in) :: to(:)
         integer, pointer, contiguous, intent(in) :: status(:)  !! (sample)
-        type(idle_space), intent(inout) :: space
+        type(idle_space), intent(inout), target :: space
         logical, intent(out) :: is_left(count)
+        type(sample_arrays) :: settled
         integer :: i
 
         if (size(way_status) == 1) then
@@ -277,7 +288,13 @@ contains
         end if
         if (size(recorded%model%payload) > 0) call leave_what_is_no_number(in_payload)     ! of a mass below zero
         if (all(is_left)) return
-        call load_samples(recorded%program, arrays, first, count, space%slots)
+        if (recorded%friction%is_made) then
+            call settle_block(recorded%friction, size(space%alarm, 2), arrays, first, count, space%friction, settled, is_left)
+            if (all(is_left)) return
+            call load_samples(recorded%program, settled, first, count, space%slots)
+        else
+            call load_samples(recorded%program, arrays, first, count, space%slots)
+        end if
         call run_samples(recorded%program, space%slots, first, count, to, is_left)
         do i = 1, count
             ! Written so that what is no number counts as an alarm.
@@ -344,11 +361,13 @@ contains
                 space => recorded%pool%first
                 recorded%pool%first => space%next
                 call free_program_space(space%slots)
+                call free_friction_space(space%friction)
                 deallocate (space)
             end do
             deallocate (recorded%pool)
         end if
         call free_scene_program(recorded%program)
+        call free_friction_programs(recorded%friction)
         if (associated(recorded%model)) deallocate (recorded%model)
         recorded%is_usable = .false.
     end subroutine free_recorded

@@ -14,6 +14,8 @@ module linkdyn_recorded_rates
     use linkdyn_model, only: model_type
     use linkdyn_rate_program, only: rate_outputs, make_rate_program, out_rates
     use linkdyn_recorded_forces, only: plan_for_records
+    use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
+        free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
     use linkdyn_scene, only: law_spec, law_over, drive_over, measure_time
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
@@ -29,6 +31,7 @@ module linkdyn_recorded_rates
         type(scene_program) :: program
         type(scene_program) :: measures                !! what laws over the state depend on; not made if there are none
         type(rate_outputs) :: out
+        type(friction_programs) :: friction            !! not made if nothing rubs
     end type recorded_rates
 
     !> Samples of one thread: what its record takes and gives.
@@ -50,6 +53,7 @@ module linkdyn_recorded_rates
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
         type(sample_arrays), private :: arrays
         type(program_space), private :: one, block, one_measured, block_measured
+        type(friction_space), private :: friction
     end type rate_samples
 
 contains
@@ -68,7 +72,8 @@ contains
         if (pose%n == 0 .or. .not. plan_for_records(model, stand, recorded%model)) return
         sample = pose
         sample%of(in_branch)%x = spread(recorded%model%branch, 2, sample%n)
-        call make_rate_program(recorded%model, request, wants_power, sample, recorded%program, recorded%out)
+        call make_rate_program(recorded%model, request, wants_power, sample, recorded%program, recorded%out, &
+                               recorded%friction)
         recorded%is_usable = recorded%program%is_made
         if (recorded%is_usable .and. size(model%scene%laws%law) > 0) &
             call make_measure_program(recorded%model, request, sample, recorded%measures)
@@ -79,6 +84,7 @@ contains
 
         call free_scene_program(recorded%program)
         call free_scene_program(recorded%measures)
+        call free_friction_programs(recorded%friction)
         if (associated(recorded%model)) deallocate (recorded%model)
         recorded%is_usable = .false.
     end subroutine free_rates
@@ -125,6 +131,7 @@ contains
         if (.not. associated(samples%found)) return
         deallocate (samples%q, samples%qd, samples%qdd, samples%quaternion, samples%load, samples%target, samples%effort, &
                     samples%branch, samples%pull, samples%base, samples%payload, samples%measured, samples%found)
+        call free_friction_space(samples%friction)
         call free_program_space(samples%one_measured)
         call free_program_space(samples%block_measured)
         call free_program_space(samples%one)
@@ -200,19 +207,31 @@ contains
     subroutine run_rates(recorded, n, samples)
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
-        type(rate_samples), intent(inout) :: samples
+        type(rate_samples), intent(inout), target :: samples
+        type(sample_arrays) :: settled
         type(output_target) :: to(1)
+        logical :: is_left
         integer :: first, count, i
 
         if (all(samples%is_left(:n))) return
         if (recorded%measures%is_made) call apply_laws(recorded, n, samples)
         if (n == 1) then
-            call run_one_sample(recorded%program, samples%arrays, samples%one, samples%found(:, 1))
+            settled = samples%arrays
+            if (recorded%friction%is_made) then
+                call settle_one(recorded%friction, block_lanes(), samples%arrays, samples%friction, settled, is_left)
+                samples%is_left(1) = is_left
+                if (is_left) return
+            end if
+            call run_one_sample(recorded%program, settled, samples%one, samples%found(:, 1))
         else
             to(1) = goes_to(out_rates, samples%found)
             do first = 1, n, block_lanes()
                 count = min(block_lanes(), n - first + 1)
-                call load_samples(recorded%program, samples%arrays, first, count, samples%block)
+                settled = samples%arrays
+                if (recorded%friction%is_made) &
+                    call settle_block(recorded%friction, block_lanes(), samples%arrays, first, count, samples%friction, settled, &
+                                      samples%is_left(first:first + count - 1))
+                call load_samples(recorded%program, settled, first, count, samples%block)
                 call run_samples(recorded%program, samples%block, first, count, to)
             end do
         end if

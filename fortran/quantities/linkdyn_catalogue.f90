@@ -1,6 +1,7 @@
 !> The results that there are, and how each is computed from a traced scene.
 module linkdyn_catalogue
     use linkdyn_force_system, only: reaction_of
+    use linkdyn_friction_quantities, only: friction_wrenches, friction_powers
     use linkdyn_joint_variables, only: one_variable, variable_rate
     use linkdyn_margins, only: assembly_margins
     use linkdyn_motion_quantities, only: all_joint_variables, all_joint_rates, transmission_angles, kinetic_energy, &
@@ -21,6 +22,7 @@ module linkdyn_catalogue
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_position, result_rotation, result_margin, result_margin_rate
     public :: result_velocity, result_angular_velocity, result_driving_position
+    public :: result_friction, result_friction_power
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -60,6 +62,9 @@ module linkdyn_catalogue
     integer, parameter :: result_velocity = 35              ! of links' origins
     integer, parameter :: result_angular_velocity = 36
     integer, parameter :: result_driving_position = 37      ! driven joint variables; coordinates count turns
+    ! ---- of scenes with friction
+    integer, parameter :: result_friction = 38
+    integer, parameter :: result_friction_power = 39
 
 contains
 
@@ -67,7 +72,8 @@ contains
     elemental logical function needs_equations(id)
         integer, intent(in) :: id                       !! one of `result_*`
 
-        needs_equations = any(id == [result_qdd, result_driving_force, result_reaction, result_power_imbalance])
+        needs_equations = any(id == [result_qdd, result_driving_force, result_reaction, result_power_imbalance, &
+                                     result_friction, result_friction_power])
     end function needs_equations
 
     !> The values of one result, as samples store them; none for what no kernel computes.
@@ -111,6 +117,10 @@ contains
                 v = transmission_angles(mechanism)
             case (result_power_imbalance)
                 v = [power_imbalance(traced)]
+            case (result_friction)
+                v = friction_wrenches(traced)
+            case (result_friction_power)
+                v = friction_powers(traced)
             case (result_kinetic_energy)
                 v = [kinetic_energy(mechanism)]
             case (result_potential_energy)

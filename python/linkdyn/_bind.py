@@ -37,6 +37,7 @@ _GROUPS = (
     ("transmission_angle",),
     ("growth",),
     ("assembly",),
+    ("friction", "friction_power"),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)

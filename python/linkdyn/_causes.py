@@ -1,4 +1,4 @@
-"""How much of every driving force and reaction is due to weight, to inertia, to each load and to each spring."""
+"""How much of every driving force and reaction is due to weight, to inertia, to each load, to each spring and to friction."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     xarray.Dataset
         ``driving_force`` (cause, sample, actuator) and ``reaction`` (cause, sample, joint, component), as far as the run has them. ``cause``: "inertia"
         (with gyroscopic parts), "frame" where it moves, "weight", "load MARKER", "spring NAME", "stop NAME", "given MARKER" of wrenches given in
-        the call.
+        the call, and "friction", what it adds to all of these.
 
     Raises
     ------
     InputError
-        The run has neither driving forces nor reactions, or what acts in the scene is more than the sum of these causes (friction, or
-        samples in another assembly).
+        The run has neither driving forces nor reactions, or what acts in the scene is more than the sum of these causes (samples in
+        another assembly).
     """
     wanted = [name for name in QUANTITIES if name in run]
     if not wanted:
@@ -68,6 +68,9 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
         found[cause] = _less(_forces(Scene(changed, folder=scene.folder), run, wanted), base)
     for marker, wrench in given.items():
         found[f"given {marker}"] = _less(_forces(Scene(_only(content), folder=scene.folder), run, wanted, {marker: wrench}), base)
+    if content.get("friction"):
+        total = _forces(scene, run, wanted, given)
+        found["friction"] = {name: total[name] - np.sum([values[name] for values in found.values()], axis=0) for name in wanted}
     stacked = {name: np.stack([values[name] for values in found.values()]) for name in wanted}
     _check(run, stacked)
     return xr.Dataset(
@@ -79,7 +82,7 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
 
 def _only(content: dict[str, Any], gravity: bool = False, kept: tuple[str, int] | None = None) -> dict[str, Any]:
     """The scene with inertia, and gravity or one load, spring or stop if that is to be kept."""
-    changed = {key: value for key, value in content.items() if key not in ("load", "spring", "stop", "event", "sweep")}
+    changed = {key: value for key, value in content.items() if key not in ("load", "spring", "friction", "stop", "event", "sweep")}
     if not gravity:
         changed.pop("gravity", None)
     if kept:
@@ -131,6 +134,6 @@ def _check(run: xr.Dataset, stacked: dict[str, NDArray[np.float64]]) -> None:
         missing = np.abs(values.sum(axis=0) - run[name].values)[good]
         if missing.size and not np.nanmax(missing, initial=0.0) <= CLOSE * np.nanmax(np.abs(values[:, good]), initial=0.0) or np.isnan(missing).any():
             raise InputError(
-                f"contributions: {name}: weight, inertia, loads and springs are not all that acts in this run (expected a scene without "
-                "friction, and samples in the assembly of its start or along its motion)"
+                f"contributions: {name}: weight, inertia, loads and springs are not all that acts in this run (expected "
+                "samples in the assembly of its start or along its motion)"
             )

@@ -13,7 +13,7 @@ __all__ = ["changed"]
 
 INDEXED = re.compile(r"(.+?)((?:\[\d+\])+)")
 """An element of a list: "cog[0]"."""
-_LABELS = {"coordinate": ("joint", "link"), "actuator": ("joint",), "load": ("on",), "payload": ("on",)}
+_LABELS = {"coordinate": ("joint", "link"), "actuator": ("joint",), "friction": ("joint",), "load": ("on",), "payload": ("on",)}
 """What names the tables of a list; others have a name."""
 
 
@@ -56,7 +56,7 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
             del table[key]
     elif isinstance(inner, list) and inner and all(isinstance(item, dict) for item in inner):
         _put_in_list(inner, key, below, path, value)
-    elif inner is None and isinstance(value, Mapping) and "." not in below and key in ("spring", "load", "payload", "actuator"):
+    elif inner is None and isinstance(value, Mapping) and "." not in below and key in ("spring", "load", "payload", "actuator", "friction"):
         table[key] = [value]
     elif inner is None:
         known = ", ".join(repr(name) for name in table)

@@ -918,7 +918,8 @@ class Scene:
     ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], str]:
         """Blocks of samples through the engine; loads are spread over the samples block by block.
 
-        Results by name, the roads that samples took, and why the assembly was lost along a motion, if it was.
+        Results by name, the roads that samples took, and why the first sample was lost that was: its assembly along a motion,
+        or a joint that friction locks.
         """
         n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
         _bind.keep_memory(n * job.sample_bytes)
@@ -935,8 +936,9 @@ class Scene:
             places = outputs if n <= length else {name: values[block] for name, values in outputs.items()}
             taken, lost, why = job.engine.run(threads, first, in_order, inputs, places)
             roads += taken
-            if lost:
-                failure = f"t = {given['time'][lost - 1]:.6g} s: {why}"
+            if lost and not failure:
+                place = f"t = {given['time'][lost - 1]:.6g} s" if in_order else f"sample {first + lost - 1}"
+                failure = f"{place}: {why}"
         return outputs, roads, failure
 
     def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:

@@ -23,7 +23,7 @@ import linkdyn
 from linkdyn.cli import executable
 
 SCENES = Path(__file__).resolve().parents[1] / "assemblies"
-STATUSES = ["ok", "unreachable", "singular", "not_converged", "undefined", "branch_lost"]
+STATUSES = ["ok", "unreachable", "singular", "not_converged", "undefined", "branch_lost", "locked"]
 WAYS = ["continuous", "change_point", "anew"]
 OK, UNREACHABLE, NOT_CONVERGED, BRANCH_LOST = 0, 1, 3, 5
 STRAIGHT, THROUGH_CHANGE_POINT, ANEW = range(3)

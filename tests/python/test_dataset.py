@@ -59,7 +59,7 @@ def test_scene_from_results_gives_the_same_results(both):
 def test_flags(tsai_file):
     status = linkdyn.load(tsai_file).inverse().status
     meanings = dict(zip(status.attrs["flag_values"], status.attrs["flag_meanings"].split()))
-    assert meanings == {0: "ok", 1: "unreachable", 2: "singular", 3: "not_converged", 4: "undefined", 5: "branch_lost"}
+    assert meanings == {0: "ok", 1: "unreachable", 2: "singular", 3: "not_converged", 4: "undefined", 5: "branch_lost", 6: "locked"}
 
 
 def test_results_survive_a_netcdf_file_of_their_own(tsai_file, tmp_path):

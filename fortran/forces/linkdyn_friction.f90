@@ -1,0 +1,153 @@
+!> Friction in joints: how contacts slide, the wrenches of friction of given amounts, and what of reactions presses. See
+!> `linkdyn_contact`.
+module linkdyn_friction
+    use linkdyn_acting, only: acting_type, turned
+    use linkdyn_bodies, only: world_axes, omega_of
+    use linkdyn_contact, only: n_press, form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate
+    use linkdyn_joint_variables, only: joint_rates
+    use linkdyn_kinds, only: wp
+    use linkdyn_mechanism, only: mechanism_type, marker_frame
+    use linkdyn_value, only: value, zero, is_zero, abs, sqrt, square, operator(+), operator(-), operator(*)
+    use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(*), operator(.dot.), &
+        operator(.cross.)
+    implicit none (type, external)
+    private
+    public :: contact_motion, move_contacts, friction_wrench, pressing_parts, pressing_force
+
+    !> A contact in motion, in the axes of a turning.
+    type :: contact_motion
+        integer :: turning = 0                 !! 0: world axes
+        type(vector) :: axis                   !! unit vector
+        type(vector) :: slide                  !! relative velocity of the surfaces along what is free [m/s]
+        type(vector) :: turn                   !! and relative angular velocity [rad/s]
+        type(value) :: square                  !! of the speed of the surfaces [m2/s2]
+    end type contact_motion
+
+contains
+
+    !> All contacts.
+    subroutine move_contacts(mechanism, contact)
+        type(mechanism_type), intent(in) :: mechanism
+        type(contact_motion), allocatable, intent(out) :: contact(:)
+        integer :: i
+
+        allocate (contact(size(mechanism%model%contact)))
+        do i = 1, size(contact)
+            call move_contact(mechanism, i, contact(i))
+        end do
+    end subroutine move_contacts
+
+    subroutine move_contact(mechanism, i, motion)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(contact_motion), intent(out) :: motion
+        type(rotation) :: frame
+        type(value), allocatable :: rate(:)
+
+        associate (contact => mechanism%model%contact(i), bodies => mechanism%bodies)
+            associate (link => mechanism%model%joint(contact%joint)%link)
+                motion%slide = zero_vector()
+                motion%turn = zero_vector()
+                if (contact%form == form_ball) then
+                    motion%axis = zero_vector()
+                    motion%turn = omega_of(bodies, link(2), world_axes) - omega_of(bodies, link(1), world_axes)
+                else
+                    motion%turning = bodies%body(link(contact%side))%turning
+                    frame = marker_frame(mechanism, contact%joint, contact%side)
+                    motion%axis = frame%z
+                    rate = joint_rates(mechanism, contact%joint)
+                    select case (contact%form)
+                    case (form_pin, form_collar)
+                        motion%turn = rate(contact%side)*frame%z
+                    case (form_guide)
+                        motion%slide = rate(1)*frame%z
+                    case (form_bush)
+                        motion%turn = rate(1)*frame%z
+                        motion%slide = rate(2)*frame%z
+                    case (form_thread)
+                        motion%turn = rate(1)*frame%z
+                        motion%slide = (contact%pitch*rate(1))*frame%z
+                    case (form_plate)
+                        motion%slide = rate(1)*frame%x + rate(2)*frame%y
+                        motion%turn = rate(3)*frame%z
+                    end select
+                end if
+            end associate
+            motion%square = (motion%slide.dot.motion%slide) + contact%radius**2*(motion%turn.dot.motion%turn)
+        end associate
+    end subroutine move_contact
+
+    !> What a contact does to the second link, the opposite to the first.
+    function friction_wrench(mechanism, i, motion, amount) result(acting)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(contact_motion), intent(in) :: motion
+        type(value), intent(in) :: amount              !! of friction, over the speed of the surfaces [N s/m]
+        type(acting_type) :: acting
+
+        associate (contact => mechanism%model%contact(i))
+            acting%joint = contact%joint
+            acting%turning = motion%turning
+            acting%force = -((amount + contact%slide_damping)*motion%slide)
+            acting%moment = -((contact%radius**2*amount + contact%turn_damping)*motion%turn)
+        end associate
+    end function friction_wrench
+
+    !> What a contact feels of its joint's reaction: as on lanes, the forces at both ends and one along the axis.
+    function pressing_parts(mechanism, i, motion, reaction) result(press)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(contact_motion), intent(in) :: motion
+        type(acting_type), intent(in) :: reaction
+        type(value) :: press(n_press)                  !! [N]
+        type(vector) :: force, moment, across, tilt
+        type(value) :: thrust
+
+        press = zero()
+        associate (contact => mechanism%model%contact(i), bodies => mechanism%bodies)
+            if (contact%form == form_ball) then
+                press(1:3) = components(reaction%force)
+                return
+            end if
+            force = turned(bodies, reaction%force, reaction%turning, motion%turning)
+            thrust = motion%axis.dot.force
+            if (contact%form == form_collar .or. contact%form == form_plate) then
+                press(7) = thrust
+                return
+            end if
+            across = force - thrust*motion%axis
+            if (contact%form == form_thread) press(7) = contact%slant*thrust
+            if (contact%length > 0 .or. (contact%form == form_guide .and. contact%radius > 0)) &
+                moment = turned(bodies, reaction%moment, reaction%turning, motion%turning)
+            if (contact%form == form_guide .and. contact%radius > 0) press(7) = (1/contact%radius)*(motion%axis.dot.moment)
+            if (contact%length > 0) then
+                tilt = (1/contact%length)*(moment.cross.motion%axis)
+                press(1:3) = components(0.5_wp*across + tilt)
+                press(4:6) = components(0.5_wp*across - tilt)
+            else
+                press(1:3) = components(across)
+            end if
+        end associate
+    end function pressing_parts
+
+    !> The force that presses, from what a contact feels.
+    function pressing_force(mechanism, i, press) result(force)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value), intent(in) :: press(n_press)      !! [N]
+        type(value) :: force
+
+        force = size_of(press(1:3)) + size_of(press(4:6)) + abs(press(7)) + mechanism%model%contact(i)%preload
+    end function pressing_force
+
+    function size_of(v) result(s)
+        type(value), intent(in) :: v(3)
+        type(value) :: s
+
+        if (count(is_zero(v)) == 2) then
+            s = abs(v(1)) + abs(v(2)) + abs(v(3))      ! one number
+        else
+            s = sqrt(square(v(1)) + square(v(2)) + square(v(3)))
+        end if
+    end function size_of
+end module linkdyn_friction

@@ -1,0 +1,176 @@
+!> The tables [[friction]] of a scene file.
+module linkdyn_scene_friction
+    use linkdyn_contact, only: is_turning
+    use linkdyn_joint_table, only: joint_fixed, joint_planar, is_geared
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, joint_spherical, &
+        joint_kind_name
+    use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, allow_keys, get_quantity
+    use linkdyn_scene_laws, only: require_positive
+    use linkdyn_scene_names, only: find_joint
+    use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
+    use linkdyn_status, only: status_type
+    use linkdyn_text, only: to_text, quoted
+    use linkdyn_toml, only: toml_node
+    use linkdyn_units, only: quantity_type, plain_number, length, force, speed, damping, angular_damping
+    implicit none (type, external)
+    private
+    public :: read_frictions
+
+    integer, parameter :: key_len = 14
+    real(wp), parameter :: usual_creep_speed = 1e-3_wp    !! of surfaces [m/s]
+
+contains
+
+    !> Friction in joints.
+    subroutine read_frictions(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(repeated_tables) :: tables
+        type(scene_place) :: place
+        integer :: i
+
+        call list_repeated(root, "friction", scene%planar, .false., tables, status)
+        if (.not. status%is_ok()) return
+        allocate (scene%friction(size(tables%table)))
+        do i = 1, size(tables%table)
+            place = repeated_at(root, tables, i, "friction")
+            call read_friction(place, scene, scene%friction(i), status)
+            if (.not. status%is_ok()) return
+            call refuse_double(place, scene, i, status)
+        end do
+    end subroutine read_frictions
+
+    subroutine read_friction(place, scene, friction, status)
+        type(scene_place), intent(inout) :: place
+        type(scene_type), intent(in) :: scene
+        type(friction_spec), intent(inout) :: friction
+        type(status_type), intent(inout) :: status
+        type(quantity_type) :: viscosity
+        logical :: has_coulomb, has_static, has_speed, has_viscous, has_preload, found
+
+        friction%line = place%line
+        call find_joint(scene, place, friction%joint, status)
+        if (.not. status%is_ok()) return
+        associate (joint => scene%joint(friction%joint))
+            place%what = "friction at joint "//quoted(joint%name)
+            if (joint%kind == joint_fixed .or. is_geared(joint%kind)) call refuse_value(place, "joint", place%node%get("joint"), &
+                "is a "//trim(joint_kind_name(joint%kind))//" joint, in which nothing rubs (expected one that turns or slides)", &
+                status)
+            call allow_keys(place, [character(len=key_len) :: "joint", "coulomb", "static", "stribeck_speed", "creep_speed", &
+                "viscous", "radius", "length", "collar", "preload"], status)
+            call refuse_foreign_keys(place, joint%kind, scene%planar, status)
+            call read_coefficients(place, friction, has_coulomb, has_static, has_speed, status)
+            viscosity = damping
+            if (is_turning(joint%kind)) viscosity = angular_damping
+            call read_size(place, "viscous", viscosity, friction%viscous, has_viscous, status)
+            call read_size(place, "radius", length, friction%radius, found, status)
+            call read_size(place, "length", length, friction%length, found, status)
+            call read_size(place, "collar", length, friction%collar, found, status)
+            call read_size(place, "preload", force, friction%preload, has_preload, status)
+            if (.not. status%is_ok()) return
+            if (.not. (has_coulomb .or. has_viscous)) then
+                call refuse(place, "missing key 'coulomb' or 'viscous' (expected at least one)", status)
+            else if (has_preload .and. .not. has_coulomb) then
+                call refuse_missing(place, "coulomb", "the coefficient with which the preload rubs", status)
+            else if (has_coulomb .and. needs_radius(joint%kind) .and. .not. friction%radius > 0) then
+                call refuse_missing(place, "radius", "of the surface that rubs, for example '12 mm'", status)
+            end if
+        end associate
+    end subroutine read_friction
+
+    !> What a kind of joint has not.
+    subroutine refuse_foreign_keys(place, kind, planar, status)
+        type(scene_place), intent(in) :: place
+        integer, intent(in) :: kind
+        logical, intent(in) :: planar
+        type(status_type), intent(inout) :: status
+
+        if (.not. any(kind == [joint_revolute, joint_universal]) .or. planar) call refuse_key("collar", "no pin with a collar")
+        if (kind == joint_spherical .or. kind == joint_planar) call refuse_key("length", "no two ends that take a moment")
+        if (kind == joint_revolute .and. planar) call refuse_key("length", "no tilting moment in a plane")
+        if (kind == joint_prismatic .and. planar) call refuse_key("radius", "no moment about its axis in a plane")
+
+    contains
+
+        subroutine refuse_key(key, why)
+            character(len=*), intent(in) :: key, why
+            type(toml_node) :: node
+
+            if (.not. status%is_ok()) return
+            node = place%node%get(key)
+            if (node%is_present()) call refuse_value(place, key, node, "has no meaning here: a "// &
+                trim(joint_kind_name(kind))//" joint has "//why, status)
+        end subroutine refuse_key
+    end subroutine refuse_foreign_keys
+
+    !> A slide rubs wherever it is pressed; what turns needs a lever.
+    pure elemental logical function needs_radius(kind)
+        integer, intent(in) :: kind
+
+        needs_radius = kind /= joint_prismatic .and. kind /= joint_planar
+    end function needs_radius
+
+    !> The coefficients, over the speed of the surfaces.
+    subroutine read_coefficients(place, friction, has_coulomb, has_static, has_speed, status)
+        type(scene_place), intent(in) :: place
+        type(friction_spec), intent(inout) :: friction
+        logical, intent(out) :: has_coulomb, has_static, has_speed
+        type(status_type), intent(inout) :: status
+        logical :: has_creep
+
+        call read_size(place, "coulomb", plain_number, friction%coulomb, has_coulomb, status)
+        call read_size(place, "static", plain_number, friction%static, has_static, status)
+        call read_size(place, "stribeck_speed", speed, friction%stribeck_speed, has_speed, status)
+        friction%creep_speed = usual_creep_speed
+        call read_size(place, "creep_speed", speed, friction%creep_speed, has_creep, status)
+        if (has_creep) call require_positive(place, "creep_speed", friction%creep_speed, "m/s", status)
+        if (has_speed) call require_positive(place, "stribeck_speed", friction%stribeck_speed, "m/s", status)
+        if (.not. has_static) friction%static = friction%coulomb
+        if (.not. status%is_ok()) return
+        if (has_static .and. .not. has_coulomb) then
+            call refuse_missing(place, "coulomb", "the coefficient where it slides fast", status)
+        else if (has_static .and. .not. has_speed) then
+            call refuse_missing(place, "stribeck_speed", &
+                "the speed over which 'static' falls to 'coulomb', for example '20 mm/s'", status)
+        else if (has_speed .and. .not. has_static) then
+            call refuse_missing(place, "static", "the coefficient where it begins to slide", status)
+        else if (friction%static < friction%coulomb) then
+            call refuse_value(place, "static", place%node%get("static"), "= "//to_text(friction%static)// &
+                " (expected at least 'coulomb', "//to_text(friction%coulomb)//")", status)
+        end if
+    end subroutine read_coefficients
+
+    !> A quantity of zero or more.
+    subroutine read_size(place, key, quantity, value, found, status)
+        type(scene_place), intent(in) :: place
+        character(len=*), intent(in) :: key
+        type(quantity_type), intent(in) :: quantity
+        real(wp), intent(inout) :: value               !! stays if the key is not there
+        logical, intent(out) :: found
+        type(status_type), intent(inout) :: status
+
+        found = .false.
+        if (.not. status%is_ok()) return
+        call get_quantity(place, key, quantity, value, status, found)
+        if (.not. (status%is_ok() .and. found)) return
+        if (value < 0) call refuse_value(place, key, place%node%get(key), "= "//to_text(value)//" "//trim(quantity%unit)// &
+            " (expected zero or more)", status)
+    end subroutine read_size
+
+    subroutine refuse_double(place, scene, i, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: i
+        type(status_type), intent(inout) :: status
+        integer :: k
+
+        do k = 1, i - 1
+            if (scene%friction(k)%joint /= scene%friction(i)%joint) cycle
+            call refuse(place, "this joint has friction already on "//line_text(place, scene%friction(k)%line, place%line)// &
+                " (expected one table for each joint)", status)
+            return
+        end do
+    end subroutine refuse_double
+end module linkdyn_scene_friction

@@ -1,0 +1,186 @@
+!> Where joints rub: surfaces that the reaction presses together, and their law of friction.
+!>
+!> A contact has an axis a of its joint, and of the reaction, force F and moment M on the second link about its marker, it feels what
+!> its form says: at both ends of a pin or guide of length L the forces (F - (F.a) a)/2 +- M x a/L, at a collar or thread the force
+!> along the axis, at a ball F. The sum N of their sizes is what presses. With the relative velocity v along and the relative angular
+!> velocity w about what is free, the surface at radius r slides with the speed V = sqrt(v^2 + r^2 w^2), and friction acts on the second link with
+!>
+!>     force  -c N v,    moment  -c N r^2 w,    c = mu(V) tanh(V/creep)/V
+!>
+!> which takes the power c N V^2. At rest it is zero, and it is that of Coulomb and Stribeck, but for rounding, from V = 19 creep on.
+module linkdyn_contact
+    use linkdyn_constants, only: two_pi
+    use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
+        joint_planar, joint_screw
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: scene_type, friction_spec
+    implicit none (type, external)
+    private
+    public :: contact_type, list_contacts, is_turning, friction_of_speed, n_press, pressing, pressing_slope, has_settled, &
+        most_rounds
+    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate
+
+    integer, parameter :: form_pin = 1       !! of a hinge, or one of both of a universal joint
+    integer, parameter :: form_collar = 2    !! of such a pin: it takes the force along it
+    integer, parameter :: form_ball = 3
+    integer, parameter :: form_guide = 4     !! of a slide
+    integer, parameter :: form_bush = 5      !! turns and slides
+    integer, parameter :: form_thread = 6
+    integer, parameter :: form_plate = 7     !! on which a planar joint slides and turns
+
+    !> What a contact feels of a reaction: the forces at both ends (3 numbers each), and one along the axis.
+    integer, parameter :: n_press = 7
+
+    !> So often is friction put in again before it is found otherwise.
+    integer, parameter :: most_rounds = 25
+
+    type :: contact_type
+        integer :: joint = 0
+        integer :: form = 0                   !! one of `form_*`
+        integer :: side = 1                   !! of the joint's marker whose axis it is
+        real(wp) :: coulomb = 0, static = 0   !! coefficients
+        real(wp) :: stribeck_speed = 0, creep_speed = 0    !! [m/s]
+        real(wp) :: radius = 0                !! [m]
+        real(wp) :: length = 0                !! between the ends [m]; 0: it has one
+        real(wp) :: preload = 0               !! [N]
+        real(wp) :: pitch = 0                 !! of a thread [m/rad]
+        real(wp) :: slant = 1                 !! force that presses its flanks over that along its axis
+        real(wp) :: slide_damping = 0         !! [N s/m]
+        real(wp) :: turn_damping = 0          !! [N m s]
+    end type contact_type
+
+contains
+
+    !> All contacts of a scene.
+    pure subroutine list_contacts(scene, contact)
+        type(scene_type), intent(in) :: scene
+        type(contact_type), allocatable, intent(out) :: contact(:)
+        integer :: i
+
+        allocate (contact(0))
+        if (.not. allocated(scene%friction)) return
+        do i = 1, size(scene%friction)
+            contact = [contact, contacts_of(scene, scene%friction(i))]
+        end do
+    end subroutine list_contacts
+
+    !> One surface, or several: a pin with a collar, the pins of a universal joint.
+    pure function contacts_of(scene, friction) result(contact)
+        type(scene_type), intent(in) :: scene
+        type(friction_spec), intent(in) :: friction
+        type(contact_type), allocatable :: contact(:)
+        type(contact_type) :: one
+        integer :: side
+
+        one = contact_type(joint=friction%joint, coulomb=friction%coulomb, static=friction%static, &
+                           stribeck_speed=friction%stribeck_speed, creep_speed=friction%creep_speed, radius=friction%radius, &
+                           length=friction%length, preload=friction%preload)
+        associate (kind => scene%joint(friction%joint)%kind)
+            if (is_turning(kind)) then
+                one%turn_damping = friction%viscous
+            else
+                one%slide_damping = friction%viscous
+                one%turn_damping = friction%viscous*friction%radius**2
+            end if
+            select case (kind)
+            case (joint_revolute, joint_universal)
+                one%form = form_pin
+                contact = [one]
+                if (friction%collar > 0) contact = [contact, collar_beside(one, friction%collar)]
+                if (kind == joint_revolute) return
+                side = size(contact)
+                contact = [contact, contact]
+                contact(side + 1:)%side = 2
+            case (joint_prismatic)
+                one%form = form_guide
+                one%turn_damping = 0
+                contact = [one]
+            case (joint_cylindrical)
+                one%form = form_bush
+                contact = [one]
+            case (joint_spherical)
+                one%form = form_ball
+                contact = [one]
+            case (joint_screw)
+                one%form = form_thread
+                one%pitch = scene%joint(friction%joint)%lead/two_pi
+                if (friction%radius > 0) one%slant = sqrt(friction%radius**2 + one%pitch**2)/friction%radius
+                contact = [one]
+            case (joint_planar)
+                one%form = form_plate
+                contact = [one]
+            case default
+                allocate (contact(0))
+            end select
+        end associate
+    end function contacts_of
+
+    pure type(contact_type) function collar_beside(pin, radius) result(collar)
+        type(contact_type), intent(in) :: pin
+        real(wp), intent(in) :: radius
+
+        collar = pin
+        collar%form = form_collar
+        collar%radius = radius
+        collar%preload = 0
+        collar%turn_damping = 0
+    end function collar_beside
+
+    !> Does a kind only turn, so that its damping is a moment?
+    elemental logical function is_turning(kind)
+        integer, intent(in) :: kind
+
+        is_turning = any(kind == [joint_revolute, joint_universal, joint_spherical, joint_screw])
+    end function is_turning
+
+    !> c: friction over the pressing force and the speed at which the surface slides.
+    pure elemental real(wp) function friction_of_speed(contact, speed) result(c)
+        type(contact_type), intent(in) :: contact
+        real(wp), intent(in) :: speed         !! [m/s]
+        real(wp), parameter :: fast = 40      ! beyond it tanh is one, in all digits
+        real(wp) :: mu
+
+        c = 0
+        if (.not. (contact%coulomb > 0 .or. contact%static > 0)) return
+        mu = contact%coulomb
+        if (contact%stribeck_speed > 0) &
+            mu = mu + (contact%static - contact%coulomb)*exp(-(speed/contact%stribeck_speed)**2)
+        if (speed > fast*contact%creep_speed) then
+            c = mu/speed
+        else if (speed > 0) then
+            c = mu*tanh(speed/contact%creep_speed)/speed
+        else
+            c = mu/contact%creep_speed
+        end if
+    end function friction_of_speed
+
+    !> Has what presses come to rest? By its change in two rounds, relative to the largest force: the next one, which shrinks as
+    !> this one did, would change nothing. Near a singular position rounding goes on changing digits that are not known.
+    pure elemental logical function has_settled(change, change_before)
+        real(wp), intent(in) :: change, change_before
+        real(wp), parameter :: enough = 64*epsilon(1.0_wp), noise = 1e-8_wp
+        real(wp), parameter :: small = 1e-3_wp     !! larger ones may go to and fro
+
+        has_settled = (change <= small .and. change*min(change/change_before, 1.0_wp) <= enough) &
+                      .or. (change <= noise .and. change > 0.5_wp*change_before)
+    end function has_settled
+
+    !> The force that presses, from what the contact feels.
+    pure real(wp) function pressing(contact, press)
+        type(contact_type), intent(in) :: contact
+        real(wp), intent(in) :: press(n_press)    !! [N]
+
+        pressing = contact%preload + norm2(press(1:3)) + norm2(press(4:6)) + abs(press(7))
+    end function pressing
+
+    !> Its change with each of these numbers; none where one is zero.
+    pure function pressing_slope(press) result(slope)
+        real(wp), intent(in) :: press(n_press)
+        real(wp) :: slope(n_press)
+
+        slope(1:3) = press(1:3)/max(norm2(press(1:3)), tiny(1.0_wp))
+        slope(4:6) = press(4:6)/max(norm2(press(4:6)), tiny(1.0_wp))
+        slope(7) = 0
+        if (abs(press(7)) > 0) slope(7) = sign(1.0_wp, press(7))
+    end function pressing_slope
+end module linkdyn_contact
