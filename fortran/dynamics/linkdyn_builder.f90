@@ -69,11 +69,13 @@ contains
             j = model%contact(i)%joint
             if (model%share%n == 0) exit
             if (any(model%share%joint == j)) call fail(status, status_bad_input, "joint "//quoted(model%joint(j)%name) &
-                //": friction needs its reaction, which the equations leave open (expected friction elsewhere, or joints that hold less)")
+                //": friction needs its reaction, which the equations leave open (expected friction elsewhere, or joints that " &
+                //"hold less)")
         end do
-        if (model%n_actuator > model%n_q .and. model%scene%redundancy /= share_refused) call fail(status, status_bad_input, &
-            "friction at joint "//quoted(model%joint(model%contact(1)%joint)%name)//" and more actuators than coordinates: how these " &
-            //"share the work is not known then (expected as many actuators as coordinates)")
+        if (model%n_actuator <= model%n_q .or. model%scene%redundancy == share_refused) return
+        call fail(status, status_bad_input, "friction at joint "//quoted(model%joint(model%contact(1)%joint)%name) &
+                  //" and more actuators than coordinates: how these share the work is not known then " &
+                  //"(expected as many actuators as coordinates)")
     end subroutine refuse_open_friction
 
     !> Of an over-constrained mechanism not every way to close one loop lets the others close. Where nothing else chooses, such a way

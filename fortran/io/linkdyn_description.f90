@@ -5,7 +5,8 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, shared_reactions
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, stop_spec, &
+    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, &
+        stop_spec, &
         n_event, n_stop, law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
     implicit none (type, external)
