@@ -5,7 +5,7 @@ module linkdyn_scene_motion
     use linkdyn_text, only: quoted
     use linkdyn_scene, only: scene_type, coordinate_spec, law_spec, joint_spec, name_len, frame_link, coordinate_joint, &
         pose_position, pose_attitude, n_holding, coordinate_pose, pose_component_name, joint_n_variable, &
-        variable_name, joint_revolute, law_none, law_constant
+        variable_name, joint_revolute, law_none, law_constant, law_table
     use linkdyn_toml, only: toml_node, toml_table, toml_array
     use linkdyn_units, only: quantity_type, per_second, length, angle, speed, angular_rate
     use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, &
@@ -372,6 +372,7 @@ contains
         type(toml_node) :: node, motion
         type(coordinate_spec), allocatable :: component(:)
         integer, allocatable :: components(:)
+        integer :: i
 
         node = root%node%get("frame")
         if (.not. status%is_ok() .or. .not. node%is_present()) return
@@ -381,6 +382,14 @@ contains
         components = merge_components(scene%planar)
         allocate (component(size(components)))
         call read_pose_motion(place, components, shelf, component, status)
+        do i = 1, size(components)
+            if (.not. status%is_ok()) return
+            associate (law => component(i)%motion)
+                if (law%kind == law_table .and. .not. allocated(law%curvature)) call refuse(place, "motion, "// &
+                    trim(pose_component_name(components(i)))//": straight lines between rows have jumps of velocity and no "// &
+                    "accelerations to be felt (expected interpolation = ""spline"")", status)
+            end associate
+        end do
         if (.not. status%is_ok()) return
         scene%base%moves = .true.
         scene%base%line = place%line
