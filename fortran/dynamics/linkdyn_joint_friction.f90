@@ -1,7 +1,7 @@
 !> Friction in joints, on lanes: how contacts slide, what presses them, and the wrenches that come of it. See `linkdyn_contact`.
 module linkdyn_joint_friction
     use linkdyn_applied_wrenches, only: apply_force, apply_moment
-    use linkdyn_contact, only: contact_type, n_press, friction_of_speed, pressing, form_pin, form_collar, form_ball, form_guide, &
+    use linkdyn_contact, only: n_press, friction_of_speed, pressing, form_pin, form_collar, form_ball, form_guide, &
         form_bush, form_thread, form_plate
     use linkdyn_joint_rates, only: joint_view, view_joint
     use linkdyn_kinds, only: wp

@@ -754,3 +754,79 @@ def test_grows_steadily_until_it_locks() -> None:
     for values in torque.T[status[-1] == 0]:
         steps = np.abs(np.diff(values))
         assert (steps[1:-1] <= 3 * np.maximum(steps[:-2], steps[2:]) + 1e-6).all()
+
+
+# ---------------------------------------------------------------- kinds with several freedoms, one link each
+
+LINK = """
+space = "spatial"
+gravity = [1.2, -9.81, -4.0]
+[frame]
+markers = {{ O = {{ at = [0.1, 0, 0], axis = [0, 0, 1] }} }}
+[[link]]
+name = "body"
+mass = 3
+inertia = [0.02, 0.03, 0.04, 0.001, 0, 0.002]
+cog = [0.15, 0.05, 0.02]
+markers = {{ O = {{ at = [0, 0, 0], axis = {axis} }} }}
+[[joint]]
+name = "J"
+type = "{kind}"
+between = ["frame.O", "body.O"]
+{driven}
+[[friction]]
+joint = "J"
+coulomb = 0.2
+radius = "15 mm"
+{more}
+"""
+
+
+def one_link(kind: str, variables: list[str], more: str = "", axis: str = "[0, 0, 1]") -> linkdyn.Scene:
+    driven = "".join(f'[[{table}]]\njoint = "J"\nvariable = "{name}"\n' for table in ("coordinate", "actuator") for name in variables)
+    return linkdyn.Scene(LINK.format(kind=kind, driven=driven, more=more, axis=axis))
+
+
+def parts(run: object) -> tuple[np.ndarray, ...]:
+    """Force and moment of reaction and friction of the only joint."""
+    reaction, friction = run.reaction.values[0, 0], run.friction.values[0, 0]
+    return reaction[:3], reaction[3:], friction[:3], friction[3:]
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack"])
+def test_bush_and_plate(solver: str) -> None:
+    """They rub against the helical motion of their surface."""
+    z = np.array([0.0, 0.0, 1.0])
+    bush = one_link("cylindrical", ["angle", "slide"], 'length = "60 mm"\npreload = "20 N"')
+    run = bush.inverse(q=[[0.4, 0.1]], qd=[[7.0, -0.3]], qdd=[[1.0, 2.0]], solver=solver)
+    force, moment, held, turned_back = parts(run)
+    across, tilt = force - force[2] * z, np.cross(moment, z) / 0.06
+    pressed = np.linalg.norm(across / 2 + tilt) + np.linalg.norm(across / 2 - tilt) + 20
+    speed = math.hypot(0.3, 0.015 * 7)
+    np.testing.assert_allclose(held, -0.2 * pressed * -0.3 / speed * z, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(turned_back, -0.2 * pressed * 0.015**2 * 7 / speed * z, rtol=1e-12, atol=1e-12)
+    plate = one_link("planar", ["x", "y", "angle"])
+    run = plate.inverse(q=[[0.1, 0.2, 0.5]], qd=[[0.3, -0.4, 6.0]], qdd=[[0.0, 1.0, 2.0]], solver=solver)
+    force, moment, held, turned_back = parts(run)
+    speed = math.hypot(0.3, 0.4, 0.015 * 6)
+    np.testing.assert_allclose(held, -0.2 * abs(force[2]) * np.array([0.3, -0.4, 0]) / speed, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(turned_back, -0.2 * abs(force[2]) * 0.015**2 * 6 / speed * z, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("solver", ["elimination", "lapack"])
+def test_both_pins_of_a_universal_joint(solver: str) -> None:
+    """Each by the force across it, its ends and its collar."""
+    scene = one_link("universal", ["angle1", "angle2"], 'length = "50 mm"\ncollar = "22 mm"', axis="[0, 1, 0]")
+    q, rates = [[0.3, 0.5]], np.array([2.0, -3.0])
+    run = scene.inverse(q=q, qd=[rates], qdd=[[1.0, 4.0]], solver=solver)
+    force, moment, held, turned_back = parts(run)
+    axes = np.array([[0.0, 0.0, 1.0], scene.poses(q).rotation[0, 0] @ [0.0, 1.0, 0.0]])
+    expected = np.zeros(3)
+    for axis, rate in zip(axes, rates):
+        thrust = force @ axis
+        across, tilt = force - thrust * axis, np.cross(moment, axis) / 0.05
+        pressed = np.linalg.norm(across / 2 + tilt) + np.linalg.norm(across / 2 - tilt)
+        expected -= 0.2 * (0.015 * pressed + 0.022 * abs(thrust)) * np.sign(rate) * axis
+    np.testing.assert_allclose(turned_back, expected, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(held, 0, atol=1e-15)
+    np.testing.assert_allclose(run.friction_power.values[0, 0], -expected @ (rates @ axes), rtol=1e-12)
