@@ -63,6 +63,7 @@ contains
         end if
         if (.not. status%is_ok()) return
         phase%system%own => own
+        phase%system%lanes_are_one = .true.
         phase%system%may_end = options%events_end
         phase%system%may_record = rates_by_record(options)
         call prepare_watch(phase%model, unknown%acceleration, phase%system%watch)

@@ -70,6 +70,7 @@ module linkdyn_forward_system
         logical, allocatable :: rests(:, :)            !! a joint variable rests at a stop (lane, n_stop)
         real(wp), allocatable :: push(:, :)            !! of stops at the state evaluated last, away from them (lane, n_stop) [N, N m]
         real(wp), allocatable, private :: fastest(:, :)    !! impact so far (lane, n_stop) [m/s, rad/s]
+        real(wp), allocatable, private :: widest(:, :)     !! gap so far, of stops at which something rests (lane, n_stop) [m, rad]
         type(kinematic_state), private :: look         !! scratch: of states that are looked at
         integer, allocatable, private :: turning(:)    !! measures that wrap; events count their turns: at the accepted state
         real(wp), allocatable, private :: angle(:, :), spin(:, :)    !! they are here and turn so fast (lane, measure) [rad, rad/s]
@@ -161,7 +162,8 @@ contains
         system%guard_direction = model%scene%event%direction
         allocate (system%guard_side(lanes, system%n_guard), system%guard_scale(lanes, system%n_guard), source=0.0_wp)
         allocate (system%rests(lanes, n_stop(model%scene)), source=.false.)
-        allocate (system%push(lanes, n_stop(model%scene)), system%fastest(lanes, n_stop(model%scene)), source=0.0_wp)
+        allocate (system%push(lanes, n_stop(model%scene)), system%fastest(lanes, n_stop(model%scene)), &
+                  system%widest(lanes, n_stop(model%scene)), source=0.0_wp)
         call prepare_kinematics(model, 0, system%look)
         system%look%world_rates = .true.
         associate (measure => model%scene%laws%measure)
@@ -261,6 +263,7 @@ contains
             self%rests = other%rests
             self%push = other%push
             self%fastest = other%fastest
+            self%widest = other%widest
             self%guard_side = other%guard_side
             self%guard_scale = other%guard_scale
             self%angle = other%angle
@@ -878,16 +881,29 @@ contains
         end subroutine note
     end subroutine meet_events
 
-    !> A joint variable rests at a stop no more.
+    !> A joint variable comes to rest at a stop: the stop's push is looked out for from here.
+    subroutine rest_at_stop(self, lane, stop)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: lane, stop
+
+        associate (e => self%model%scene%stop(stop)%event)
+            self%rests(lane, stop) = .true.
+            self%widest(lane, stop) = self%guard_scale(lane, e)
+            self%guard_scale(lane, e) = 0
+            self%guard_side(lane, e) = 1
+        end associate
+    end subroutine rest_at_stop
+
+    !> A joint variable rests at a stop no more, if it did: its gap is looked out for.
     subroutine leave_stop(self, lane, stop)
         class(forward_system), intent(inout) :: self
         integer, intent(in) :: lane, stop
 
-        self%rests(lane, stop) = .false.
-        self%push(lane, stop) = 0
         associate (e => self%model%scene%stop(stop)%event)
+            if (self%rests(lane, stop)) self%guard_scale(lane, e) = self%widest(lane, stop)
+            self%rests(lane, stop) = .false.
+            self%push(lane, stop) = 0
             self%guard_side(lane, e) = 1
-            self%guard_scale(lane, e) = 0
         end associate
     end subroutine leave_stop
 
@@ -952,7 +968,7 @@ contains
                 if (rested(lane, i) .and. .not. contact(lane, i)) call leave_stop(self, lane, i)
                 if (.not. strikes(lane, i)) cycle
                 call leave_stop(self, lane, i)
-                self%rests(lane, i) = stays(lane, i) .and. contact(lane, i)
+                if (stays(lane, i) .and. contact(lane, i)) call rest_at_stop(self, lane, i)
             end do
         end do
         call let_go(self, t, y, strikes)
@@ -1001,11 +1017,11 @@ contains
         do turn = 1, size(self%rests, 2)
             if (.not. any(self%rests .and. strikes)) return
             call self%evaluate_on_lanes(t, y, rate, failed)
-            if (.not. any(self%rests .and. self%push <= 0)) return
+            if (.not. any(self%rests .and. self%push < 0)) return
             do lane = 1, lanes
                 if (.not. any(self%rests(lane, :))) cycle
                 i = minloc(self%push(lane, :), dim=1, mask=self%rests(lane, :))
-                if (self%push(lane, i) <= 0) call leave_stop(self, lane, i)
+                if (self%push(lane, i) < 0) call leave_stop(self, lane, i)
             end do
         end do
     end subroutine let_go

@@ -72,6 +72,7 @@ contains
         self%system%given_force = spread(0.0_wp, 1, self%model%n_actuator)
         call build_forward_system(self%model, 0, self%system, status)
         self%system%may_end = .false.
+        self%system%lanes_are_one = .true.
         if (.not. status%is_ok()) return
         self%system%may_record = .true.
         if (allocated(self%y)) deallocate (self%y)

@@ -319,7 +319,8 @@ contains
             select case (n_change)
             case (0)
                 low = lowest_place(side*guard, margin*look%miss(lane, i, piece))
-                if (low == 0) cycle
+                ! A guard that has just crossed is small where the step begins; that is no dip.
+                if (low == 0 .or. (low == 1 .and. piece == 1 .and. .not. abs(guard(0)) > 0)) cycle
                 is_settled = .false.
                 if (.not. dip(2) > 0) dip = [(piece - 1 + 0.25_wp*[low - 1, low, low + 1])/look%n_piece, side]
             case (1)

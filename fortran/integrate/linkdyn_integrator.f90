@@ -324,19 +324,23 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: h, t_end
         real(wp), intent(inout) :: y(:, :)
-        integer, parameter :: most_parts = 10000       !! of one step: guards that cross more often do so without end
+        integer, parameter :: most_parts = 1000        !! of one step: guards that cross more often do so without end
+        integer, parameter :: most_idle = 30           !! of them without getting on
         type(rk4_taken) :: taken
         real(wp), dimension(lanes) :: t, length, share
         logical, dimension(lanes) :: failed, is_moving, is_hit, has_changed, is_over
-        real(wp) :: t_next
-        integer :: part, k
+        real(wp) :: t_next, t_before(lanes)
+        integer :: part, k, n_idle
 
         t_next = self%span_start + (self%i_step + 1)*h
         if (self%i_step + 1 == self%n_span) t_next = t_end
         t = self%t
         length = merge(0.0_wp, h, self%failed)
         is_over = .false.
+        n_idle = 0
+        taken%is_one = system%lanes_are_one
         do part = 1, most_parts
+            t_before = t
             is_moving = length > 0 .and. .not. self%failed
             if (.not. any(is_moving)) exit
             call note_rk4_start(system, t, length, y, self%work, taken)
@@ -375,6 +379,8 @@ contains
             call note_sides(system, t, y, self%has_crossed)
             call take_turns_off(self, system, y)
             length = merge(t_next - t, 0.0_wp, is_hit)
+            n_idle = merge(0, n_idle + 1, any(t > t_before))
+            if (n_idle > most_idle) exit
         end do
         where (length > 0) self%failed = .true.
         if (any(length > 0 .and. .not. is_over)) self%reason = stop_pace

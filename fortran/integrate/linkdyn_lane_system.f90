@@ -22,6 +22,7 @@ module linkdyn_lane_system
         integer :: n_jump = 0                             !! how often, in all
         ! ---- guards: numbers over the state whose sign a run looks out for
         integer :: n_guard = 0
+        logical :: lanes_are_one = .false.                !! one solution on all lanes
         integer, allocatable :: guard_direction(:)        !! +1: a crossing upwards counts, -1: downwards, 0: either (n_guard)
         real(wp), allocatable :: guard_side(:, :)         !! sign at the accepted state; 0: none yet (lane, n_guard)
         real(wp), allocatable :: guard_scale(:, :)        !! largest size so far (lane, n_guard)
