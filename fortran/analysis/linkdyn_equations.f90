@@ -37,6 +37,7 @@ module linkdyn_equations
     use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type, is_dyad
     use linkdyn_motion, only: evaluate_motion
+    use linkdyn_motion_measures, only: released_fit
     use linkdyn_planar_pass, only: uncertainty_of_dyad
     use linkdyn_reactions, only: solution_type, unknown, collect_reactions
     use linkdyn_row_order, only: order_rows
@@ -536,6 +537,9 @@ contains
         workspace%status = sample_ok
         where (workspace%state%singular) workspace%status = sample_singular
         if (workspace%checks_accuracy) call flag_uncertain(model, workspace)
+        if (model%share%n > 0) then
+            where (.not. released_fit(model, [(k, k=1, model%n_joint)], workspace%state)) workspace%status = sample_unreachable
+        end if
         where (workspace%state%not_converged) workspace%status = sample_not_converged
         where (workspace%state%unreachable) workspace%status = sample_unreachable
         where (workspace%state%branch_lost) workspace%status = sample_branch_lost

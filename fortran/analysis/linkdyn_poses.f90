@@ -8,6 +8,7 @@ module linkdyn_poses
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_motion_measures, only: released_fit
     use linkdyn_model, only: model_type, has_assemblies
     use linkdyn_scene, only: joint_n_variable, joint_cylindrical
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_not_converged, sample_branch_lost, sample_undefined
@@ -51,6 +52,8 @@ contains
                 if (has_assemblies(model)) call place_sample(model, assembly, sample, lane, state)
             end do
             call evaluate_kinematics(model, state)
+            if (model%share%n > 0) &
+                state%unreachable = state%unreachable .or. .not. released_fit(model, [(i, i=1, model%n_joint)], state)
             do lane = 1, min(lanes, size(q, 2) - first + 1)
                 sample = first + lane - 1
                 sample_status(sample) = sample_ok
