@@ -178,6 +178,43 @@ contains
         touch = 1.0e-12_wp*max(1.0e-3_wp, abs(stop%bound))
     end function touch
 
+    !> A run that is beyond a stop has lost a contact, as it may where several come at once: better no results than those.
+    subroutine stop_where_passed(run, t)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: t                      !! of the output [s]
+        integer :: passed(lanes)
+
+        if (.not. has_hard_stops(run%model%scene)) return
+        call find_passed(run%system, t, run%output, passed)
+        if (passed(1) == 0) return
+        run%integrator%failed = .true.
+        run%has_stopped = .true.
+        call hold_texts()
+        run%reason = "stopped at t = "//to_text(t)//" s: stop "//quoted(run%own%scene%stop(passed(1))%name) &
+                     //" was passed, where impacts at several stops follow each other too closely"
+        call release_texts()
+    end subroutine stop_where_passed
+
+    !> The first stop that each lane is beyond though nothing rests there; 0: none.
+    subroutine find_passed(system, t, y, passed)
+        type(forward_system), intent(inout) :: system
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: y(:, :)
+        integer, intent(out) :: passed(lanes)
+        real(wp), parameter :: much = 1.0e5_wp         !! over what counts as touching: 1e-7 of the bound, 1e-10 at least
+        real(wp) :: gap(lanes, n_event(system%model%scene))
+        integer :: i
+
+        passed = 0
+        call system%evaluate_guards(spread(t, 1, lanes), y, gap)
+        do i = n_stop(system%model%scene), 1, -1
+            associate (stop => system%model%scene%stop(i))
+                if (.not. stop%is_hard) cycle
+                where (gap(:, stop%event) < -much*touch(stop) .and. .not. system%rests(:, i)) passed = i
+            end associate
+        end do
+    end subroutine find_passed
+
     !> What touches its stop where the run begins strikes it or rests there.
     subroutine begin_at_stops(system, t, y)
         type(forward_system), intent(inout) :: system
@@ -303,6 +340,7 @@ contains
         first = 0
         do i = 1, size(t)
             if (.not. run%has_stopped) call go_to(run, t(i))
+            if (.not. (run%has_stopped .or. run%integrator%is_paused)) call stop_where_passed(run, t(i))
             if (run%integrator%is_paused) exit
             if (run%is_over) then
                 if (i > 1) then
@@ -795,6 +833,7 @@ contains
                 do i = 1, size(t)
                     call go_on_to(run, t(i))
                     if (is_interrupted()) exit
+                    call leave_those_that_passed(run, t(i))
                     call store(run, member, t(i), i)
                 end do
                 do i = 1, lanes
@@ -830,6 +869,20 @@ contains
                 end associate
             end do
         end subroutine leave_those_beyond_stops
+
+        !> Nor does one go on that has lost a contact.
+        subroutine leave_those_that_passed(run, instant)
+            type(forward_run), intent(inout) :: run
+            real(wp), intent(in) :: instant
+            integer :: passed(lanes)
+
+            if (.not. has_hard_stops(model%scene)) return
+            call find_passed(run%system, instant, run%output, passed)
+            where (passed > 0 .and. .not. run%integrator%failed)
+                run%integrator%failed = .true.
+                run%system%obstacle = sample_undefined
+            end where
+        end subroutine leave_those_that_passed
 
         !> Those that each lane has passed up to the last instant of output, or up to where it failed.
         subroutine count_change_points(run, instant, passed)
