@@ -175,7 +175,7 @@ contains
     pure real(wp) function touch(stop)
         type(stop_spec), intent(in) :: stop
 
-        touch = 1.0e-12_wp*max(1.0e-3_wp, abs(stop%bound))
+        touch = 1.0e-10_wp*max(1.0e-3_wp, abs(stop%bound))
     end function touch
 
     !> A run that is beyond a stop has lost a contact, as it may where several come at once: better no results than those.
@@ -201,7 +201,7 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: y(:, :)
         integer, intent(out) :: passed(lanes)
-        real(wp), parameter :: much = 1.0e5_wp         !! over what counts as touching: 1e-7 of the bound, 1e-10 at least
+        real(wp), parameter :: much = 1.0e3_wp         !! over what counts as touching: 1e-7 of the bound, 1e-10 at least
         real(wp) :: gap(lanes, n_event(system%model%scene))
         integer :: i
 
