@@ -49,6 +49,7 @@ module linkdyn_inverse
     use linkdyn_settled_samples, only: settle_samples
     use linkdyn_shared_reactions, only: share_reactions
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, sample_locked
+    use linkdyn_text, only: quoted
     use linkdyn_threads, only: team_size
     use linkdyn_turns, only: turn_count, count_turns
     use linkdyn_uncertainty, only: is_surely_certain
@@ -125,7 +126,8 @@ contains
             call build_no_equations(model, solver%equations)
         end if
         if (status%is_ok() .and. options%wants_errors .and. wants_reactions .and. model%share%n > 0) call fail(status, &
-            status_bad_input, "reactions that the equations leave open have no error estimates (expected driving forces alone)")
+            status_bad_input, "joint "//quoted(model%joint(model%share%joint(1))%name)//": the equations leave its reaction " &
+            //"open, which has no error estimate then (expected driving forces alone)")
         if (status%is_ok() .and. options%wants_errors) then
             allocate (solver%probe)
             call make_probe(model, options%solver, wants_reactions, solver%probe, status)
@@ -134,8 +136,9 @@ contains
         if (options%wants_distance) solver%equations%needs_columns = .true.
         if (status%is_ok() .and. (options%wants_distance .or. (options%wants_rcond .and. options%solver /= solver_lapack))) then
             if (solver%equations%shares_drives) then
-                call fail(status, status_bad_input, "there are more actuators than coordinates, which leaves no square matrix: " &
-                          //"no condition number and no distance to a singular position")
+                call fail(status, status_bad_input, "actuator "//quoted(model%scene%actuator(model%n_actuator)%name) &
+                          //": there are more actuators than coordinates, which leaves no square matrix, no condition number and " &
+                          //"no distance to a singular position")
                 return
             end if
             allocate (solver%condition)

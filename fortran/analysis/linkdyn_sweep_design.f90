@@ -16,6 +16,7 @@ module linkdyn_sweep_design
     use linkdyn_sweep_spec, only: sweep_spec, axis_time, needs_forces, quantity_driving_force, quantity_driving_position, &
         quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, quantity_reaction_moment, &
         quantity_joint_variable, quantity_joint_rate
+    use linkdyn_text, only: quoted
     implicit none (type, external)
     private
     public :: sweep_design, sample_batch, open_design, close_design
@@ -136,8 +137,8 @@ contains
             any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0), design%forces, &
             design%status)
         if (design%measures%wants_map .and. design%model%n_actuator > design%model%n_q) call fail(design%status, status_bad_input, &
-            "there are more actuators than coordinates: quantities of the map between both (condition, determinant, " &
-            //"amplifications) are not known then")
+            "actuator "//quoted(design%model%scene%actuator(design%model%n_actuator)%name)//": there are more actuators than " &
+            //"coordinates: quantities of the map between both (condition, determinant, amplifications) are not known then")
         options%wants_forces = .false.
         if (design%status%is_ok()) call prepare_inverse(design%model, options, .false., design%motion, design%status)
     end subroutine plan_equations

@@ -69,6 +69,7 @@ contains
         else
             call require_accelerations(accelerations)
             call solve(accelerations)
+            mechanism%is_solved = mechanism%is_solved .and. accelerations%is_solved
             call settle_accelerations(mechanism, constraints, accelerations)
         end if
 

@@ -8,7 +8,7 @@ module linkdyn_system
     use linkdyn_elimination, only: sparse_row, elimination_type, eliminate
     use linkdyn_linear_form, only: linear_form, linear_forms, find_linear_form
     use linkdyn_record, only: new_unknown, record_type, open_record_of_thread
-    use linkdyn_value, only: value, operator(+), operator(-), operator(*)
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
     public :: system_type, unknown, require, solve, solved, find_places
@@ -101,7 +101,12 @@ contains
         if (present(is_last)) last = is_last
         call eliminate(row, system%n_unknown, last, elimination)
         system%is_solved = elimination%is_complete .and. system%forms%is_linear
-        if (.not. system%is_solved) return
+        if (.not. system%is_solved) then
+            ! whoever traces on writes nonsense into a record that is thrown away
+            if (allocated(system%solution)) deallocate (system%solution)
+            allocate (system%solution(system%n_unknown), source=zero())
+            return
+        end if
         call move_alloc(elimination%solution, system%solution)
         call move_alloc(elimination%watched, system%watched)
         system%determinant = elimination%determinant

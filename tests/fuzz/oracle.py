@@ -86,7 +86,9 @@ def agree(one: xr.Dataset, other: xr.Dataset) -> list[str]:
         relative = MARGIN * (one.error.values[good].max() + other.error.values[good].max())
         # forces beside moments: the largest of a sample is a scale for both, where lengths are of order one
         allowed = max(relative, LEAST) * np.abs(ours).max(axis=1, initial=0, keepdims=True)
-        bad = np.abs(ours - theirs) > allowed
+        # a sample whose estimate is above one claims no digit
+        claims = np.maximum(one.error.values[good], other.error.values[good]) < 1
+        bad = (np.abs(ours - theirs) > allowed) & claims[:, np.newaxis]
     if not bad.any():
         return []
     i, k = np.argwhere(bad)[0]

@@ -11,7 +11,8 @@ import pytest
 pytestmark = pytest.mark.lanes
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENES = [scene for scene in map(linkdyn.load, sorted(ROOT.glob("examples/*/scene.toml"))) if len(scene.actuators) == len(scene.coordinates)]
+SCENES = [scene for scene in map(linkdyn.load, sorted(ROOT.glob("examples/*/scene.toml")))
+          if len(scene.actuators) == len(scene.coordinates) and not scene.description["wants_instants"]]
 SPOILED = 5
 """The sample made unreachable, or far out of the range in which sines are quick."""
 
@@ -19,6 +20,8 @@ SPOILED = 5
 @pytest.mark.parametrize("scene", SCENES, ids=lambda scene: Path(scene.description["file"]).parent.name)
 @pytest.mark.parametrize("solver", ["elimination", "gauss-jordan", "reduced"])
 def test_neighbours_keep_every_bit(scene: linkdyn.Scene, solver: str) -> None:
+    if solver == "reduced" and "[[friction]]" in scene.text:
+        pytest.skip("friction comes of reactions")
     first, last = scene.times()[[0, -1]]
     q, qd, qdd = scene.motion(np.linspace(first, last, 16))
     want = "driving_force" if solver == "reduced" else "all"
