@@ -80,9 +80,9 @@ contains
 
         associate (joint => model%joint(j), plane => state%plane)
             o = [orientation_of(model, joint%link(1)), orientation_of(model, joint%link(2))]
-            if (joint%kind == joint_prismatic) then
+            if (joint%told_kind == joint_prismatic) then
                 point = plane%position(joint%link(2)) + (plane%rotation(o(2)).rotate.joint%point(:2, 2))
-                push = force*(plane%rotation(o(1)).rotate.joint%frame(:2, 3, 1))
+                push = force*(plane%rotation(o(1)).rotate.joint%told_frame(:2, 3, 1))
                 call apply_force(model, joint%link(2), in_space(point), in_space(push), state)
                 call apply_force(model, joint%link(1), in_space(point), in_space((-1.0_wp)*push), state)
             else

@@ -178,7 +178,11 @@ contains
                 call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
                 call add(joint_groove, joint_loose, xy, none)
             case (joint_prismatic)
-                if (model%is_planar) cycle
+                if (model%is_planar) then
+                    call add(joint_prismatic, joint_plate, none, reshape(y, [3, 1]), 1, x)
+                    call add(joint_prismatic, joint_loose, reshape(x, [3, 1]), reshape(y, [3, 1]))
+                    cycle
+                end if
                 call add(joint_prismatic, joint_cylindrical, none, reshape(z, [3, 1]))
                 call add(joint_prismatic, joint_groove, none, xyz)
                 call add(joint_prismatic, joint_loose, xy, xyz)

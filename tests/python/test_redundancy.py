@@ -502,3 +502,74 @@ def test_designs_of_a_sweep() -> None:
         scene["link"][1]["mass"] = mass
         run = linkdyn.Scene(scene).inverse(q=q, qd=0 * q, qdd=0 * q)
         np.testing.assert_allclose(largest, np.linalg.norm(run.reaction.values[..., :3], axis=-1).max(axis=0), rtol=1e-12)
+
+
+def rails(space: str) -> dict[str, Any]:
+    """A carriage on two rails."""
+    def at(x: float, y: float) -> dict[str, Any]:
+        return {"at": [x, y] + [0.0] * (space == "spatial"), "axis": [1.0, 0.0] + [0.0] * (space == "spatial")}
+
+    body = {"mass": 3.0, "cog": [0.1, 0.2], "inertia": 0.2} if space == "planar" else {"mass": 3.0, "cog": [0.1, 0.2, 0.3], "inertia": [0.2, 0.3, 0.4, 0, 0, 0]}
+    return {
+        "space": space, "gravity": [0.0, -9.81] + [0.0] * (space == "spatial"),
+        "frame": {"markers": {"A": at(0.0, 0.0), "B": at(0.0, 0.5)}}, "link": [{"name": "carriage", **body, "markers": {"A": at(0.0, 0.0), "B": at(0.2, 0.5)}}],
+        "joint": [{"name": name, "type": "prismatic", "between": [f"frame.{name}", f"carriage.{name}"]} for name in "AB"],
+        "coordinate": [{"joint": "A", "motion": {"law": "harmonic", "amplitude": 0.3, "frequency": "1 Hz"}}], "actuator": [{"joint": "A"}],
+    }
+
+
+@pytest.mark.parametrize("space", ["planar", "spatial"])
+def test_two_rails(space: str) -> None:
+    """Newton's law of the carriage, both joint variables, one and two drives."""
+    scene = rails(space)
+    t = np.linspace(0, 1, 9)
+    run = linkdyn.Scene(scene).inverse(t=t, want=["driving_force", "reaction", "joint_variable", "checks"])
+    assert not run.status.values.any() and np.abs(run.power_imbalance.values).max() < 1e-14
+    slide, acceleration = 0.3 * np.sin(2 * np.pi * t), -0.3 * (2 * np.pi) ** 2 * np.sin(2 * np.pi * t)
+    np.testing.assert_allclose(run.driving_force.values[:, 0], 3.0 * acceleration, atol=1e-12)
+    np.testing.assert_allclose(run.joint_variable.values, np.array([slide, slide + 0.2]).T, atol=1e-14)
+    np.testing.assert_allclose(run.reaction.sel(component="Fy").values.sum(axis=1), 3.0 * 9.81, rtol=1e-13)
+    scene["actuator"].append({"joint": "B", "share": 3.0})
+    both = linkdyn.Scene(scene).inverse(t=t, want=["driving_force", "reaction", "checks"])
+    np.testing.assert_allclose(both.driving_force.values, np.outer(3.0 * acceleration, [0.1, 0.9]), atol=1e-12)
+    assert np.abs(both.power_imbalance.values).max() < 1e-14
+    lapack = linkdyn.Scene(scene).inverse(t=t, solver="lapack")
+    np.testing.assert_allclose(lapack.reaction.values, both.reaction.values, rtol=0, atol=1e-12 * np.abs(both.reaction.values).max())
+
+
+def test_a_scissor_lift_with_two_rams() -> None:
+    """Two scissors on one table, each with its own pair of bars: one is enough to hold it."""
+    n = {"mass": 2.0, "cog": [0.5, 0.0], "inertia": 0.2}
+    bars, joints = [], []
+    for side, x in (("l", 0.0), ("r", 2.0)):
+        bars += [{"name": f"up{side}", **n, "markers": {"O": [0.0, 0.0], "M": [0.5, 0.0], "T": [1.0, 0.0]}},
+                 {"name": f"down{side}", **n, "markers": {"O": [0.0, 0.0], "M": [0.5, 0.0], "T": [1.0, 0.0]}}]
+        joints += [{"name": f"O{side}", "type": "revolute", "between": [f"frame.O{side}", f"up{side}.O"]},
+                   {"name": f"M{side}", "type": "revolute", "between": [f"up{side}.M", f"down{side}.M"]},
+                   {"name": f"T{side}", "type": "revolute", "between": [f"down{side}.T", f"table.T{side}"]},
+                   {"name": f"S{side}", "type": "revolute", "between": [f"slider{side}.O", f"down{side}.O"]},
+                   {"name": f"P{side}", "type": "prismatic", "between": [f"frame.P{side}", f"slider{side}.P"]},
+                   {"name": f"R{side}", "type": "revolute", "between": [f"up{side}.T", f"roller{side}.O"]},
+                   {"name": f"Q{side}", "type": "prismatic", "between": [f"table.Q{side}", f"roller{side}.P"]}]
+        bars += [{"name": f"{kind}{side}", "mass": 0.5, "cog": [0.0, 0.0], "inertia": 0.01,
+                  "markers": {"O": [0.0, 0.0], "P": {"at": [0.0, 0.0], "axis": [1.0, 0.0]}}} for kind in ("slider", "roller")]
+    frame = {f"O{s}": [x, 0.0] for s, x in (("l", 0.0), ("r", 2.0))} | {f"P{s}": {"at": [x, 0.0], "axis": [1.0, 0.0]} for s, x in (("l", 0.0), ("r", 2.0))}
+    table = {f"T{s}": [x, 0.0] for s, x in (("l", 0.0), ("r", 2.0))} | {f"Q{s}": {"at": [x, 0.0], "axis": [1.0, 0.0]} for s, x in (("l", 0.0), ("r", 2.0))}
+    angle = np.radians(40)
+    start = {"up": ([0, 0], angle), "down": ([np.cos(angle), 0], np.pi - angle), "slider": ([np.cos(angle), 0], 0.0), "roller": ([np.cos(angle), np.sin(angle)], 0.0)}
+    for bar in bars:
+        (x, y), turn = start[bar["name"][:-1]]
+        bar["start"] = {"position": [float(x) + 2.0 * (bar["name"][-1] == "r"), float(y)], "angle": float(turn)}
+    scene = {"space": "planar", "gravity": [0.0, -9.81], "frame": {"markers": frame},
+             "link": [*bars, {"name": "table", "mass": 20.0, "cog": [1.0, 0.1], "inertia": 5.0, "markers": table,
+                              "start": {"position": [0.0, float(np.sin(angle))], "angle": 0.0}}], "joint": joints,
+             "coordinate": [{"joint": "Ol", "start": float(angle)}], "actuator": [{"joint": "Ol"}]}
+    opened = linkdyn.Scene(scene)
+    q = np.radians([[35.0], [50.0]])
+    run = opened.inverse(q=q, qd=0 * q, qdd=0 * q, want=["driving_force", "reaction"])
+    assert not run.status.values.any()
+    # virtual work: the bars' middles rise by half of what the table does, each bar's mass is at its middle
+    height = 20.0 + 2 * 0.5 + 4 * 2.0 / 2
+    np.testing.assert_allclose(run.driving_force.values[:, 0], 9.81 * height * np.cos(q[:, 0]), rtol=1e-10)
+    poses = opened.poses(q=q)
+    np.testing.assert_allclose(poses.position[:, list(opened.links).index("table"), 1], np.sin(q[:, 0]), atol=1e-10)
