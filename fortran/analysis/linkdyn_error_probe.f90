@@ -199,7 +199,7 @@ contains
         associate (model => probe%copy(1)%model, one => probe%copy(1), two => probe%copy(2))
             do i = 1, model%n_actuator
                 associate (actuator => model%scene%actuator(i))
-                    kind = merge(1, 2, is_slide(model%joint(actuator%joint)%kind, actuator%variable))
+                    kind = merge(1, 2, is_slide(model%joint(actuator%joint)%told_kind, actuator%variable))
                 end associate
                 call compare_force(1, solved%driving_force(:, i), space%workspace(1)%driving_force(:, i), &
                                    space%workspace(2)%driving_force(:, i), [one%drive_back(i), two%drive_back(i)], &

@@ -266,7 +266,7 @@ contains
 
         scale = model%scene%laws%scale
         if (spring%joint == 0) return
-        if (.not. is_slide(model%joint(spring%joint)%kind, spring%variable)) scale = scale**2
+        if (.not. is_slide(model%joint(spring%joint)%told_kind, spring%variable)) scale = scale**2
     end function law_scale
 
     !> A force at a point, both in world axes.

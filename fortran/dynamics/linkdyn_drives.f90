@@ -56,7 +56,7 @@ contains
         integer, intent(in) :: i
 
         associate (spec => model%scene%actuator(i))
-            scale = model%scene%laws%scale**merge(1, 2, is_slide(model%joint(spec%joint)%kind, spec%variable))
+            scale = model%scene%laws%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
         end associate
     end function effort_scale
 

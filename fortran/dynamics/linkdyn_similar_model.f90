@@ -61,7 +61,7 @@ contains
             similar%scene%joint(i)%lead = scale*model%scene%joint(i)%lead
             similar%joint(i)%frame = other_rounding(copy, model%joint(i)%frame)
             do k = 1, size(model%scene%joint(i)%start)
-                if (is_slide(model%joint(i)%kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)
+                if (is_slide(model%joint(i)%told_kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)
             end do
         end do
         call scale_gears(model, scale, similar)
@@ -173,7 +173,7 @@ contains
         real(wp), intent(in) :: scale
 
         associate (actuator => model%scene%actuator(i))
-            drive_scale = merge(scale, scale**2, is_slide(model%joint(actuator%joint)%kind, actuator%variable))
+            drive_scale = merge(scale, scale**2, is_slide(model%joint(actuator%joint)%told_kind, actuator%variable))
         end associate
     end function drive_scale
 
@@ -183,7 +183,7 @@ contains
         integer, intent(in) :: joint, variable       !! 0: a spring between markers
 
         is_angular = .false.
-        if (joint > 0) is_angular = .not. is_slide(model%joint(joint)%kind, variable)
+        if (joint > 0) is_angular = .not. is_slide(model%joint(joint)%told_kind, variable)
     end function is_angular
 
     !> The law of a drive along a slide, or about an axis.

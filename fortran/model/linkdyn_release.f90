@@ -177,6 +177,7 @@ contains
                 call add(joint_cylindrical, joint_groove, none, xy)
                 call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
                 call add(joint_groove, joint_loose, xy, none)
+                call add_lines()
             case (joint_prismatic)
                 if (model%is_planar) then
                     call add(joint_prismatic, joint_plate, none, reshape(y, [3, 1]), 1, x)
@@ -193,6 +194,8 @@ contains
             case (joint_spherical)
                 call add(joint_spherical, joint_groove, reshape(z, [3, 1]), none)
                 call add(joint_spherical, joint_plate, xy, none)
+                call add(joint_spherical, joint_plate, reshape([y, z], [3, 2]), none, 1, x)
+                call add(joint_spherical, joint_plate, reshape([x, z], [3, 2]), none, 1, y)
                 call add(joint_spherical, joint_loose, xyz, none)
             case (joint_fixed)
                 if (model%is_planar) then
@@ -241,7 +244,7 @@ contains
             end do
         end subroutine add_forks
 
-        !> In a plane a pin goes into a slot of the first link.
+        !> A pin goes into a slot of the first link; in space it may shift along itself and tilt there, too.
         subroutine add_lines()
             real(wp) :: along(3), across(3)
             integer :: k
@@ -249,19 +252,24 @@ contains
             do k = 0, n_angle - 1
                 along = cos(k*pi/n_angle)*x + sin(k*pi/n_angle)*y
                 across = [-along(2), along(1), 0.0_wp]
-                call add(joint_revolute, joint_plate, reshape(along, [3, 1]), none, 1, across)
+                if (model%is_planar) then
+                    call add(joint_revolute, joint_plate, reshape(along, [3, 1]), none, 1, across)
+                else
+                    call add(joint_revolute, joint_plate, reshape([along, z], [3, 2]), xy, 1, across)
+                    call add(joint_groove, joint_plate, reshape(along, [3, 1]), none, 1, across)
+                end if
             end do
         end subroutine add_lines
     end subroutine list_moves
 
-    !> Does a coordinate, a spring or a branch refer to the joint?
+    !> Does a coordinate or a branch refer to the joint?
     pure logical function is_in_use(model, j)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j
 
         associate (scene => model%scene)
             is_in_use = any(scene%coordinate%kind == coordinate_joint .and. scene%coordinate%joint == j) &
-                        .or. any(scene%spring%joint == j) .or. scene%joint(j)%branch /= 0
+                        .or. scene%joint(j)%branch /= 0
         end associate
     end function is_in_use
 

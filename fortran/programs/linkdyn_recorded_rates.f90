@@ -176,7 +176,7 @@ contains
                 associate (spring => model%scene%spring(i))
                     scale = book%scale
                     if (spring%joint > 0) then
-                        if (.not. is_slide(model%joint(spring%joint)%kind, spring%variable)) scale = scale**2
+                        if (.not. is_slide(model%joint(spring%joint)%told_kind, spring%variable)) scale = scale**2
                     end if
                     samples%pull(i, :n) = 0
                     call add(spring%force, scale, samples%pull(i, :))
@@ -185,7 +185,7 @@ contains
             do i = 1, model%n_actuator
                 associate (spec => model%scene%actuator(i))
                     if (spec%drive%kind /= drive_over) cycle
-                    scale = book%scale**merge(1, 2, is_slide(model%joint(spec%joint)%kind, spec%variable))
+                    scale = book%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
                     samples%effort(i, :n) = 0
                     call add(spec%drive%target, scale, samples%effort(i, :))
                 end associate

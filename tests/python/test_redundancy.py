@@ -422,6 +422,42 @@ def test_two_bearings_each_with_a_motor() -> None:
     np.testing.assert_allclose(both, np.repeat(alone / 2, 2, axis=1), rtol=1e-13)
 
 
+def test_a_spring_at_a_joint_that_lets_go() -> None:
+    """A door on three hinges closes by a spring at whichever hinge; forces at two other hinges are no less shared."""
+    scene = shaft()
+    scene["joint"].append({"name": "J3", "type": "revolute", "between": ["frame.A", "link1.P"]})
+    torques = []
+    for joint in ("J1", "J2", "J3"):
+        scene["spring"] = [{"name": "closer", "joint": joint, "stiffness": 2.0, "damping": 0.3}]
+        run = linkdyn.Scene(scene).inverse(t=np.linspace(0, 1, 300), want=["driving_force", "reaction", "checks"])
+        assert not run.status.values.any() and np.abs(run.power_imbalance.values).max() < 1e-13
+        torques.append(run.driving_force.values)
+        few = linkdyn.Scene(scene).inverse(t=np.linspace(0, 1, 300)[::60], solver="lapack")
+        np.testing.assert_allclose(few.reaction.values, run.reaction.values[::60], rtol=0, atol=1e-12 * np.abs(run.reaction.values).max())
+    np.testing.assert_allclose(torques[1], torques[0], rtol=1e-12)
+    np.testing.assert_allclose(torques[2], torques[0], rtol=1e-12)
+
+
+def test_two_rods_side_by_side() -> None:
+    """A second coupler between the same pins carries half, if it weighs nothing."""
+    scene = hinges(CORNERS, [Z] * 4)
+    for link in scene["link"]:
+        link["cog"][2] = 0.0
+    scene["gravity"] = [0.0, -9.81, 0.0]
+    scene["link"][1] |= {"mass": 0.0, "cog": [0.0, 0.0, 0.0], "inertia": [0.0] * 6}
+    alone = linkdyn.Scene(scene).inverse(t=[0.0, 0.5])
+    scene["link"].append(copy.deepcopy(scene["link"][1]) | {"name": "twin"})
+    scene["joint"] += [{"name": "T2", "type": "revolute", "between": ["link1.Q", "twin.P"]}, {"name": "T3", "type": "revolute", "between": ["twin.Q", "link3.P"]}]
+    both = linkdyn.Scene(scene).inverse(t=[0.0, 0.5])
+    assert not both.status.values.any()
+    np.testing.assert_allclose(both.driving_force.values, alone.driving_force.values, rtol=1e-12)
+    plane = ["Fx", "Fy"]
+    for joint, twin in (("J2", "T2"), ("J3", "T3")):
+        whole = alone.reaction.sel(joint=joint, component=plane).values
+        for name in (joint, twin):
+            np.testing.assert_allclose(both.reaction.sel(joint=name, component=plane).values, whole / 2, rtol=0, atol=1e-11 * np.abs(whole).max())
+
+
 def test_drives_without_a_condition() -> None:
     scene, *_ = eight_legs()
     q = np.array([[0, 0, 0.6, 0, 0, 0.1]])
