@@ -118,6 +118,10 @@ def _warnings(run: xr.Dataset, limits: xr.Dataset | None) -> Table | None:
         worst = np.nan_to_num(np.abs(run.power_imbalance.values))
         if worst.size and worst.max() > IMBALANCE:
             rows.append((f"the power balance is off by {worst.max():.2g} of its terms", f"at {_place(run, int(worst.argmax()))}"))
+    if shared := str(run.attrs.get("shared_reactions", "")):
+        joints = list(dict.fromkeys(name.rpartition(".")[0] for name in shared.split(" ")))
+        taken = {"stiffness": "the least elastic energy"}.get(str(run.attrs["redundancy"]), "the least sum of squares")
+        rows.append((f"reactions of {len(joints)} joints are not determined by the equations: taken is {taken}", ", ".join(joints)))
     rows += _beyond(limits) if limits is not None else []
     if not rows:
         return None

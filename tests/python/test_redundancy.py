@@ -609,3 +609,11 @@ def test_a_scissor_lift_with_two_rams() -> None:
     np.testing.assert_allclose(run.driving_force.values[:, 0], 9.81 * height * np.cos(q[:, 0]), rtol=1e-10)
     poses = opened.poses(q=q)
     np.testing.assert_allclose(poses.position[:, list(opened.links).index("table"), 1], np.sin(q[:, 0]), atol=1e-10)
+
+
+def test_a_sheet_warns(tmp_path: Any) -> None:
+    file = tmp_path / "scene.toml"
+    file.write_text(tomli_w.dumps(bennett() | {"time": {"end": 1.0, "samples": 30}}))
+    sheet = tmp_path / "sheet.html"
+    subprocess.run([executable(), "inverse", file, "-o", tmp_path / "run.nc", "--sheet", sheet], capture_output=True, timeout=60, check=True)
+    assert "reactions of 4 joints are not determined by the equations: taken is the least sum of squares" in sheet.read_text()
