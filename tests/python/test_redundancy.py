@@ -612,8 +612,5 @@ def test_a_scissor_lift_with_two_rams() -> None:
 
 
 def test_a_sheet_warns(tmp_path: Any) -> None:
-    file = tmp_path / "scene.toml"
-    file.write_text(tomli_w.dumps(bennett() | {"time": {"end": 1.0, "samples": 30}}))
-    sheet = tmp_path / "sheet.html"
-    subprocess.run([executable(), "inverse", file, "-o", tmp_path / "run.nc", "--sheet", sheet], capture_output=True, timeout=60, check=True)
+    sheet = linkdyn.sheet(linkdyn.Scene(bennett()).inverse(t=np.linspace(0, 1, 30)), tmp_path / "sheet.html")
     assert "reactions of 4 joints are not determined by the equations: taken is the least sum of squares" in sheet.read_text()
