@@ -241,19 +241,22 @@ contains
     end function any_turned_over
 
     !> Steps of least squares, damped by the square of what is open.
-    subroutine close_loop(model, loop, is_done)
+    subroutine close_loop(model, loop, is_done, most)
         type(model_type), intent(in) :: model
         type(loop_type), intent(inout) :: loop
         logical, intent(out) :: is_done
+        integer, intent(in), optional :: most            !! steps
         type(rows_type) :: rows
         type(dense_workspace) :: workspace
         real(wp), allocatable :: normal(:, :), step(:)
         real(wp) :: rcond, error_bound, largest
         logical :: is_singular
-        integer :: n, i
+        integer :: n, i, n_step
 
         is_done = .false.
-        do n = 1, most_steps
+        n_step = most_steps
+        if (present(most)) n_step = most
+        do n = 1, n_step
             call list_rows(model, loop, rows)
             if (rows%n == 0) return
             is_done = norm2(rows%residual(:rows%n)) <= is_closed

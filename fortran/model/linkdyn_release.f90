@@ -31,10 +31,12 @@ module linkdyn_release
     private
     public :: release_joints, compliances
 
-    integer, parameter :: most_poses = 64, least_poses = 8    !! at which the self-stress is looked at: fewer of large mechanisms,
+    integer, parameter :: most_poses = 64, least_poses = 3    !! at which the self-stress is looked at: fewer of large mechanisms,
     integer, parameter :: small = 576                   !! of one with n links this many over their square
+    integer, parameter :: few_steps = 60                !! in which poses far off close, or are left out
     integer, parameter :: n_angle = 6                   !! axes across a hinge that are tried, of each of its links
     real(wp), parameter :: acts = 1.0e-3_wp             !! part of a self-stress along a direction that can go
+    integer, parameter :: many_moves = 2000             !! times states of self-stress: beyond, the search is shorter
     real(wp), parameter :: nearly = 0.6_wp              !! as strong as the strongest
     real(wp), parameter :: rounding = 1.0e-6_wp         !! of equals the first is taken, however they are rounded
 
@@ -54,6 +56,7 @@ module linkdyn_release
     type :: stressed_pose
         type(loop_type) :: loop
         type(rows_type) :: rows
+        integer, allocatable :: first(:)                !! row of each joint; the next one's is behind its last
         real(wp), allocatable :: stress(:, :)           !! orthonormal; those left (row, state of self-stress)
         real(wp), allocatable :: whole(:, :)            !! all
     end type stressed_pose
@@ -70,7 +73,7 @@ contains
         type(stressed_pose), allocatable :: pose(:)
         type(move_type), allocatable :: move(:), taken(:), best(:)
         real(wp) :: score, best_score
-        integer :: i
+        integer :: i, first
 
         is_released = .false.
         if (model%n_link > most_links) return
@@ -79,8 +82,12 @@ contains
         if (size(pose(1)%stress, 2) == 0) return
         call list_moves(model, pose(1)%loop, move)
         best_score = acts
-        do i = 1, size(move)
-            if (.not. begins(pose(1), move, i)) cycle
+        ! of many moves only the best is one to begin with
+        first = merge(0, 1, size(move)*size(pose(1)%stress, 2) > many_moves)
+        do i = first, merge(0, size(move), first == 0)
+            if (i > 0) then
+                if (.not. begins(pose(1), move, i)) cycle
+            end if
             call choose_moves(pose, move, i, taken, score)
             if (score <= best_score*(1 + rounding)) cycle
             best_score = score
@@ -134,13 +141,15 @@ contains
         joint = pack([(i, i=1, model%n_joint)], .not. is_geared(model%joint(:model%n_joint)%kind))
         do p = 1, max(least_poses, min(most_poses, small/model%n_link**2))
             call make_loop(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed, p - 1)
-            if (is_closed) call close_loop(model, here%loop, is_closed)
+            if (is_closed .and. p == 1) call close_loop(model, here%loop, is_closed)
+            if (is_closed .and. p > 1) call close_loop(model, here%loop, is_closed, most=few_steps)
             if (is_closed) is_closed = .not. any_turned_over(here%loop)
             if (p == 1 .and. .not. is_closed) return
             if (.not. is_closed) cycle
             call list_rows(model, here%loop, here%rows)
             call find_null_space(here%rows%row(:, :here%rows%n), hardly_new, here%stress)
             here%whole = here%stress
+            here%first = [(1 + count(here%rows%joint(:here%rows%n) < i), i=1, size(joint) + 1)]
             if (p > 1) is_closed = size(here%stress, 2) == size(pose(1)%stress, 2)
             if (is_closed) pose = [pose, here]
         end do
@@ -288,7 +297,7 @@ contains
     subroutine choose_moves(pose, move, first, taken, score)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
-        integer, intent(in) :: first                    !! move with which to begin, or another of the joint to the same kind
+        integer, intent(in) :: first                    !! move with which to begin, or another of the joint to the same kind; 0: any
         type(move_type), allocatable, intent(out) :: taken(:)
         real(wp), intent(out) :: score                  !! of the worst of them
         type(stressed_pose) :: left(size(pose))
@@ -354,8 +363,7 @@ contains
 
         action = 0
         frame = joint_frame(pose%loop, move%i, max(move%side, 1))
-        do n = 1, pose%rows%n
-            if (pose%rows%joint(n) /= move%i) cycle
+        do n = pose%first(move%i), pose%first(move%i + 1) - 1
             do k = 1, move%n
                 if (pose%rows%sort(n) == move%sort(k)) action(k, :) = action(k, :) &
                     + dot_product(matmul(frame, move%direction(:, k)), pose%rows%axis(:, n))*pose%stress(n, :)
