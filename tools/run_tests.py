@@ -61,8 +61,8 @@ def run_fortran(build: Path, precision: str = "real64", environment: dict[str, s
 def run_python(report: Path, arguments: list[str], environment: dict[str, str] | None = None) -> Count:
     """Tests of pytest on all processors; a run that ended without a report counts as one failure."""
     report.unlink(missing_ok=True)
-    # A worker that takes the place of a crashed one waits for tests for ever when they go in groups.
-    spread = ["-n", str(os.cpu_count()), "--dist", "loadgroup", "--max-worker-restart", "0"]
+    # neighbours in one process, which share what a module prepares; who is done takes over from the others
+    spread = ["-n", str(os.cpu_count()), "--dist", "worksteal"]
     command = [sys.executable, "-m", "pytest", f"--junitxml={report}", *spread, *arguments]
     code = subprocess.run(command, cwd=ROOT, env=os.environ | (environment or {}), check=False).returncode
     count = Count()

@@ -38,8 +38,9 @@ SCENES = sorted(
 )
 REACH = {"near": (0.02, 0.02), "middle": (0.3, 0.3), "far": (1.2, 1.2), "round": (4.0, 0.5)}
 """How far a path goes: in radians, and in a third of the mechanism's size."""
-N = 2000
-"""Samples of a path."""
+SLOW = frozenset({"hexaglide"})
+"""Platforms whose loops take as long as all other scenes together: fewer samples, and one path of each reach."""
+
 ROUNDING = 1e-7
 """Of a joint variable [m, rad]: an assembly closed near its dead point has half of the digits."""
 
@@ -103,11 +104,16 @@ def size_of(scene: linkdyn.Scene) -> float:
     return max(spans) or 1.0
 
 
-def path_from(start: np.ndarray, reach: np.ndarray, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Three harmonics with random sizes and phases, from the start and back to it in 1 s: q, qd, qdd (N + 1, n)."""
+def samples(file: Path) -> int:
+    """Steps of a path."""
+    return 500 if names(file) in SLOW else 2000
+
+
+def path_from(start: np.ndarray, reach: np.ndarray, seed: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Three harmonics with random sizes and phases, from the start and back to it in 1 s: q, qd, qdd (n + 1, number of coordinates)."""
     rng = np.random.default_rng(seed)
-    t = np.arange(N + 1)[:, np.newaxis] / N
-    q, qd, qdd = (np.zeros((N + 1, len(start))) for _ in range(3))
+    t = np.arange(n + 1)[:, np.newaxis] / n
+    q, qd, qdd = (np.zeros((n + 1, len(start))) for _ in range(3))
     for k in (1, 2, 3):
         a, phase, w = reach * rng.uniform(-1, 1, len(start)) / k, rng.uniform(0, 2 * np.pi, len(start)), 2 * np.pi * k
         q += a * (np.sin(w * t + phase) - np.sin(phase))
@@ -117,23 +123,27 @@ def path_from(start: np.ndarray, reach: np.ndarray, seed: int) -> tuple[np.ndarr
     return start + q, qd, qdd
 
 
-def move(file: Path, reach: str, seed: int, *options: str) -> Motion:
-    """A scene along one of its random paths, followed in order."""
+def path(file: Path, reach: str, seed: int) -> tuple[Case, linkdyn.Scene]:
+    """One of a scene's random paths."""
     content = driven(file)
     scene = linkdyn.Scene(content, file.parent)
     unit = np.array([c["unit"] for c in scene.description["coordinates"]])
     start = scene.motion(scene.times()[:1])[0][0]
     angle, length = REACH[reach]
     number = zlib.crc32(f"{names(file)} {reach} {seed}".encode())
-    q, qd, qdd = path_from(start, np.where(unit == "rad", angle, length * size_of(scene) / 3), number)
-    case = Case(names(file), scene.title, content, q, qd, qdd, np.full(len(q), np.nan), file.parent)
-    results = run_states(executable(), case, "--want", "joint_variable", *options, solver="elimination", time=np.arange(N + 1) / N)
-    run = scene.inverse(q[:1], want="joint_variable")
+    q, qd, qdd = path_from(start, np.where(unit == "rad", angle, length * size_of(scene) / 3), number, samples(file))
+    return Case(names(file), scene.title, content, q, qd, qdd, np.full(len(q), np.nan), file.parent), scene
+
+
+def move(file: Path, reach: str, seed: int, *options: str) -> Motion:
+    """A scene along one of its random paths, followed in order."""
+    case, scene = path(file, reach, seed)
+    instants = np.linspace(0, 1, len(case.q))
+    results = run_states(executable(), case, "--want", "joint_variable", *options, solver="elimination", time=instants)
+    run = scene.inverse(case.q[:1], want="joint_variable")
     return Motion(case, run.variable_unit.values, results, variables_told(scene, run.variable.values))
 
 
-SLOW = frozenset({"hexaglide"})
-"""Platforms whose loops take as long as all other scenes together: one path of each reach."""
 MOTIONS = [(file, reach, seed) for file in SCENES for reach in REACH for seed in range(1 if names(file) in SLOW else 2)]
 IDS = [f"{names(file)}-{reach}-{seed}" for file, reach, seed in MOTIONS]
 
@@ -144,7 +154,7 @@ def jumps(motion: Motion) -> Iterator[str]:
     Between two samples a rate is taken to stay within the range that it has there and at their neighbours, doubled about
     the mean; a joint variable that does more has jumped.
     """
-    rate, step = motion.rate, 1 / N
+    rate, step = motion.rate, 1 / (len(motion.rate) - 1)
     ahead, behind = np.vstack([rate[1:], rate[-1:]]), np.vstack([rate[:1], rate[:-1]])
     around = np.stack([behind[:-1], rate[:-1], rate[1:], ahead[1:]])
     middle, spread = around[1:3].mean(axis=0), np.fmax.reduce(around) - np.fmin.reduce(around)
@@ -184,9 +194,8 @@ def test_poses_are_those_of_the_joints(file: Path) -> None:
 @pytest.mark.parametrize("file", SCENES, ids=names)
 def test_order_and_batches_do_not_matter(file: Path) -> None:
     """A sample on its own has the same numbers to the last bit wherever it stands, in whatever batch, on any thread."""
-    motion = move(file, "middle", 1)
-    scene = linkdyn.Scene(motion.case.scene, file.parent)
-    q, qd, qdd = (values[::20] for values in (motion.case.q, motion.case.qd, motion.case.qdd))
+    case, scene = path(file, "middle", 1)
+    q, qd, qdd = (values[::20] for values in (case.q, case.qd, case.qdd))
     whole = scene.solve(q, qd, qdd, want="all")
     rng = np.random.default_rng(1)
     order = rng.permutation(len(q))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import linkdyn
@@ -14,6 +15,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "hard"))
 
 from cases import Case, examples, hard_cases  # noqa: E402
 from estimates import assert_holds, assert_not_vague, exceed, most, join_samples  # noqa: E402
+from together import compute_together  # noqa: E402
 from twin import forces_of, quadruple_forces, ratio_to_estimate, true_errors  # noqa: E402
 
 TWIN = quadruple_twin()
@@ -26,14 +28,14 @@ EPS = np.finfo(float).eps
 pytestmark = [
     pytest.mark.accuracy,
     pytest.mark.skipif(TWIN is None, reason="linkdyn-real128 is not built (make real128)"),
-    pytest.mark.xdist_group("hard cases"),     # one fixture, half a minute
 ]
 
 
 @pytest.fixture(scope="module")
-def exact() -> dict[str, np.ndarray]:
+def exact(tmp_path_factory: pytest.TempPathFactory, testrun_uid: str) -> dict[str, np.ndarray]:
     """Forces of all cases in quadruple precision."""
-    return {case.name: quadruple_forces(TWIN, case) for case in [*CASES, *EXAMPLES]}
+    folder = tmp_path_factory.getbasetemp().parent / f"twin-{testrun_uid}"
+    return compute_together(folder, {case.name: partial(quadruple_forces, TWIN, case) for case in [*CASES, *EXAMPLES]})
 
 
 def run_case(case: Case, solver: str):
