@@ -15,6 +15,7 @@ module linkdyn_shared_reactions
     use linkdyn_model, only: model_type, holds_spin
     use linkdyn_motion_measures, only: gapes
     use linkdyn_null_space, only: find_null_space
+    use linkdyn_null_space_plan, only: find_null_space_by_plan
     use linkdyn_redundancy, only: hardly_new
     use linkdyn_release, only: compliances
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular
@@ -99,7 +100,7 @@ contains
         integer, intent(inout) :: status
         real(wp), intent(inout), optional :: reaction(:, :)    !! (n_component, n_joint)
         type(rows_type) :: rows
-        real(wp), allocatable :: row(:, :), stress(:, :), soft(:, :), energy(:, :), part(:), open(:)
+        real(wp), allocatable :: stress(:, :), soft(:, :), energy(:, :), part(:), open(:)
         real(wp) :: rcond, error_bound, wrench(6)
         logical :: is_singular
         integer :: i
@@ -110,8 +111,7 @@ contains
             return
         end if
         if (.not. present(reaction)) return
-        row = rows%row(:, :rows%n)
-        call find_null_space(row, hardly_new, stress)
+        call find_stress(model, rows%row(:, :rows%n), stress)
         if (size(stress, 2) /= model%share%n) then
             status = sample_singular
             return
@@ -139,6 +139,20 @@ contains
             end associate
         end do
     end subroutine share_sample
+
+    !> Orthonormal states of self-stress.
+    subroutine find_stress(model, row, stress)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: row(:, :)               !! of the joints that share (column, row)
+        real(wp), allocatable, intent(out) :: stress(:, :)    !! (row, state)
+        real(wp) :: left(size(row, 1), size(row, 2))
+        logical :: is_sure
+
+        left = row
+        allocate (stress(size(row, 2), model%share%n))
+        call find_null_space_by_plan(model%share%stress, left, stress, is_sure)
+        if (.not. is_sure) call find_null_space(row, hardly_new, stress)
+    end subroutine find_stress
 
     !> The reactions along the directions that the joints hold: forces [N], moments over the mechanism's size.
     function parts_of(loop, rows, reaction) result(part)

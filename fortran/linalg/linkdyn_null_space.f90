@@ -3,7 +3,7 @@ module linkdyn_null_space
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: find_null_space
+    public :: find_null_space, orthonormalize
 
 contains
 
@@ -61,6 +61,20 @@ contains
             vector(:, k) = 0
         end do
     end subroutine extend_basis
+
+    !> Vectors that span the same, each with a length of one and square to the others.
+    pure subroutine orthonormalize(vector)
+        real(wp), intent(inout) :: vector(:, :)            !! (component, vector), none in the span of the others
+        integer :: k, again
+
+        do k = 1, size(vector, 2)
+            do again = 1, 2
+                vector(:, k) = vector(:, k)/norm2(vector(:, k))
+                call subtract_span(vector(:, :k - 1), vector(:, k))
+            end do
+            vector(:, k) = vector(:, k)/norm2(vector(:, k))
+        end do
+    end subroutine orthonormalize
 
     !> What is left of a vector beside orthonormal ones.
     pure subroutine subtract_span(basis, vector)

@@ -3,6 +3,7 @@ module linkdyn_model
     use linkdyn_contact, only: contact_type
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
+    use linkdyn_null_space_plan, only: null_space_plan
     use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal
     implicit none (type, external)
     private
@@ -157,6 +158,7 @@ module linkdyn_model
         integer, allocatable :: joint(:)      !! that take part
         integer, allocatable :: link(:)       !! between them
         logical, allocatable :: of_force(:), of_moment(:)    !! what of these joints is not determined
+        type(null_space_plan) :: stress       !! how the states of self-stress follow from the joints' constraint rows
     end type share_type
 
     !> A mechanism ready to be computed.

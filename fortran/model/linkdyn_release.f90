@@ -22,6 +22,7 @@ module linkdyn_release
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_null_space, only: find_null_space
+    use linkdyn_null_space_plan, only: plan_null_space
     use linkdyn_redundancy, only: most_links, hardly_new
     use linkdyn_scene, only: share_by_stiffness, coordinate_joint, joint_revolute, joint_prismatic, joint_cylindrical, &
         joint_universal, joint_spherical, joint_fixed
@@ -473,5 +474,31 @@ contains
         model%share%link = pack([(i, i=1, model%n_link)], is_between)
         model%share%of_force = is_stressed(of_force, model%share%joint)
         model%share%of_moment = is_stressed(of_moment, model%share%joint)
+        call plan_stress(model, pose)
     end subroutine note_shares
+
+    !> How the states of self-stress are found of a pose: from the rows of the joints that share, in the equations of their links.
+    subroutine plan_stress(model, pose)
+        type(model_type), intent(inout) :: model
+        type(stressed_pose), intent(in) :: pose(:)
+        real(wp), allocatable :: sample(:, :, :)         ! (equation, unknown, pose)
+        logical, allocatable :: pattern(:, :)
+        integer, allocatable :: equation(:), unknown(:), joint(:)
+        integer :: n, i, k, p
+
+        n = size(pose(1)%loop%column)
+        equation = [((n*(model%share%link(i) - 1) + k, k=1, n), i=1, size(model%share%link))]
+        joint = pose(1)%loop%joint(pose(1)%rows%joint(:pose(1)%rows%n))
+        unknown = pack([(i, i=1, size(joint))], [(any(model%share%joint == joint(i)), i=1, size(joint))])
+        allocate (sample(size(equation), size(unknown), size(pose)), pattern(size(equation), size(unknown)))
+        do p = 1, size(pose)
+            sample(:, :, p) = pose(p)%rows%row(equation, unknown)
+        end do
+        do i = 1, size(unknown)
+            associate (link => model%joint(joint(unknown(i)))%link)
+                pattern(:, i) = [((any(link == model%share%link(k)), p=1, n), k=1, size(model%share%link))]
+            end associate
+        end do
+        call plan_null_space(sample, pattern, model%share%n, model%share%stress)
+    end subroutine plan_stress
 end module linkdyn_release
