@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import xarray as xr
@@ -143,8 +143,14 @@ class Simulator:
         return self._dataset(np.array(t), np.array(q), np.array(qd), np.array(force), stopped)
 
     def close(self) -> None:
-        """Give back what it holds; done by itself when nobody refers to it any more."""
+        """Give back what it holds; done by itself at the end of a ``with``, or when nobody refers to it any more."""
         self._finalizer()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def __repr__(self) -> str:
         return f"<linkdyn.Simulator of {self.scene.title!r} at t = {self.t:g} s>"

@@ -154,8 +154,11 @@ def test_closed() -> None:
     simulator = linkdyn.Scene(SLIDER).simulator()
     simulator.close()
     simulator.close()
-    with pytest.raises(linkdyn.LinkdynError, match="closed"):
-        simulator.step(0.1)
+    with linkdyn.Scene(SLIDER).simulator() as other:
+        other.step(0.1)
+    for closed in (simulator, other):
+        with pytest.raises(linkdyn.LinkdynError, match="closed"):
+            closed.step(0.1)
 
 
 def test_threads_of_their_own() -> None:
