@@ -222,7 +222,7 @@ contains
         type(scratch_type), intent(out) :: scratch
 
         allocate (scratch%load(6, model%n_load, n), scratch%nothing(0, n))
-        if (.not. config%wanted%power) return
+        if (.not. (config%wanted%power .or. (config%wanted%motor .and. size(model%motor) > 0))) return
         if (.not. config%wanted%driving_force) allocate (scratch%driving_force(model%n_actuator, n))
         if (.not. config%wanted%joint_variable) allocate (scratch%joint_rate(model%n_variable, n))
     end subroutine prepare_scratch
