@@ -974,8 +974,9 @@ contains
             if (.not. equations%unknown%drive(i)) driving_force(:, i) = 0
         end do
         do i = 1, size(model%motor)
-            ! what rotors take, but for what is applied already
+            ! what rotors take, but for what is applied already; of drives that share the work all of it is
             associate (motor => model%motor(i))
+                if (equations%shares_drives) cycle
                 if (motor%inertia > 0) driving_force(:, motor%actuator) = driving_force(:, motor%actuator) &
                     - motor%inertia*workspace%rotor_acceleration(:, i) - workspace%state%rotor_force(:, i)
             end associate

@@ -16,6 +16,8 @@ from linkdyn.cli import quadruple_twin
 from linkdyn.errors import InputError
 from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
+from linkdyn._sheet import sheet_page
+from sheet_file import number
 from test_frame_motion import arm, four_bar, hexapod, let_go, slider_crank_in_space, swing
 from test_generate import Compiled
 
@@ -461,6 +463,112 @@ def test_dc_motor_and_its_rotor() -> None:
     exact = solve_ivp(rate, (0, 2), [0.6, 0.0], method="DOP853", rtol=1e-12, atol=1e-13, t_eval=t).y
     assert np.abs(run.q.values[:, 0] - exact[0]).max() < 1e-8
     np.testing.assert_allclose(run.motor_current.values[:, 0], (30 * (1 - exact[0]) - 2 * exact[1]) / 2, atol=1e-6)
+
+
+# ---------------------------------------------------------------- with all else
+
+
+def test_friction_comes_from_what_gets_to_the_links() -> None:
+    """Friction and rotors beside each other: the rotor changes neither reactions nor friction; a free run keeps the equations."""
+    scene = of_arm()
+    scene["friction"] = [{"joint": f"J{i}", "coulomb": 0.1, "radius": 0.03, "length": 0.2} for i in (1, 2)]
+    moving, bare = linkdyn.Scene(scene), linkdyn.Scene(without(scene))
+    t = np.linspace(0.11, 1.83, 40)
+    run, other = moving.inverse(t=t), bare.inverse(t=t)
+    np.testing.assert_allclose(run.friction_power, other.friction_power, rtol=1e-9, atol=1e-10)
+    taken = reflected(scene) * accelerations(bare, t)
+    assert np.abs(run.driving_force.values - other.driving_force.values - taken).max() < 1e-8 * np.abs(run.driving_force.values).max()
+    assert np.abs(run.power_imbalance).max() < 1e-11
+    for solver in ("elimination", "lapack"):
+        again = moving.forward(t=np.linspace(0, 0.3, 7), solver=solver, rtol=1e-9, atol=1e-10)
+        assert np.abs(again.q.values - moving.motion(again.time.values)[0]).max() < 1e-6
+
+
+@pytest.mark.parametrize("make", [of_arm, of_hexapod])
+def test_on_a_frame_that_moves(make: Any) -> None:
+    """As seen from the frame: the rotor takes the same."""
+    scene = make()
+    scene["frame"]["motion"] = {"z": swing(0.4, 2.5, 0.1), "roll": swing(0.5, 2.2, 0.3, 0.1)}
+    moving, bare = linkdyn.Scene(scene), linkdyn.Scene(without(scene))
+    t = np.linspace(0.11, 1.83, 40)
+    taken = reflected(scene) * accelerations(bare, t)
+    for solver in ("elimination", "lapack", "reduced"):
+        run, other = moving.inverse(t=t, solver=solver), bare.inverse(t=t)
+        assert np.abs(run.driving_force.values - other.driving_force.values - taken).max() < 1e-8 * np.abs(run.driving_force.values).max()
+        assert np.abs(run.power_imbalance).max() < 1e-11
+
+
+def test_drives_that_share_the_work() -> None:
+    """Two motors on the four-bar: they share what gets to the links, and each has its rotor besides."""
+    scene = still(four_bar())
+    scene["actuator"] = [{"joint": "A", "drive": GEAR}, {"joint": "D", "share": 2.0, "drive": {**GEAR, "rotor_inertia": 5e-5}}]
+    moving, bare = linkdyn.Scene(scene), linkdyn.Scene(without(scene))
+    t = np.linspace(0.11, 1.83, 40)
+    taken = reflected(scene) * accelerations(bare, t)
+    other = bare.inverse(t=t)
+    for solver in ("elimination", "lapack", "reduced"):
+        run = moving.inverse(t=t, solver=solver)
+        assert np.abs(run.driving_force.values - other.driving_force.values - taken).max() < 1e-8 * np.abs(run.driving_force.values).max()
+        assert np.abs(run.transmission_force.values - other.driving_force.values).max() < 1e-10 * np.abs(other.driving_force.values).max()
+        assert np.abs(run.power_imbalance).max() < 1e-11
+
+
+def test_impact_with_a_rotor() -> None:
+    """What strikes a stop brings the rotor's inertia: as with a disc welded on, impulse and all."""
+    def stopped(**actuator: Any) -> dict[str, Any]:
+        scene = pendulum(**actuator)
+        scene["stop"] = [{"name": "S", "joint": "O", "min": -0.2, "restitution": 0.6}]
+        return scene
+
+    t = np.linspace(0, 3, 31)
+    welded = stopped()
+    welded["link"][0]["inertia"] = 0.02 + 50**2 * 4e-5
+    run, other = (linkdyn.Scene(one).forward(t=t, rtol=1e-11, atol=1e-12) for one in (stopped(drive={"ratio": 50, "rotor_inertia": 4e-5}), welded))
+    assert run.sizes["event"] > 1
+    assert np.abs(run.q.values - other.q.values).max() < 1e-8
+    np.testing.assert_allclose(run.event_impulse, other.event_impulse, rtol=1e-7, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["screw_lift", "geared_fivebar"])
+def test_screw_joints_and_gears(name: str) -> None:
+    """Driven joints of other kinds."""
+    scene = linkdyn.load(ROOT / "examples" / name / "scene.toml")
+    actuators = list(scene.actuators)
+    moving = scene.with_({f"actuator.{one}.drive": {"ratio": 20, "rotor_inertia": 2e-4} for one in actuators})
+    time = scene.times()
+    t = time[0] + (time[-1] - time[0]) * np.linspace(0.1, 0.9, 30)
+    taken = 400 * 2e-4 * accelerations(scene, t)
+    for solver in SOLVERS:
+        run, other = moving.inverse(t=t, solver=solver), scene.inverse(t=t)
+        assert np.abs(run.driving_force.values - other.driving_force.values - taken).max() < 1e-7 * np.abs(run.driving_force.values).max()
+        assert np.abs(run.power_imbalance).max() < 1e-10
+    again = moving.forward(t=time[time <= time[0] + 0.2 * (time[-1] - time[0])], rtol=1e-10, atol=1e-11)
+    assert np.abs(again.q.values - moving.motion(again.time.values)[0]).max() < 1e-6
+
+
+def test_released_joints() -> None:
+    """A loop with more constraints than needed, driven where a joint lets go of what others hold."""
+    scene = linkdyn.load(ROOT / "examples" / "agile_eye" / "scene.toml")
+    moving = scene.with_({"actuator.motor#.drive": {"ratio": 30, "rotor_inertia": 1e-4}})
+    time = scene.times()
+    t = time[0] + (time[-1] - time[0]) * np.linspace(0.1, 0.9, 20)
+    taken = 900 * 1e-4 * accelerations(scene, t)
+    for solver in ("elimination", "lapack"):
+        run, other = moving.inverse(t=t, solver=solver, want=["driving_force", "checks"]), scene.inverse(t=t)
+        assert np.abs(run.driving_force.values - other.driving_force.values - taken).max() < 1e-6 * np.abs(run.driving_force.values).max()
+
+
+def test_errors_of_a_free_run() -> None:
+    run = linkdyn.Scene(pendulum(drive={"ratio": 50, "rotor_inertia": 4e-5})).forward(t=np.linspace(0, 2, 11), error=True)
+    assert (run.q_error < 1e-6).all() and (run.driving_force_error.values < 1e-6).all()
+
+
+def test_sheet_tells_of_motors() -> None:
+    scene = linkdyn.load(ROOT / "examples" / "toggle_clamp" / "scene.toml").with_({"actuator.nut.drive.efficiency": 0.4})
+    run = scene.inverse()
+    (table,) = [table for table in sheet_page(run, scene=scene).tables if table.title == "Motors"]
+    assert table.rows[0][-1].text == "yes"
+    assert number(table.rows[0][1]) == pytest.approx(float(np.abs(run.motor_torque).max()), rel=1e-2)
 
 
 def test_a_drive_without_inertia_costs_nothing() -> None:
