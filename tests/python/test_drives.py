@@ -448,6 +448,20 @@ def test_generated_code(make: Any, tmp_path: Path) -> None:
         assert np.abs(found["driving_force"] - expected[i]).max() < 1e-11 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("make", [four, of_arm, of_hexapod])
+def test_generated_code_of_forward_dynamics(make: Any, tmp_path: Path) -> None:
+    """Accelerations by driving forces, for which inverse dynamics asks for these."""
+    scene = linkdyn.Scene(make())
+    compiled = Compiled(scene.generate("forward", name="kernel"), tmp_path)
+    q, qd, qdd = scene.motion(np.linspace(0.1, 1.9, 5))
+    force = scene.solve(q, qd, qdd)["driving_force"]
+    for i in range(5):
+        status, found = compiled(q=q[i], qd=qd[i], driving_force=force[i])
+        assert status == 0
+        back = scene.solve(q[i : i + 1], qd[i : i + 1], [found["qdd"]])["driving_force"]
+        assert np.abs(back - force[i]).max() < 1e-10 * np.abs(force).max()
+
+
 def test_dc_motor_and_its_rotor() -> None:
     """The law's gear is that of the drive: n^2 J + link, against its differential equation."""
     law = {"type": "dc-motor", "n": 20, "eta": 1.0, "K_T": 0.1, "K_E": 0.1, "K_P": 30.0, "R_a": 2.0, "target": 1.0}
