@@ -389,22 +389,26 @@ contains
         function motor_load(id, s) result(load)
             integer, intent(in) :: id, s
             real(wp) :: load(size(design%model%motor))
+            real(wp) :: torque, speed
+            integer :: i
 
-            associate (of => design%of_forces, a => design%model%motor%actuator, spec => design%model%scene%actuator)
-                load = spec(a)%motor%ratio*of%driving_speed(a, s)
-                if (id == quantity_motor_speed) return
-                associate (torque => motor_torque(spec(a)%motor, of%driving_force(a, s), of%transmission_force(:, s), &
-                                                  of%driving_speed(a, s)))
+            do i = 1, size(load)
+                associate (of => design%of_forces, a => design%model%motor(i)%actuator, spec => design%model%scene%actuator)
+                    speed = spec(a)%motor%ratio*of%driving_speed(a, s)
+                    torque = motor_torque(spec(a)%motor, of%driving_force(a, s), of%transmission_force(i, s), &
+                                          of%driving_speed(a, s))
                     select case (id)
                     case (quantity_motor_torque)
-                        load = torque
+                        load(i) = torque
+                    case (quantity_motor_speed)
+                        load(i) = speed
                     case (quantity_motor_power)
-                        load = torque*load
+                        load(i) = torque*speed
                     case (quantity_motor_current)
-                        load = torque/spec(a)%motor%torque_constant
+                        load(i) = torque/spec(a)%motor%torque_constant
                     end select
                 end associate
-            end associate
+            end do
         end function motor_load
     end subroutine take_forces
 
