@@ -579,7 +579,7 @@ contains
             "  --no-switch         stop where a coordinate comes to its dead point; default: another joint variable", &
             "                      is integrated in its place, and the summary says so", &
             "  --want LIST         driving_force, reaction, joint_variable, power (with energies), checks,", &
-            "                      friction, or all (default), with commas between; the rest is not computed", &
+            "                      friction, motor, or all (default), with commas between; the rest is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced,", &
             "                      or gauss-jordan-plain (for comparison only)", &
             "  --threads N         threads for the forces at output instants; default 1", &
@@ -604,8 +604,8 @@ contains
             "                      with .nc (or .csv) in this folder", &
             "  --csv               a CSV table instead of netCDF-4", &
             "  --no-output         keep nothing but the summary: for runs of any length", &
-            "  --want LIST         driving_force, reaction, joint_variable, power, checks, friction, or all of these", &
-            "                      (default); and rcond, singularity_distance, which take longer; with commas between;", &
+            "  --want LIST         driving_force, reaction, joint_variable, power, checks, friction, motor, or all of", &
+            "                      these (default); and rcond, singularity_distance, which take longer; with commas between;", &
             "                      what is not named is not computed", &
             "  --solver NAME       elimination (default), lapack, gauss-jordan, reduced (gives all but the", &
             "                      reactions), or gauss-jordan-plain (for comparison only)", &

@@ -17,7 +17,8 @@ module linkdyn_drive_inverse
         find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
         result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
         result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
-        result_friction, result_friction_power, result_power_imbalance, result_driving_force_error, &
+        result_friction, result_friction_power, result_transmission_force, view_motor_loads, &
+        result_power_imbalance, result_driving_force_error, &
         result_reaction_error, result_assembly, variable_index
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
         exit_done, exit_bad_input, exit_samples_failed
@@ -221,7 +222,7 @@ contains
         type(scratch_type), intent(out) :: scratch
 
         allocate (scratch%load(6, model%n_load, n), scratch%nothing(0, n))
-        if (.not. config%wanted%power) return
+        if (.not. (config%wanted%power .or. (config%wanted%motor .and. size(model%motor) > 0))) return
         if (.not. config%wanted%driving_force) allocate (scratch%driving_force(model%n_actuator, n))
         if (.not. config%wanted%joint_variable) allocate (scratch%joint_rate(model%n_variable, n))
     end subroutine prepare_scratch
@@ -260,6 +261,7 @@ contains
         call view_values(layout, result_joint_rate, n, block, results%joint_rate)
         call view_values(layout, result_friction, n, block, results%friction)
         call view_values(layout, result_friction_power, n, block, results%friction_power)
+        call view_values(layout, result_transmission_force, n, block, results%transmission_force)
         call view_values(layout, result_rcond, n, block, results%rcond)
         call view_values(layout, result_singularity_distance, n, block, results%singularity_distance)
         call view_values(layout, result_error, n, block, results%error)
@@ -288,6 +290,7 @@ contains
         end if
         if (associated(power)) &
             call find_driving_power(layout, results%driving_force, results%joint_rate, speed, power)
+        call view_motor_loads(layout, results%driving_force, results%transmission_force, results%joint_rate, n, block)
         call flag_unsound(layout, n, block)
     end subroutine compute_block
 end module linkdyn_drive_inverse

@@ -7,8 +7,8 @@ module linkdyn_summary
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
-        result_time, result_driving_force, result_reaction, result_status, result_assembly, result_joint_variable, &
-        dim_variable, variable_index, samples_width, &
+        result_time, result_driving_force, result_motor_torque, result_reaction, result_status, result_assembly, &
+        result_joint_variable, dimension_type, dim_motor, dim_variable, variable_index, samples_width, &
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
@@ -43,6 +43,12 @@ module linkdyn_summary
         real(wp) :: largest = 0                  !! value
     end type error_peak_type
 
+    !> How far values go.
+    type :: range_type
+        type(peak_type), allocatable :: lowest(:), highest(:)   !! of minus the value, of the value
+        real(wp), allocatable :: sum_of_squares(:)
+    end type range_type
+
     !> Figures gathered block by block.
     type :: summary_type
         integer :: n_sample = 0
@@ -54,8 +60,8 @@ module linkdyn_summary
         type(event_type) :: anew                                !! the assembly was found from the start, after failures
         type(road_counts) :: roads
         logical :: has_force = .false., has_reaction = .false.
-        type(peak_type), allocatable :: lowest(:), highest(:)   !! driving force (n_actuator)
-        real(wp), allocatable :: sum_of_squares(:)              !! (n_actuator)
+        type(range_type) :: drive                               !! driving forces
+        type(range_type) :: motor                               !! torques of motors
         type(peak_type) :: force, moment                        !! largest reaction, its square
         type(error_peak_type), allocatable :: worst(:)          !! none: no errors were estimated
     end type summary_type
@@ -67,15 +73,53 @@ contains
         type(summary_type), intent(out) :: summary
         integer :: i
 
-        allocate (summary%lowest(layout%dimension(dim_actuator)%size))
-        allocate (summary%highest(layout%dimension(dim_actuator)%size))
-        allocate (summary%sum_of_squares(layout%dimension(dim_actuator)%size))
-        summary%sum_of_squares = 0
+        call start_range(layout%dimension(dim_actuator)%size, summary%drive)
+        call start_range(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_motor_torque) > 0), summary%motor)
         allocate (summary%worst(0))
         do i = 1, size(estimate_of)
             call add_worst(layout, variable_index(layout, estimated(i)), variable_index(layout, estimate_of(i)), summary%worst)
         end do
     end subroutine start_summary
+
+    subroutine start_range(n, range)
+        integer, intent(in) :: n
+        type(range_type), intent(out) :: range
+
+        allocate (range%lowest(n), range%highest(n), range%sum_of_squares(n))
+        range%sum_of_squares = 0
+    end subroutine start_range
+
+    subroutine add_to_range(value, t, range)
+        real(wp), intent(in) :: value(:)
+        real(wp), intent(in) :: t                    !! [s]
+        type(range_type), intent(inout) :: range
+        integer :: k
+
+        do k = 1, size(value)
+            call raise_peak(-value(k), t, k, range%lowest(k))
+            call raise_peak(value(k), t, k, range%highest(k))
+            range%sum_of_squares(k) = range%sum_of_squares(k) + value(k)**2
+        end do
+    end subroutine add_to_range
+
+    subroutine join_ranges(part, whole)
+        type(range_type), intent(in) :: part
+        type(range_type), intent(inout) :: whole
+        integer :: k
+
+        whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
+        do k = 1, size(whole%lowest)
+            call join_peaks(part%lowest(k), whole%lowest(k))
+            call join_peaks(part%highest(k), whole%highest(k))
+        end do
+    end subroutine join_ranges
+
+    subroutine join_peaks(later, peak)
+        type(peak_type), intent(in) :: later
+        type(peak_type), intent(inout) :: peak
+
+        if (later%is_set) call raise_peak(later%value, later%time, later%place, peak)
+    end subroutine join_peaks
 
     !> A place for the largest error of a result in each of its units.
     subroutine add_worst(layout, place, place_of_error, worst)
@@ -103,7 +147,7 @@ contains
         integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
         character(len=*), intent(in), optional :: why
         type(scene_type), intent(in), optional :: scene  !! whose motion is given: end stops may be passed
-        real(wp), pointer :: time(:), force(:, :), reaction(:, :, :)
+        real(wp), pointer :: time(:), force(:, :), torque(:, :), reaction(:, :, :)
         integer, pointer :: code(:), assembly(:)
         integer :: i, k, n_force
 
@@ -111,6 +155,7 @@ contains
         call view_values(layout, result_status, n, block, code)
         call view_values(layout, result_assembly, n, block, assembly)
         call view_values(layout, result_driving_force, n, block, force)
+        call view_values(layout, result_motor_torque, n, block, torque)
         call view_values(layout, result_reaction, n, block, reaction)
         if (present(scene)) call look_at_stops(layout, scene, block, n, summary%beyond)
         summary%has_force = associated(force)
@@ -131,13 +176,8 @@ contains
                 if (assembly(i) == reached_crossing) call count_event(time(i), summary%crossing)
                 if (assembly(i) == reached_anew) call count_event(time(i), summary%anew)
             end if
-            if (summary%has_force) then
-                do k = 1, size(force, 1)
-                    call raise_peak(-force(k, i), time(i), k, summary%lowest(k))
-                    call raise_peak(force(k, i), time(i), k, summary%highest(k))
-                    summary%sum_of_squares(k) = summary%sum_of_squares(k) + force(k, i)**2
-                end do
-            end if
+            if (summary%has_force) call add_to_range(force(:, i), time(i), summary%drive)
+            if (associated(torque)) call add_to_range(torque(:, i), time(i), summary%motor)
             do k = 1, size(summary%worst)
                 call note_errors(layout, block, i, time(i), summary%worst(k))
             end do
@@ -254,24 +294,14 @@ contains
         end if
         whole%n_sample = whole%n_sample + part%n_sample
         whole%roads = whole%roads + part%roads
-        whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
-        do k = 1, size(whole%lowest)
-            call join(part%lowest(k), whole%lowest(k))
-            call join(part%highest(k), whole%highest(k))
-        end do
-        call join(part%force, whole%force)
-        call join(part%moment, whole%moment)
+        call join_ranges(part%drive, whole%drive)
+        call join_ranges(part%motor, whole%motor)
+        call join_peaks(part%force, whole%force)
+        call join_peaks(part%moment, whole%moment)
         do k = 1, size(whole%worst)
-            call join(part%worst(k)%error, whole%worst(k)%error)
+            call join_peaks(part%worst(k)%error, whole%worst(k)%error)
             whole%worst(k)%largest = max(whole%worst(k)%largest, part%worst(k)%largest)
         end do
-    contains
-        subroutine join(later, peak)
-            type(peak_type), intent(in) :: later
-            type(peak_type), intent(inout) :: peak
-
-            if (later%is_set) call raise_peak(later%value, later%time, later%place, peak)
-        end subroutine join
     end subroutine join_summaries
 
     !> Later ones to those before.
@@ -309,12 +339,18 @@ contains
         real(wp), intent(in) :: seconds          !! spent computing
         character(len=*), intent(in) :: output       !! file written
         integer, intent(in) :: unit
+        integer :: n_solved
 
         if (len_trim(model%scene%title) > 0) write (unit, "(a)") trim(model%scene%title)
         write (unit, "(a)") "  "//to_text(summary%n_sample)//trim(merge(" sample ", " samples", summary%n_sample == 1))//", "// &
             gravity_text(model%scene)//", solver "//solver// &
             ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
-        if (summary%has_force) call print_forces(layout, summary, unit)
+        n_solved = max(1, summary%n_sample - summary%failure%n)
+        if (summary%has_force) &
+            call print_range("driving force", named_units(layout%dimension(dim_actuator)), summary%drive, n_solved, unit)
+        if (size(summary%motor%lowest) > 0) then
+            call print_range("motor torque", named_units(layout%dimension(dim_motor), "N m"), summary%motor, n_solved, unit)
+        end if
         if (summary%has_reaction) then
             write (unit, "(a)") ""
             call print_reaction("largest reaction force ", "N  ", summary%force)
@@ -362,39 +398,49 @@ contains
         end subroutine print_reaction
     end subroutine print_summary
 
-    subroutine print_forces(layout, summary, unit)
-        type(layout_type), intent(in) :: layout
-        type(summary_type), intent(in) :: summary
+    !> "A [N m]" for every entry of a dimension.
+    pure function named_units(dimension, unit) result(name)
+        type(dimension_type), intent(in) :: dimension
+        character(len=*), intent(in), optional :: unit   !! of all; absent: of the entries
+        character(len=label_len + 8) :: name(dimension%size)
+        integer :: k
+
+        do k = 1, size(name)
+            if (present(unit)) then
+                name(k) = trim(dimension%label(k))//" ["//unit//"]"
+            else
+                name(k) = trim(dimension%label(k))//" ["//trim(dimension%unit(k))//"]"
+            end if
+        end do
+    end function named_units
+
+    subroutine print_range(title, name, range, n_solved, unit)
+        character(len=*), intent(in) :: title
+        character(len=*), intent(in) :: name(:)
+        type(range_type), intent(in) :: range
+        integer, intent(in) :: n_solved              !! samples
         integer, intent(in) :: unit
         integer, parameter :: number_width = 12, time_width = 10
-        character(len=label_len + 8), allocatable :: name(:)
-        integer :: k, width, n_solved
+        integer :: k, width
 
-        associate (actuator => layout%dimension(dim_actuator))
-            allocate (name(actuator%size))
-            do k = 1, size(name)
-                name(k) = trim(actuator%label(k))//" ["//trim(actuator%unit(k))//"]"
-            end do
-        end associate
         width = max(len("driving force"), maxval(len_trim(name)))
-        n_solved = max(1, summary%n_sample - summary%failure%n)
         write (unit, "(a)") ""
-        write (unit, "(a)") "  "//left("driving force", width)//right("lowest", number_width)// &
+        write (unit, "(a)") "  "//left(title, width)//right("lowest", number_width)// &
             right("at t [s]", time_width)//right("highest", number_width)//right("at t [s]", time_width)// &
             right("rms", number_width)
         do k = 1, size(name)
-            if (.not. summary%highest(k)%is_set) then
+            if (.not. range%highest(k)%is_set) then
                 write (unit, "(a)") "  "//left(name(k), width)//right("none", number_width)
                 cycle
             end if
             write (unit, "(a)") "  "//left(name(k), width)// &
-                right(significant(-summary%lowest(k)%value), number_width)// &
-                right(significant(summary%lowest(k)%time), time_width)// &
-                right(significant(summary%highest(k)%value), number_width)// &
-                right(significant(summary%highest(k)%time), time_width)// &
-                right(significant(sqrt(summary%sum_of_squares(k)/n_solved)), number_width)
+                right(significant(-range%lowest(k)%value), number_width)// &
+                right(significant(range%lowest(k)%time), time_width)// &
+                right(significant(range%highest(k)%value), number_width)// &
+                right(significant(range%highest(k)%time), time_width)// &
+                right(significant(sqrt(range%sum_of_squares(k)/n_solved)), number_width)
         end do
-    end subroutine print_forces
+    end subroutine print_range
 
     !> The largest estimated errors with their places; which of them is the worst beside the largest value of its kind.
     subroutine print_errors(layout, worst, unit)

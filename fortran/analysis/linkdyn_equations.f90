@@ -35,11 +35,12 @@ module linkdyn_equations
     use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
     use linkdyn_mass_matrix, only: mass_matrix
     use linkdyn_measures, only: find_laws
-    use linkdyn_model, only: model_type, is_dyad
+    use linkdyn_model, only: model_type, is_dyad, has_rotors
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_planar_pass, only: uncertainty_of_dyad
     use linkdyn_reactions, only: solution_type, unknown, collect_reactions
+    use linkdyn_rotors, only: apply_rotors, add_rotor_mass, rotor_accelerations
     use linkdyn_row_order, only: order_rows
     use linkdyn_scene, only: n_stop, has_hard_stops, share_refused
     use linkdyn_shared_drives, only: share_drives
@@ -76,6 +77,7 @@ module linkdyn_equations
         logical :: needs_world = .false.                !! angular rates in world axes of all links
         logical :: needs_columns = .false.              !! acceleration columns, though no equation needs them
         logical :: are_solved = .true.                  !! false: there are none, only the links' motion is wanted
+        logical, allocatable :: rotor_acts(:)           !! (motor) its rotor has inertia, and its driving force is given
         logical :: shares_drives = .false.              !! there are more drives than freedoms: these come first, then the reactions
         type(unknown_choice) :: unknown
         type(formulation_type) :: formulation
@@ -100,6 +102,7 @@ module linkdyn_equations
         type(solution_type) :: solution                 !! points into the slots
         real(wp), allocatable :: driving_force(:, :)    !! (lane, n_actuator), in where given
         real(wp), allocatable :: acceleration(:, :)     !! of the coordinates: what is given, plus what is solved for (lane, n_q)
+        real(wp), allocatable :: rotor_acceleration(:, :)   !! of driven joint variables, 0 without inertia there (lane, n_motor)
         integer :: status(lanes) = sample_ok
         real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
@@ -152,9 +155,11 @@ contains
         equations%unknown = find_drives(model)
         if (present(unknown)) equations%unknown = unknown
         if (.not. present(unknown)) call share_among_drives(model, equations)
+        equations%rotor_acts = model%motor%inertia > 0 .and. .not. equations%unknown%drive(model%motor%actuator) &
+                               .and. .not. equations%shares_drives
         equations%wants_reactions = wants_reactions .or. size(model%contact) > 0      ! which friction comes from
         equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 .or. size(model%contact) > 0 &
-                                .or. equations%shares_drives &
+                                .or. equations%shares_drives .or. has_rotors(model) &
                                 .or. (solver == solver_reduced .and. .not. all(model%leg%is_carried))
         if (solver == solver_reduced .and. wants_reactions) then
             call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")
@@ -168,7 +173,8 @@ contains
                                equations%formulation)
         call drop_drives(model, .not. equations%unknown%drive, equations%formulation)
         call mark_applied(model, .not. equations%unknown%drive, equations%formulation)
-        call append_accelerations(model, equations%unknown%acceleration, equations%formulation, equations%accelerations)
+        call append_accelerations(model, equations%unknown%acceleration, equations%rotor_acts, equations%formulation, &
+                                  equations%accelerations)
         if (equations%formulation%n_unknown /= model%n_row) then
             call refuse_count(model, equations%unknown, model%n_row - equations%formulation%n_unknown, status)
             return
@@ -441,10 +447,11 @@ contains
                                        .or. model%scene%base%moves .or. has_hard_stops(model%scene) .or. size(model%contact) > 0 &
                                        .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world
-        workspace%state%carries_legs = equations%solver == solver_reduced
+        workspace%state%carries_legs = equations%solver == solver_reduced .and. .not. has_rotors(model)
         if (equations%are_solved) call place_solution(model, equations, workspace)
         allocate (workspace%load(lanes, 6, model%n_load), workspace%driving_force(lanes, model%n_actuator), &
-                  workspace%acceleration(lanes, model%n_q))
+                  workspace%acceleration(lanes, model%n_q), workspace%rotor_acceleration(lanes, size(model%motor)))
+        workspace%rotor_acceleration = 0
         workspace%driving_force = 0
         workspace%load = 0
         if (.not. equations%are_solved) return
@@ -553,8 +560,25 @@ contains
         end do
     end subroutine judge_motion
 
-    !> Assembly and solution where the kinematics is up to date.
+    !> Assembly and solution where the kinematics is up to date. Driving forces that are found are those with what the rotors take.
     subroutine solve_equations(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: i
+
+        call find_unknowns(model, equations, workspace)
+        if (.not. has_rotors(model)) return
+        call rotor_accelerations(model, workspace%state, workspace%acceleration - workspace%state%qdd, workspace%rotor_acceleration)
+        do i = 1, size(model%motor)
+            associate (a => model%motor(i)%actuator)
+                if (.not. equations%rotor_acts(i)) workspace%driving_force(:, a) = workspace%driving_force(:, a) &
+                    + model%motor(i)%inertia*workspace%rotor_acceleration(:, i)
+            end associate
+        end do
+    end subroutine solve_equations
+
+    subroutine find_unknowns(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
@@ -572,14 +596,14 @@ contains
             if (equations%solver == solver_reduced .or. .not. equations%wants_reactions) return
         else if (equations%solver == solver_reduced) then
             workspace%acceleration = workspace%state%qdd
-            call solve_reduced(model, equations%unknown, workspace)
+            call solve_reduced(model, equations%unknown, equations%rotor_acts, workspace)
             call flag_not_finite(workspace%driving_force, workspace%status)
             call flag_not_finite(workspace%acceleration, workspace%status)
             return
         end if
         call solve_forces(model, equations, workspace)
         if (size(model%contact) > 0) call settle_friction(model, equations, workspace)
-    end subroutine solve_equations
+    end subroutine find_unknowns
 
     !> Assembly and solution with the forces applied to the links.
     subroutine solve_forces(model, equations, workspace)
@@ -778,6 +802,7 @@ contains
         end do
         if (size(model%contact) > 0) call apply_friction(model, workspace%friction, workspace%state)
         if (equations%shares_drives) return                ! nobody knows yet what drives apply
+        if (any(equations%rotor_acts)) call apply_rotors(model, equations%rotor_acts, workspace%state)
         do i = 1, model%n_actuator
             if (.not. equations%unknown%drive(i)) call apply_actuator(model, i, workspace)
         end do
@@ -933,16 +958,20 @@ contains
 
     !> Virtual work, one equation per coordinate: (actuators' Jacobian)^T unknown driving forces - mass matrix * unknown
     !> accelerations = work of given inertia, gravity, loads and given driving forces.
-    subroutine solve_reduced(model, unknown, workspace)
+    subroutine solve_reduced(model, unknown, rotor_acts, workspace)
         type(model_type), intent(in) :: model
         type(unknown_choice), intent(in) :: unknown
+        logical, intent(in) :: rotor_acts(:)               !! (motor)
         type(equation_workspace), intent(inout) :: workspace
         real(wp) :: jacobian(lanes, model%n_actuator, model%n_q), mass(lanes, model%n_q, model%n_q)
         logical :: is_singular(lanes)
         integer :: i, n
 
         call work_columns(model, workspace%state, workspace%load, workspace%right(:, :, 1))
-        if (any(unknown%acceleration)) call mass_matrix(model, workspace%state, mass)
+        if (any(unknown%acceleration)) then
+            call mass_matrix(model, workspace%state, mass)
+            call add_rotor_mass(model, rotor_acts, workspace%state, mass)
+        end if
         if (all(unknown%acceleration)) then
             workspace%right = -workspace%right
             call solve_cholesky(model%n_q, mass, workspace%right(:, :, 1), is_singular)

@@ -14,9 +14,10 @@ module linkdyn_explain
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, &
         step_group, step_name, is_dyad, is_length, is_screw, place_size, side_of, holds_spin, &
         is_released
+    use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable, &
-        payload_changes
+        payload_changes, motor_spec
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
@@ -146,11 +147,22 @@ contains
             associate (spec => model%scene%actuator(j))
                 write (unit, "(2x,a24,a12,a)") adjustl(spec%name), "actuator    ", &
                     trim(merge("force ", "torque", spec%unit == "N"))//" on its "// &
-                    trim(variable_name(spec%variable, model%joint(spec%joint)%kind))
+                    trim(variable_name(spec%variable, model%joint(spec%joint)%kind))//motor_in_words(spec%motor)
             end associate
         end do
         write (unit, "(2x,a)") to_text(n)//" unknowns in "//to_text(model%n_row)//" equations of motion"
     end subroutine explain_unknowns
+
+    !> What stands behind an actuator.
+    function motor_in_words(motor) result(text)
+        type(motor_spec), intent(in) :: motor
+        character(len=:), allocatable :: text
+
+        text = ""
+        if (.not. motor%is_given) return
+        text = ", motor behind ratio "//to_text(motor%ratio)
+        if (is_self_locking(motor)) text = text//", self-locking: the load cannot drive it"
+    end function motor_in_words
 
     pure function counted(n, what) result(text)
         integer, intent(in) :: n

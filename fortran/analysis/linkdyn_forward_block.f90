@@ -6,7 +6,8 @@ module linkdyn_forward_block
         result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
-        result_closure, result_step, result_stand_in, result_assembly, result_friction, result_friction_power
+        result_closure, result_step, result_stand_in, result_assembly, result_friction, result_friction_power, &
+        result_transmission_force, view_motor_loads
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
@@ -45,6 +46,7 @@ contains
             call view_values(layout, result_reaction, n, block, forces%reaction)
             call view_values(layout, result_friction, n, block, forces%friction)
             call view_values(layout, result_friction_power, n, block, forces%friction_power)
+            call view_values(layout, result_transmission_force, n, block, forces%transmission_force)
             call view_values(layout, result_joint_variable, n, block, forces%joint_variable)
             call view_values(layout, result_joint_rate, n, block, forces%joint_rate)
             call view_values(layout, result_rcond, n, block, forces%rcond)
@@ -71,6 +73,21 @@ contains
         if (associated(power)) &
             call find_driving_power(layout, results%forces%driving_force(:, :n_done), results%forces%joint_rate(:, :n_done), &
                                     speed(:, :n_done), power(:, :n_done))
+        call tell_motors()
         call flag_unsound(layout, n_done, block)
+
+    contains
+
+        subroutine tell_motors()
+            real(wp), pointer, contiguous :: force(:, :), transmitted(:, :), rate(:, :)
+
+            nullify (force, transmitted, rate)
+            associate (forces => results%forces)
+                force => forces%driving_force(:, :n_done)
+                rate => forces%joint_rate(:, :n_done)
+                if (associated(forces%transmission_force)) transmitted => forces%transmission_force(:, :n_done)
+            end associate
+            call view_motor_loads(layout, force, transmitted, rate, n_done, block)
+        end subroutine tell_motors
     end subroutine advance_block
 end module linkdyn_forward_block

@@ -564,6 +564,10 @@ contains
                 if (associated(results%driving_force)) then
                     results%driving_force(:, sample) = workspace%driving_force(lane, :)
                 end if
+                if (associated(results%transmission_force)) then
+                    results%transmission_force(:, sample) = workspace%driving_force(lane, model%motor%actuator) &
+                        - model%motor%inertia*workspace%rotor_acceleration(lane, :)
+                end if
                 if (associated(results%reaction)) then
                     results%reaction(:, :, sample) = reaction(lane, :, :)
                 end if
@@ -968,6 +972,14 @@ contains
         driving_force = workspace%driving_force
         do i = 1, model%n_actuator
             if (.not. equations%unknown%drive(i)) driving_force(:, i) = 0
+        end do
+        do i = 1, size(model%motor)
+            ! what rotors take, but for what is applied already; of drives that share the work all of it is
+            associate (motor => model%motor(i))
+                if (equations%shares_drives) cycle
+                if (motor%inertia > 0) driving_force(:, motor%actuator) = driving_force(:, motor%actuator) &
+                    - motor%inertia*workspace%rotor_acceleration(:, i) - workspace%state%rotor_force(:, i)
+            end associate
         end do
         if (any(equations%unknown%acceleration)) &
             call add_columns(model, workspace%acceleration - workspace%state%qdd, workspace%state)

@@ -3,7 +3,8 @@ module linkdyn_inverse_results
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_catalogue, only: result_qdd, result_driving_force, result_reaction, result_joint_variable, result_joint_rate, &
         result_power_imbalance, result_transmission_angle, result_kinetic_energy, result_potential_energy, result_closure, &
-        result_position, result_rotation, result_driving_position, result_driving_speed, result_friction, result_friction_power
+        result_position, result_rotation, result_driving_position, result_driving_speed, result_friction, result_friction_power, &
+        result_transmission_force
     use linkdyn_kinds, only: wp
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: result_list, add_target
@@ -15,6 +16,7 @@ module linkdyn_inverse_results
     !> Where results go; what is not associated is not computed.
     type :: inverse_results
         real(wp), pointer, contiguous :: driving_force(:, :) => null() !! (n_actuator, n) [N, N m]
+        real(wp), pointer, contiguous :: transmission_force(:, :) => null() !! (n_motor, n) what gets to the links [N, N m]
         real(wp), pointer, contiguous :: reaction(:, :, :) => null() !! (n_component, n_joint, n) world axes [N, N m]
         real(wp), pointer, contiguous :: joint_variable(:, :) => null() !! (n_variable, n) [m, rad]
         real(wp), pointer, contiguous :: joint_rate(:, :) => null() !! (n_variable, n)
@@ -54,6 +56,7 @@ contains
         type(inverse_results) :: part
 
         if (associated(whole%driving_force)) part%driving_force => whole%driving_force(:, first:last)
+        if (associated(whole%transmission_force)) part%transmission_force => whole%transmission_force(:, first:last)
         if (associated(whole%reaction)) part%reaction => whole%reaction(:, :, first:last)
         if (associated(whole%joint_variable)) part%joint_variable => whole%joint_variable(:, first:last)
         if (associated(whole%joint_rate)) part%joint_rate => whole%joint_rate(:, first:last)
@@ -86,6 +89,7 @@ contains
 
         nan = ieee_value(1.0_wp, ieee_quiet_nan)
         if (associated(results%driving_force)) results%driving_force(:, sample) = nan
+        if (associated(results%transmission_force)) results%transmission_force(:, sample) = nan
         if (associated(results%reaction)) results%reaction(:, :, sample) = nan
         if (associated(results%friction)) results%friction(:, :, sample) = nan
         if (associated(results%friction_power)) results%friction_power(:, sample) = nan
@@ -112,6 +116,8 @@ contains
         list%status => results%status
         if (associated(results%driving_force)) &
             call add_target(list, result_driving_force, size(results%driving_force, 1), n, results%driving_force)
+        if (associated(results%transmission_force)) &
+            call add_target(list, result_transmission_force, size(results%transmission_force, 1), n, results%transmission_force)
         if (associated(results%reaction)) &
             call add_target(list, result_reaction, size(results%reaction, 1)*size(results%reaction, 2), n, results%reaction)
         if (associated(results%joint_variable)) &

@@ -11,19 +11,22 @@ module linkdyn_results
         result_error, result_growth, result_power_imbalance, result_time, result_driving_force_error, &
         result_reaction_error, result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step, &
         result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly, result_q_error, &
-        result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power
+        result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power, &
+        result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding
+    use linkdyn_motor_loads, only: motor_torque
+    use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     implicit none (type, external)
     private
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
     public :: describe_results, choose_wanted, all_wanted, add_free, prepare_block, view_values, find_driving_power, flag_unsound
+    public :: find_motor_loads, view_motor_loads
     public :: variable_index, samples_width, label_len, wanted_name
-    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, n_dimension
+    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
@@ -32,6 +35,7 @@ module linkdyn_results
     public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_friction, result_friction_power
+    public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -46,7 +50,8 @@ module linkdyn_results
     integer, parameter :: dim_coordinate = 5
     integer, parameter :: dim_variable = 6
     integer, parameter :: dim_dyad = 7
-    integer, parameter :: n_dimension = 7
+    integer, parameter :: dim_motor = 8
+    integer, parameter :: n_dimension = 8
 
     ! ---- variables: the numbers of the catalogue
     integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
@@ -57,8 +62,9 @@ module linkdyn_results
                                             result_reaction_error, result_joint_rate_error]
 
     ! ---- what the user may ask for
-    character(len=20), parameter :: wanted_name(9) = [character(len=20) :: &
-        "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "rcond", "singularity_distance", "all"]
+    character(len=20), parameter :: wanted_name(10) = [character(len=20) :: &
+        "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "rcond", &
+        "singularity_distance", "all"]
 
     !> Parts of the results that cost time or room, each on its own switch.
     type :: wanted_type
@@ -68,6 +74,7 @@ module linkdyn_results
         logical :: power = .true.            !! speed and power of every actuator
         logical :: checks = .true.           !! power_imbalance, and what the solver tells of itself
         logical :: friction = .true.         !! of the joints, and its power, if the scene has some
+        logical :: motor = .true.            !! torque, speed and power of motors, if the scene has some
         logical :: growth = .false.          !! gauss-jordan, of its pivots
         logical :: bound = .false.           !! lapack, of its error
         logical :: rcond = .false.           !! costs as much as everything else together, or more
@@ -103,6 +110,8 @@ module linkdyn_results
         type(dimension_type) :: dimension(n_dimension)
         type(variable_type), allocatable :: variable(:)
         integer, allocatable :: actuator_variable(:)       !! joint variable that each actuator drives
+        integer, allocatable :: motor_actuator(:)          !! actuators that have a motor
+        type(motor_spec), allocatable :: motor(:)          !! theirs
     end type layout_type
 
     !> Values of one variable.
@@ -187,7 +196,7 @@ contains
         integer :: first, comma
         character(len=:), allocatable :: word
 
-        wanted = wanted_type(.false., .false., .false., .false., .false., .false.)
+        wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false.)
         first = 1
         do while (first <= len(text) + 1)
             comma = index(text(first:), ",")
@@ -207,6 +216,8 @@ contains
                 wanted%checks = .true.
             case ("friction")
                 wanted%friction = .true.
+            case ("motor")
+                wanted%motor = .true.
             case ("rcond")
                 wanted%rcond = .true.
             case ("singularity_distance")
@@ -235,7 +246,7 @@ contains
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
-            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad"]
+            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         call describe_components(scene, layout)
@@ -249,6 +260,7 @@ contains
         if (wanted%friction .and. allocated(scene%friction)) then
             if (size(scene%friction) > 0) call describe_friction(layout)
         end if
+        if (wanted%motor) call describe_motors(layout)
         if (present(follows_assembly)) then
             if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
                 "how the assembly of the sample was found", "1", flag=reached_name)
@@ -271,6 +283,13 @@ contains
                 layout%actuator_variable(i) = sum(joint_n_variable(scene%joint(:scene%actuator(i)%joint - 1)%kind)) &
                     + scene%actuator(i)%variable
             end do
+        end associate
+        layout%motor_actuator = pack([(i, i=1, n)], scene%actuator%motor%is_given)
+        layout%motor = scene%actuator(layout%motor_actuator)%motor
+        associate (dimension => layout%dimension(dim_motor), of => layout%dimension(dim_actuator))
+            dimension%size = size(layout%motor)
+            dimension%label = of%label(layout%motor_actuator)
+            dimension%unit = of%unit(layout%motor_actuator)
         end associate
     end subroutine describe_actuators
 
@@ -384,6 +403,20 @@ contains
         if (wanted%checks) call add(layout, result_power_imbalance, "power_imbalance", &
             "driving and external power less change of energy, relative to the sum of magnitudes", "1")
     end subroutine describe_variables
+
+    !> What scenes with motors have.
+    subroutine describe_motors(layout)
+        type(layout_type), intent(inout) :: layout
+
+        call add(layout, result_transmission_force, "transmission_force", &
+            "what gets of the driving force to the links; the rest accelerates the rotor", of=[dim_motor], &
+            units=layout%dimension(dim_motor)%unit)
+        call add(layout, result_motor_torque, "motor_torque", "torque of the motor", "N m", of=[dim_motor])
+        call add(layout, result_motor_speed, "motor_speed", "speed of the motor", "rad/s", of=[dim_motor])
+        call add(layout, result_motor_power, "motor_power", "power of the motor at its shaft", "W", of=[dim_motor])
+        if (any(layout%motor%torque_constant > 0)) &
+            call add(layout, result_motor_current, "motor_current", "current of the motor", "A", of=[dim_motor])
+    end subroutine describe_motors
 
     !> What scenes with friction have.
     subroutine describe_friction(layout)
@@ -631,6 +664,45 @@ contains
             power(:, i) = speed(:, i)*driving_force(:, i)
         end do
     end subroutine find_driving_power
+
+    !> What the motors give, in a block whose driving forces, transmission forces and joint rates are known.
+    subroutine view_motor_loads(layout, driving_force, transmission_force, joint_rate, n, block)
+        type(layout_type), intent(in) :: layout
+        real(wp), pointer, contiguous, intent(in) :: driving_force(:, :)       !! [N, N m] (n_actuator, samples)
+        real(wp), pointer, contiguous, intent(in) :: transmission_force(:, :)  !! [N, N m] (n_motor, samples); null: nothing is told
+        real(wp), pointer, contiguous, intent(in) :: joint_rate(:, :)          !! [m/s, rad/s] (n_variable, samples)
+        integer, intent(in) :: n                       !! samples of the block
+        type(block_type), intent(in), target :: block
+        real(wp), pointer :: torque(:, :), speed(:, :), power(:, :), current(:, :)
+
+        if (.not. associated(transmission_force)) return
+        call view_values(layout, result_motor_torque, n, block, torque)
+        call view_values(layout, result_motor_speed, n, block, speed)
+        call view_values(layout, result_motor_power, n, block, power)
+        call view_values(layout, result_motor_current, n, block, current)
+        call find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power)
+        if (associated(current)) current = torque/spread(layout%motor%torque_constant, 2, size(torque, 2))
+    end subroutine view_motor_loads
+
+    !> Torque, speed and power of the motors.
+    pure subroutine find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power)
+        type(layout_type), intent(in) :: layout
+        real(wp), intent(in) :: driving_force(:, :)    !! [N, N m] (n_actuator, n)
+        real(wp), intent(in) :: transmission_force(:, :)   !! [N, N m] (n_motor, n)
+        real(wp), intent(in) :: joint_rate(:, :)       !! [m/s, rad/s] (n_variable, n)
+        real(wp), intent(out) :: torque(:, :)          !! [N m] (n_motor, n)
+        real(wp), intent(out) :: speed(:, :)           !! [rad/s]
+        real(wp), intent(out) :: power(:, :)           !! [W]
+        real(wp) :: rate(size(layout%motor))
+        integer :: i
+
+        do i = 1, size(torque, 2)
+            rate = joint_rate(layout%actuator_variable(layout%motor_actuator), i)
+            torque(:, i) = motor_torque(layout%motor, driving_force(layout%motor_actuator, i), transmission_force(:, i), rate)
+            speed(:, i) = layout%motor%ratio*rate
+            power(:, i) = torque(:, i)*speed(:, i)
+        end do
+    end subroutine find_motor_loads
 
     pure function list_of(names) result(text)
         character(len=*), intent(in) :: names(:)

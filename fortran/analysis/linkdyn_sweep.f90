@@ -16,6 +16,7 @@ module linkdyn_sweep
     use linkdyn_sweep_quantities, only: quantity_row, make_row
     use linkdyn_sweep_source, only: design_source
     use linkdyn_sweep_spec, only: sweep_spec, quantity_name, quantity_driving_power, quantity_determinant, quantity_swing, &
+        quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
         quantity_clearance, quantity_force_amplification, quantity_moment_amplification
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, join_totals, first_bound
     use linkdyn_text, only: to_text, quoted
@@ -104,9 +105,20 @@ contains
         type(sweep_run), intent(in) :: run
         type(status_type), intent(inout) :: status
         integer, parameter :: amplification(2) = [quantity_force_amplification, quantity_moment_amplification]
+        integer, parameter :: of_motors(4) = [quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
+                                            quantity_motor_current]
         integer :: i
 
         associate (place => run%row%place)
+            do i = 1, size(of_motors)
+                if (place(of_motors(i)) == 0) cycle
+                if (run%row%quantity(place(of_motors(i)))%n == 0) &
+                    call refuse_quantity(run, of_motors(i), "no actuator with the key 'drive'", status)
+            end do
+            if (place(quantity_motor_current) > 0 .and. status%is_ok()) then
+                if (.not. any(run%scene%actuator%motor%torque_constant > 0)) &
+                    call refuse_quantity(run, quantity_motor_current, "no 'torque_constant' of a drive", status)
+            end if
             if (place(quantity_swing) > 0) then
                 if (run%row%quantity(place(quantity_swing))%n == 0) &
                     call refuse_quantity(run, quantity_swing, "no universal or spherical joint", status)

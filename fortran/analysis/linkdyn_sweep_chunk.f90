@@ -12,6 +12,7 @@ module linkdyn_sweep_chunk
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_pose_measures, only: measure_poses, belongs_to_pose
+    use linkdyn_motor_loads, only: motor_torque
     use linkdyn_status, only: sample_ok, sample_undefined
     use linkdyn_sweep_design, only: sweep_design, sample_batch, open_design
     use linkdyn_sweep_map, only: sweep_map, map_part, find_cells, start_part, add_to_part
@@ -21,7 +22,7 @@ module linkdyn_sweep_chunk
     use linkdyn_sweep_spec, only: sweep_spec, bound_spec, axis_coordinate, axis_rate, axis_acceleration, axis_load, axis_time, &
         quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
         quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable, quantity_joint_rate, &
-        needs_forces
+        quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, needs_forces
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, reduce_samples, join_totals, &
         code_feasible, code_no_model, first_bound
     implicit none (type, external)
@@ -363,6 +364,8 @@ contains
                     value = of%driving_force(:, s)
                 case (quantity_driving_power)
                     value = of%driving_force(:, s)*of%driving_speed(:, s)
+                case (quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current)
+                    value = motor_load(id, s)
                 case (quantity_reaction)
                     n_component = size(of%reaction, 1)
                     do i = 1, size(of%reaction, 2)
@@ -381,6 +384,32 @@ contains
                 end select
             end associate
         end subroutine take_sample
+
+        !> What the motors give in a sample.
+        function motor_load(id, s) result(load)
+            integer, intent(in) :: id, s
+            real(wp) :: load(size(design%model%motor))
+            real(wp) :: torque, speed
+            integer :: i
+
+            do i = 1, size(load)
+                associate (of => design%of_forces, a => design%model%motor(i)%actuator, spec => design%model%scene%actuator)
+                    speed = spec(a)%motor%ratio*of%driving_speed(a, s)
+                    torque = motor_torque(spec(a)%motor, of%driving_force(a, s), of%transmission_force(i, s), &
+                                          of%driving_speed(a, s))
+                    select case (id)
+                    case (quantity_motor_torque)
+                        load(i) = torque
+                    case (quantity_motor_speed)
+                        load(i) = speed
+                    case (quantity_motor_power)
+                        load(i) = torque*speed
+                    case (quantity_motor_current)
+                        load(i) = torque/spec(a)%motor%torque_constant
+                    end select
+                end associate
+            end do
+        end function motor_load
     end subroutine take_forces
 
     ! ---------------------------------------------------------------- bounds

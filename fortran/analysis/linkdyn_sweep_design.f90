@@ -15,7 +15,8 @@ module linkdyn_sweep_design
     use linkdyn_sweep_source, only: design_source
     use linkdyn_sweep_spec, only: sweep_spec, axis_time, needs_forces, quantity_driving_force, quantity_driving_position, &
         quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, quantity_reaction_moment, &
-        quantity_joint_variable, quantity_joint_rate
+        quantity_joint_variable, quantity_joint_rate, quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
+        quantity_motor_current
     use linkdyn_text, only: quoted
     implicit none (type, external)
     private
@@ -200,7 +201,7 @@ contains
     subroutine make_targets(row, design)
         type(quantity_row), intent(in) :: row
         type(sweep_design), intent(inout) :: design
-        logical :: is_apart
+        logical :: is_apart, wants_motors
 
         is_apart = design%excludes_early .or. .not. design%needs_forces
         associate (model => design%model, n => design%room)
@@ -211,9 +212,12 @@ contains
             if (.not. design%needs_forces) return
             allocate (design%of_forces%status(n))
             if (.not. is_apart) call add_motion(row, model, n, design%of_forces)
-            if (row%place(quantity_driving_power) > 0 .and. .not. associated(design%of_forces%driving_speed)) &
+            wants_motors = any(row%place([quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
+                                          quantity_motor_current]) > 0)
+            if (wants_motors) allocate (design%of_forces%transmission_force(size(model%motor), n))
+            if ((row%place(quantity_driving_power) > 0 .or. wants_motors) .and. .not. associated(design%of_forces%driving_speed)) &
                 allocate (design%of_forces%driving_speed(model%n_actuator, n))
-            if (any(row%place([quantity_driving_force, quantity_driving_power]) > 0)) &
+            if (any(row%place([quantity_driving_force, quantity_driving_power]) > 0) .or. wants_motors) &
                 allocate (design%of_forces%driving_force(model%n_actuator, n))
             if (any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0)) &
                 allocate (design%of_forces%reaction(model%n_component, model%n_joint, n))
@@ -266,6 +270,7 @@ contains
         if (associated(results%driving_position)) deallocate (results%driving_position)
         if (associated(results%driving_speed)) deallocate (results%driving_speed)
         if (associated(results%driving_force)) deallocate (results%driving_force)
+        if (associated(results%transmission_force)) deallocate (results%transmission_force)
         if (associated(results%reaction)) deallocate (results%reaction)
     end subroutine free_targets
 end module linkdyn_sweep_design

@@ -2,13 +2,14 @@
 module linkdyn_sweep_quantities
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_actuator, dim_joint, &
-        dim_component, dim_variable
+        dim_component, dim_variable, dim_motor
     use linkdyn_scene, only: scene_type, joint_universal, joint_spherical
     use linkdyn_sweep_spec, only: sweep_spec, n_quantity, quantity_name, needs_forces, quantity_driving_force, &
         quantity_driving_position, quantity_driving_speed, quantity_driving_power, quantity_reaction, &
         quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable, quantity_joint_rate, &
         quantity_force_amplification, quantity_moment_amplification, quantity_condition, quantity_determinant, &
-        quantity_swing, quantity_clearance
+        quantity_swing, quantity_clearance, quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
+        quantity_motor_current
     implicit none (type, external)
     private
     public :: quantity_type, quantity_row, describe_quantity, make_row
@@ -49,7 +50,8 @@ contains
         call describe_results(scene, wanted_type(), .false., layout)
         quantity%id = id
         associate (actuator => layout%dimension(dim_actuator), joint => layout%dimension(dim_joint), &
-                   component => layout%dimension(dim_component), variable => layout%dimension(dim_variable))
+                   component => layout%dimension(dim_component), variable => layout%dimension(dim_variable), &
+                   motor => layout%dimension(dim_motor))
             select case (id)
             case (quantity_driving_force)
                 call take("actuator", actuator%label, actuator%unit)
@@ -102,6 +104,18 @@ contains
             case (quantity_swing)
                 call take("swing_joint", pack(joint%label, can_swing(scene)), spread("rad     ", 1, count(can_swing(scene))))
                 quantity%long_name = "angle of the leg from its neutral direction"
+            case (quantity_motor_torque)
+                call take("motor", motor%label, spread("N m     ", 1, motor%size))
+                quantity%long_name = "torque of the motor"
+            case (quantity_motor_speed)
+                call take("motor", motor%label, spread("rad/s   ", 1, motor%size))
+                quantity%long_name = "speed of the motor"
+            case (quantity_motor_power)
+                call take("motor", motor%label, spread("W       ", 1, motor%size))
+                quantity%long_name = "power of the motor at its shaft"
+            case (quantity_motor_current)
+                call take("motor", motor%label, spread("A       ", 1, motor%size))
+                quantity%long_name = "current of the motor"
             case (quantity_clearance)
                 call take_scalar("m")
                 quantity%long_name = "smallest gap between legs"

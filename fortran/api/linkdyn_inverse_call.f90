@@ -13,7 +13,9 @@ module linkdyn_inverse_call
     use linkdyn_results, only: find_driving_power, result_driving_force, result_driving_speed, result_driving_power, &
         result_reaction, result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, &
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
-        result_transmission_angle, result_growth, result_assembly, result_friction, result_friction_power
+        result_transmission_angle, result_growth, result_assembly, result_friction, result_friction_power, &
+        result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
+        find_motor_loads
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type, takes_time, payload_changes
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
@@ -25,15 +27,16 @@ module linkdyn_inverse_call
         check_count
 
     !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
-    integer, parameter :: n_room = 17
+    integer, parameter :: n_room = 22
     integer, parameter :: room_id(n_room) = [result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, result_singularity_distance, &
         result_error, result_driving_force_error, result_reaction_error, result_transmission_angle, result_growth, &
-        result_assembly, result_friction, result_friction_power]
+        result_assembly, result_friction, result_friction_power, result_transmission_force, result_motor_torque, &
+        result_motor_speed, result_motor_power, result_motor_current]
     character(len=20), parameter :: room_name(n_room) = [character(len=20) :: "driving_force", "driving_speed", "driving_power", &
         "reaction", "joint_variable", "joint_rate", "power_imbalance", "rcond", "singularity_distance", "error", &
         "driving_force_error", "reaction_error", "transmission_angle", "growth", "assembly", &
-        "friction", "friction_power"]
+        "friction", "friction_power", "transmission_force", "motor_torque", "motor_speed", "motor_power", "motor_current"]
 
     !> Where a result goes; null: it is not wanted.
     type :: room_type
@@ -62,6 +65,10 @@ contains
             width = model%n_component*model%n_joint
         case (result_joint_variable, result_joint_rate)
             width = model%n_variable
+        case (result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power)
+            width = size(model%motor)
+        case (result_motor_current)
+            width = count(model%scene%actuator%motor%torque_constant > 0)
         case (result_friction)
             width = merge(model%n_component*model%n_joint, 0, size(model%contact) > 0)
         case (result_friction_power)
@@ -94,7 +101,8 @@ contains
         type(inverse_results) :: results
         type(inverse_options) :: own
         real(c_double), pointer, contiguous :: q2(:, :), qd2(:, :), qdd2(:, :), load3(:, :, :), speed2(:, :), power2(:, :)
-        real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :)
+        real(c_double), allocatable, target :: own_force(:, :), own_rate(:, :), own_transmission(:, :)
+        integer :: i
 
         own = options
         own%wants_errors = is_wanted(result_driving_force_error) .or. is_wanted(result_reaction_error)
@@ -115,7 +123,14 @@ contains
             load3(1:6, 1:model%n_load, 1:n) => load
             results%status => sample_status
             call use_rooms(model, n, room, results)
-            if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed)) then
+            if (any([(is_motor_load(room_id(i)) .and. is_wanted(room_id(i)), i=1, n_room)])) then
+                if (.not. associated(results%transmission_force)) then
+                    allocate (own_transmission(size(model%motor), n))
+                    results%transmission_force => own_transmission
+                end if
+            end if
+            if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed) &
+                .or. associated(results%transmission_force)) then
                 if (.not. associated(results%driving_force)) then
                     allocate (own_force(model%n_actuator, n))
                     results%driving_force => own_force
@@ -134,6 +149,7 @@ contains
             report%lost_sample = results%lost_sample
             report%lost_in_words = results%lost_in_words
             if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed)) call give_power(model%n_actuator)
+            if (associated(results%transmission_force)) call give_motor_loads(size(model%motor))
         end associate
 
     contains
@@ -160,6 +176,30 @@ contains
                 sample_status = sample_undefined
         end subroutine give_power
 
+        !> What follows of the motors.
+        subroutine give_motor_loads(n_motor)
+            integer, intent(in) :: n_motor
+            real(c_double), allocatable :: torque(:, :), speed(:, :), power(:, :), of_constant(:, :)
+
+            allocate (torque(n_motor, n), speed(n_motor, n), power(n_motor, n))
+            call find_motor_loads(scene%layout, results%driving_force, results%transmission_force, results%joint_rate, torque, &
+                                  speed, power)
+            of_constant = spread(scene%layout%motor%torque_constant, 2, n)
+            call give(result_motor_torque, torque)
+            call give(result_motor_speed, speed)
+            call give(result_motor_power, power)
+            if (is_wanted(result_motor_current)) call give(result_motor_current, torque/of_constant)
+            where (sample_status == sample_ok .and. .not. all(abs(power) + abs(torque) <= huge(1.0_c_double), dim=1)) &
+                sample_status = sample_undefined
+        end subroutine give_motor_loads
+
+        subroutine give(id, values)
+            integer, intent(in) :: id
+            real(c_double), intent(in) :: values(:, :)
+
+            if (is_wanted(id)) room(findloc(room_id, id, dim=1))%real = reshape(values, [size(values)])
+        end subroutine give
+
         subroutine view(id, n_actuator, unwanted, values)
             integer, intent(in) :: id, n_actuator
             real(c_double), allocatable, intent(in), target :: unwanted(:)
@@ -172,6 +212,13 @@ contains
             end if
         end subroutine view
     end subroutine compute_inverse
+
+    !> Does a result follow from what a motor's transmission passes on?
+    pure logical function is_motor_load(id)
+        integer, intent(in) :: id                        !! one of `room_id`
+
+        is_motor_load = any(id == [result_motor_torque, result_motor_speed, result_motor_power, result_motor_current])
+    end function is_motor_load
 
     !> Have the engine write into the rooms.
     subroutine use_rooms(model, n, room, results)
@@ -207,6 +254,8 @@ contains
                 results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
             case (result_transmission_angle)
                 results%transmission_angle(1:model%n_dyad, 1:n) => room(i)%real
+            case (result_transmission_force)
+                results%transmission_force(1:size(model%motor), 1:n) => room(i)%real
             case (result_friction)
                 if (size(model%contact) > 0) results%friction(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
             case (result_friction_power)

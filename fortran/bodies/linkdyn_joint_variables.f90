@@ -1,6 +1,6 @@
 !> Joint variables of placed and moving links.
 module linkdyn_joint_variables
-    use linkdyn_bodies, only: world_axes, omega_of, point_velocity
+    use linkdyn_bodies, only: world_axes, omega_of, alpha_of, point_velocity, point_acceleration, acceleration_field, field_times
     use linkdyn_constants, only: pi
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_mechanism, only: mechanism_type, has_slide, told_pair_of, marker_point
@@ -9,7 +9,8 @@ module linkdyn_joint_variables
     use linkdyn_vector, only: vector, components, operator(-), operator(.cross.)
     implicit none (type, external)
     private
-    public :: joint_variables, joint_rates, one_variable, variable_near, variable_rate, coordinate_of_variable
+    public :: joint_variables, joint_rates, one_variable, variable_near, variable_rate, coordinate_of_variable, &
+        variable_acceleration
     public :: within_half_a_turn
 
 contains
@@ -102,6 +103,33 @@ contains
         all = joint_rates(mechanism, j)
         qd = all(variable)
     end function variable_rate
+
+    !> Acceleration of a variable of a joint with one axis, which stands still in both links.
+    function variable_acceleration(mechanism, j, variable) result(qdd)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, variable
+        type(value) :: qdd
+        type(value), allocatable :: all(:)
+        type(marker_pair) :: pair
+        type(vector) :: alpha, gap_acceleration
+        integer :: c
+
+        c = coordinate_of_variable(mechanism, j, variable)
+        if (c > 0) then
+            qdd = mechanism%qdd(c)
+            return
+        end if
+        pair = told_pair_of(mechanism, j)
+        associate (link => mechanism%model%joint(j)%link, bodies => mechanism%bodies)
+            alpha = alpha_of(bodies, link(2), world_axes) - alpha_of(bodies, link(1), world_axes)
+            ! The first link is felt at the second's marker: what Coriolis adds is square to the axis.
+            gap_acceleration = point_acceleration(bodies, link(2), marker_point(mechanism, j, 2), world_axes) &
+                               - point_acceleration(bodies, link(1), marker_point(mechanism, j, 1), world_axes) &
+                               - field_times(acceleration_field(bodies, link(1), world_axes), pair%gap)
+        end associate
+        all = mechanism%told_kind(j)%is%rates(pair, alpha, gap_acceleration)
+        qdd = all(variable)
+    end function variable_acceleration
 
     !> The coordinate that a joint variable is; 0: none.
     pure integer function coordinate_of_variable(mechanism, j, variable) result(k)

@@ -13,8 +13,9 @@ module linkdyn_acceleration_columns
     use linkdyn_newton_euler, only: inertia_column
     use linkdyn_payload_forces, only: add_payload_column
     use linkdyn_planar_assembly, only: planar_inertia
-    use linkdyn_vec2, only: vec2
-    use linkdyn_vec3, only: vec3, operator(.rotate.)
+    use linkdyn_rotors, only: moves_rotor, add_rotor_column, add_planar_rotor_column
+    use linkdyn_vec2, only: vec2, zero_vec2
+    use linkdyn_vec3, only: vec3, zero_vec3, operator(.rotate.)
     implicit none (type, external)
     private
     public :: acceleration_columns, append_accelerations, drop_drives, mark_applied, &
@@ -24,12 +25,14 @@ module linkdyn_acceleration_columns
     type :: acceleration_group
         integer :: link = 0, coordinate = 0
         integer :: first_slot = 0                      !! its entries stand in first_slot + 1, ... (n_component)
+        logical :: of_link = .true.                    !! the link's own inertia; false: that of rotors alone
     end type acceleration_group
 
     !> The columns added to a formulation.
     type :: acceleration_columns
         integer, allocatable :: column(:)              !! unknown of each coordinate's acceleration; 0: given (n_q)
         type(acceleration_group), allocatable :: group(:)
+        logical, allocatable :: rotor_acts(:)          !! (motor) its rotor's inertia is in the columns
     end type acceleration_columns
 
 contains
@@ -104,9 +107,10 @@ contains
     end subroutine mark_applied
 
     !> Append a column for every free coordinate.
-    subroutine append_accelerations(model, is_free, formulation, columns)
+    subroutine append_accelerations(model, is_free, rotor_acts, formulation, columns)
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_free(:)              !! (n_q)
+        logical, intent(in) :: rotor_acts(:)           !! (motor) it drives with a given force
         type(formulation_type), intent(inout) :: formulation
         type(acceleration_columns), intent(out) :: columns
         type(matrix_entry) :: entry(model%n_component)
@@ -115,13 +119,15 @@ contains
 
         allocate (columns%column(model%n_q), columns%group(0))
         columns%column = 0
+        columns%rotor_acts = rotor_acts
         do k = 1, model%n_q
             if (.not. is_free(k)) cycle
             formulation%n_unknown = formulation%n_unknown + 1
             columns%column(k) = formulation%n_unknown
             do l = 1, model%n_link
-                if (.not. model%moves(k, l) .or. model%link(l)%is_massless) cycle
-                group = acceleration_group(link=l, coordinate=k, first_slot=formulation%n_slot)
+                group = acceleration_group(link=l, coordinate=k, first_slot=formulation%n_slot, &
+                                           of_link=model%moves(k, l) .and. .not. model%link(l)%is_massless)
+                if (.not. (group%of_link .or. moves_rotor(model, rotor_acts, l, k))) cycle
                 columns%group = [columns%group, group]
                 do i = 1, model%n_component
                     entry(i) = matrix_entry(row=model%n_component*(l - 1) + i, column=formulation%n_unknown, &
@@ -150,10 +156,16 @@ contains
         do i = 1, size(columns%group)
             associate (l => columns%group(i)%link, k => columns%group(i)%coordinate, first => columns%group(i)%first_slot)
                 o = model%link(l)%orientation
-                call inertia_column(model%link(l), formulation%moment_point(:, l), state%acceleration_body(k, l), &
-                                    state%alpha_body(k, o), force, moment)
-                if (size(model%payload) > 0) &
-                    call add_payload_column(model, l, k, formulation%moment_point(:, l), state, force, moment)
+                force = zero_vec3()
+                moment = zero_vec3()
+                if (columns%group(i)%of_link) then
+                    call inertia_column(model%link(l), formulation%moment_point(:, l), state%acceleration_body(k, l), &
+                                        state%alpha_body(k, o), force, moment)
+                    if (size(model%payload) > 0) &
+                        call add_payload_column(model, l, k, formulation%moment_point(:, l), state, force, moment)
+                end if
+                if (any(columns%rotor_acts)) call add_rotor_column(model, columns%rotor_acts, l, k, &
+                                                                   formulation%moment_point(:, l), state, force, moment)
                 if (.not. formulation%row_in_link(l)) then
                     force = state%rotation(o).rotate.force
                     moment = state%rotation(o).rotate.moment
@@ -180,7 +192,12 @@ contains
 
         do i = 1, size(columns%group)
             associate (l => columns%group(i)%link, k => columns%group(i)%coordinate, first => columns%group(i)%first_slot)
-                call planar_inertia(model, l, formulation%moment_point(:2, l), k, state%plane, state%payload, force, moment)
+                force = zero_vec2()
+                moment = 0
+                if (columns%group(i)%of_link) &
+                    call planar_inertia(model, l, formulation%moment_point(:2, l), k, state%plane, state%payload, force, moment)
+                if (any(columns%rotor_acts)) call add_planar_rotor_column(model, columns%rotor_acts, l, k, &
+                                                                          formulation%moment_point(:2, l), state, force, moment)
                 slot(:, first + 1) = -force%x
                 slot(:, first + 2) = -force%y
                 slot(:, first + 3) = -moment

@@ -14,7 +14,7 @@ module linkdyn_builder
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_payloads, only: take_payloads
-    use linkdyn_model, only: model_type, link_type, joint_type, step_type, by_nothing, by_markers, by_fit, &
+    use linkdyn_model, only: model_type, take_motors, link_type, joint_type, step_type, by_nothing, by_markers, by_fit, &
         step_csp, step_group, is_dyad, is_length, is_screw, scene_size, &
         stride_part, orientation_of
     use linkdyn_newton_group, only: prepare_margins
@@ -196,6 +196,7 @@ contains
             if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
         end do
         call take_payloads(model)
+        call take_motors(model)
         call list_contacts(model%scene, model%contact)
         call spread_weld_starts(model)
         call number_tables(model%scene)

@@ -10,6 +10,7 @@ module linkdyn_energy_balance
     use linkdyn_motion_measures, only: measure_energy
     use linkdyn_planar_assembly, only: subtract_planar_applied
     use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_rotors, only: applied_rotor_power
     use linkdyn_vec2, only: vec2, zero_vec2, operator(.dot.)
     use linkdyn_vec3, only: vec3, zero_vec3, operator(.dot.), operator(.unrotate.)
     implicit none (type, external)
@@ -38,7 +39,7 @@ contains
         real(wp), intent(out) :: power(lanes)          !! [W]
         type(vec3) :: force, moment
         type(vec2) :: flat_force
-        real(wp) :: flat_moment(lanes)
+        real(wp) :: flat_moment(lanes), of_rotors(lanes)
         real(wp), parameter :: origin(3) = 0
         integer :: l, o
 
@@ -59,5 +60,7 @@ contains
                 power = power - (force.dot.(state%rotation(o).unrotate.state%velocity(l))) - (moment.dot.state%omega_body(o))
             end if
         end do
+        call applied_rotor_power(model, state, of_rotors)
+        power = power - of_rotors                      ! whose energy is part of that of the motion
     end subroutine applied_power
 end module linkdyn_energy_balance

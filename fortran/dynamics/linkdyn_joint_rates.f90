@@ -154,7 +154,7 @@ contains
         integer, intent(in) :: level                          !! the velocity, what is given, or a column
         real(wp) :: rate(lanes)
         type(joint_view) :: view
-        type(vec3) :: pull(2)
+        type(vec3) :: axis, pull(2)
 
         if (model%is_planar) then
             rate = planar_joint_rate(model, state, j, level)
@@ -165,8 +165,9 @@ contains
         else
             call view_joint(model, state, j, state%acceleration(level, :), state%alpha(level, :), view)
         end if
-        if (.not. is_slide(model%joint(j)%kind, variable)) then
-            rate = view%omega.dot.view%frame(1)%z
+        axis = driven_axis(model, state, j, variable, view)
+        if (.not. is_slide(model%joint(j)%told_kind, variable)) then
+            rate = view%omega.dot.axis
             return
         end if
         if (level == level_given) then
@@ -174,7 +175,7 @@ contains
             pull = [centripetal(1), centripetal(2)]
             view%slide_rate = view%slide_rate + (pull(2) - pull(1))
         end if
-        rate = view%slide_rate.dot.view%frame(1)%z
+        rate = view%slide_rate.dot.axis
 
     contains
 

@@ -14,6 +14,7 @@ module linkdyn_motion_measures
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
     use linkdyn_point, only: point_velocity
+    use linkdyn_rotors, only: rotor_energy
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), vec2_of
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
@@ -27,7 +28,7 @@ module linkdyn_motion_measures
 
 contains
 
-    !> Kinetic energy, and potential energy of gravity (zero at the world's origin) and springs.
+    !> Kinetic energy, that of rotors too, and potential energy of gravity (zero at the world's origin) and springs.
     subroutine measure_energy(model, state, kinetic, potential)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -35,7 +36,7 @@ contains
         type(vec3) :: velocity, arm
         integer :: l, o
 
-        kinetic = 0
+        call rotor_energy(model, state, kinetic)
         call spring_energy(model, state, potential)
         if (model%is_planar) then
             call add_planar_energy(model, state%plane, kinetic, potential)

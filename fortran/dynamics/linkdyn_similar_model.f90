@@ -104,6 +104,11 @@ contains
             call scale_drive(drive_scale(model, i, scale), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
                              similar%scene%actuator(i)%drive)
         end do
+        do i = 1, size(model%motor)
+            associate (motor => similar%motor(i))
+                if (.not. is_slide(model%joint(motor%joint)%told_kind, motor%variable)) motor%inertia = scale**2*motor%inertia
+            end associate
+        end do
         do i = 1, model%n_load
             do k = 1, 3
                 call scale_law(scale, [copy, of_load, i, k], similar%scene%load(i)%force(k))

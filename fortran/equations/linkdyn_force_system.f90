@@ -30,6 +30,7 @@ module linkdyn_force_system
         type(acting_type), allocatable :: reaction(:)  !! (joint)
         type(acting_type), allocatable :: tooth(:)     !! of gears, on each of both links by itself
         type(value), allocatable :: effort(:)          !! (actuator) driving force or torque, known or unknown [N, N m]
+        type(value), allocatable :: transmitted(:)     !! (actuator) what of it acts on the links: without the rotor's inertia
         logical :: wants_names = .false.               !! for a matrix that people read
         character(len=label_len), allocatable :: name(:)       !! of the unknowns, in their order
         character(len=label_len), allocatable :: equation(:)   !! of the equations, in theirs
@@ -47,7 +48,8 @@ contains
         type(force_unknowns), intent(inout) :: unknowns
         integer :: j
 
-        allocate (unknowns%reaction(mechanism%model%n_joint), unknowns%effort(mechanism%model%n_actuator))
+        allocate (unknowns%reaction(mechanism%model%n_joint), unknowns%effort(mechanism%model%n_actuator), &
+                  unknowns%transmitted(mechanism%model%n_actuator))
         allocate (unknowns%name(0), unknowns%equation(0), unknowns%tooth(0))
         do j = 1, mechanism%model%n_joint
             call add_reaction(mechanism, layout%unknown_side(j), j, system, unknowns)
@@ -198,7 +200,7 @@ contains
         end function normal
     end subroutine add_reaction
 
-    !> Driving forces of some actuators as unknowns.
+    !> Driving forces of some actuators as unknowns: what acts on the links, and nothing yet of rotors.
     subroutine add_unknown_drives(mechanism, is_unknown, system, unknowns)
         type(mechanism_type), intent(in) :: mechanism
         logical, intent(in) :: is_unknown(:)           !! (actuator)
@@ -209,7 +211,8 @@ contains
 
         do i = 1, size(is_unknown)
             if (.not. is_unknown(i)) cycle
-            unknowns%effort(i) = unknown(system)
+            unknowns%transmitted(i) = unknown(system)
+            unknowns%effort(i) = unknowns%transmitted(i)
             if (.not. unknowns%wants_names) cycle
             associate (actuator => mechanism%model%scene%actuator(i))
                 symbol = merge("F  ", "tau", mechanism%kind(actuator%joint)%is%is_slide(actuator%variable))
@@ -234,7 +237,7 @@ contains
         associate (model => mechanism%model)
             all = [pack(unknowns%reaction, model%joint(:model%n_joint)%gear == 0), unknowns%tooth, &
                    (at_joint_variable(mechanism, model%scene%actuator(i)%joint, model%scene%actuator(i)%variable, &
-                                      unknowns%effort(i)), i=1, model%n_actuator), acting]
+                                      unknowns%transmitted(i)), i=1, model%n_actuator), acting]
             call sort_by_links(mechanism, all, first, which)
             do l = 1, model%n_link
                 call balance_link(mechanism, layout, l, all(which(first(l):first(l + 1) - 1)), system, unknowns)

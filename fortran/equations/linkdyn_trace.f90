@@ -15,9 +15,10 @@ module linkdyn_trace
     use linkdyn_payload_wrenches, only: payload_wrench
     use linkdyn_placing, only: run_step
     use linkdyn_record, only: record_type, open_record_of_thread
+    use linkdyn_rotor_forces, only: rotor_force
     use linkdyn_springs, only: apply_spring
     use linkdyn_system, only: system_type, unknown, solve
-    use linkdyn_value, only: value, zero, one, is_zero, operator(+), square, min
+    use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), square, min
     implicit none (type, external)
     private
     public :: traced_type, begin_trace, trace_steps, trace_motion, trace_equations, trace_what_acts
@@ -122,11 +123,16 @@ contains
         associate (model => traced%mechanism%model)
             drive_is_unknown = [(.true., i=1, model%n_actuator)]
             if (allocated(request%drive_is_unknown)) drive_is_unknown = request%drive_is_unknown
-            if (.not. allocated(traced%unknowns%effort)) allocate (traced%unknowns%effort(model%n_actuator))
+            if (.not. allocated(traced%unknowns%effort)) &
+                allocate (traced%unknowns%effort(model%n_actuator), traced%unknowns%transmitted(model%n_actuator))
             call add_unknown_drives(traced%mechanism, drive_is_unknown, traced%system, traced%unknowns)
             do i = 1, model%n_actuator
                 if (drive_is_unknown(i)) cycle
                 traced%unknowns%effort(i) = given_effort(traced, i)
+                traced%unknowns%transmitted(i) = traced%unknowns%effort(i)
+            end do
+            do i = 1, size(model%motor)
+                if (model%motor(i)%inertia > 0) call turn_rotor(model%motor(i)%actuator, rotor_force(traced%mechanism, i))
             end do
             allocate (traced%acting(0))
             do i = 1, model%n_load
@@ -157,6 +163,22 @@ contains
                                                             payload_properties(traced%mechanism, i), traced%in%of(in_base)%v)]
             end do
         end associate
+
+    contains
+
+        !> What a rotor's acceleration takes comes from the drive, and does not get to the links.
+        subroutine turn_rotor(actuator, force)
+            integer, intent(in) :: actuator
+            type(value), intent(in) :: force
+
+            associate (unknowns => traced%unknowns)
+                if (drive_is_unknown(actuator)) then
+                    unknowns%effort(actuator) = unknowns%transmitted(actuator) + force
+                else
+                    unknowns%transmitted(actuator) = unknowns%effort(actuator) - force
+                end if
+            end associate
+        end subroutine turn_rotor
     end subroutine trace_what_acts
 
     !> Driving force of an actuator whose force is not unknown.

@@ -5,8 +5,8 @@ module linkdyn_description
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, gear_type, shared_reactions
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
-    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, coordinate_spec, load_spec, marker_spec, &
-        stop_spec, &
+    use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, load_spec, &
+        marker_spec, stop_spec, &
         n_event, n_stop, law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
     implicit none (type, external)
@@ -50,6 +50,10 @@ contains
         text = text//'],"actuators":['
         do i = 1, size(scene%actuator)
             text = text//separator(i)//named(scene%actuator(i)%name, scene%actuator(i)%unit)
+        end do
+        text = text//'],"motors":['
+        do i = 1, size(model%motor)
+            text = text//separator(i)//motor_object(scene%actuator(model%motor(i)%actuator))
         end do
         text = text//'],"loads":['
         do i = 1, size(scene%load)
@@ -286,6 +290,18 @@ contains
         if (variable%is_integer) text = text//","//pair("flags", strings(variable%flag))
         text = text//"}"
     end function variable_object
+
+    function motor_object(actuator) result(text)
+        type(actuator_spec), intent(in) :: actuator
+        character(len=:), allocatable :: text
+
+        associate (motor => actuator%motor)
+            text = "{"//pair("name", string(actuator%name))//","//pair("ratio", number(motor%ratio))//"," &
+                   //pair("inertia", number(motor%inertia))//","//pair("efficiency", number(motor%efficiency))//"," &
+                   //pair("back_efficiency", number(motor%back_efficiency))//"," &
+                   //pair("torque_constant", number(motor%torque_constant))//"}"
+        end associate
+    end function motor_object
 
     function named(name, unit) result(text)
         character(len=*), intent(in) :: name, unit

@@ -13,6 +13,7 @@ module linkdyn_scene_forces
         get_quantity, get_name, get_word, get_text, require_table
     use linkdyn_scene_names, only: find_marker, find_joint, find_variable
     use linkdyn_scene_joints, only: require_two_links, variable_quantity
+    use linkdyn_scene_motors, only: read_motor_drive
     use linkdyn_scene_motion, only: joint_variable_name
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     use linkdyn_scene_state_laws, only: read_force_law, read_spring_law
@@ -46,6 +47,8 @@ contains
             place = repeated_at(root, tables, i, "actuator")
             call read_actuator(place, shelf, scene, scene%actuator(i), status)
             if (.not. status%is_ok()) return
+            call compare_motors(place, scene, i, status)
+            if (.not. status%is_ok()) return
         end do
         do i = 1, size(driven)
             scene%actuator(n + i)%joint = driven(i)
@@ -70,7 +73,7 @@ contains
         if (.not. status%is_ok()) return
         actuator%line = place%line
         place%what = "actuator "//quoted(scene%joint(actuator%joint)%name)
-        call allow_keys(place, [character(len=8) :: "joint", "variable", "law", "share"], status)
+        call allow_keys(place, [character(len=8) :: "joint", "variable", "law", "share", "drive"], status)
         if (status%is_ok() .and. scene%joint(actuator%joint)%kind == joint_spherical) call refuse_value(place, "joint", &
             place%node%get("joint"), "names a spherical joint, which no single torque drives "// &
             "(expected a joint with an axis)", status)
@@ -82,7 +85,26 @@ contains
             "is not above zero (expected the part of this drive in the work that several share, for example 2)", status)
         node = place%node%get("law")
         if (node%is_present()) call read_drive(place, node, scene%joint(actuator%joint)%kind, actuator, shelf, status)
+        node = place%node%get("drive")
+        if (status%is_ok() .and. node%is_present()) call read_motor_drive(place, node, scene%joint(actuator%joint)%kind, &
+            actuator%unit /= "N", actuator, status)
     end subroutine read_actuator
+
+    !> Currents are told of all motors or of none.
+    subroutine compare_motors(place, scene, i, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: i                       !! the actuator read last
+        type(status_type), intent(inout) :: status
+        integer :: k
+
+        if (.not. scene%actuator(i)%motor%is_given) return
+        k = findloc(scene%actuator(:i - 1)%motor%is_given, .true., dim=1)
+        if (k == 0) return
+        if ((scene%actuator(i)%motor%torque_constant > 0) .eqv. (scene%actuator(k)%motor%torque_constant > 0)) return
+        call refuse(place, "of its drive and that of actuator "//quoted(scene%actuator(k)%name)// &
+            " only one has a 'torque_constant' (expected all drives with one, or none)", status, scene%actuator(i)%motor%line)
+    end subroutine compare_motors
 
     !> Name and unit of an actuator follow from its joint variable.
     pure subroutine name_actuator(scene, actuator)

@@ -16,6 +16,7 @@ module linkdyn_scene_sweep
     use linkdyn_sweep_spec, only: sweep_spec, axis_spec, bound_spec, segment_spec, swing_spec, axis_coordinate, axis_rate, &
         axis_acceleration, axis_load, axis_parameter, axis_time, sampling_linspace, sampling_values, sampling_random, &
         sampling_sobol, sampling_name, set_value, operation_name, quantity_name, n_quantity, axis_name_len, &
+        quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
         quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
         quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_force_amplification, &
         quantity_moment_amplification, quantity_swing, quantity_clearance
@@ -35,6 +36,8 @@ module linkdyn_scene_sweep
         "parameter", "time"]
     integer, parameter :: usual_quantities(7) = [quantity_driving_force, quantity_driving_position, quantity_driving_speed, &
         quantity_driving_power, quantity_reaction, quantity_reaction_force, quantity_reaction_moment]
+
+    integer, parameter :: of_motors(4) = [quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current]
 
 contains
 
@@ -492,6 +495,8 @@ contains
         associate (spec => scene%sweep)
             call read_quantities(place, "reduce", spec%wants, status, found)
             if (.not. found) spec%wants(usual_quantities) = .true.
+            if (.not. found .and. any(scene%actuator%motor%is_given)) &
+                spec%wants([quantity_motor_torque, quantity_motor_speed, quantity_motor_power]) = .true.
             call read_quantities(place, "keep", spec%keeps, status, found)
             flag = .true.
             call get_flag(place, "moments", flag, status)
@@ -637,6 +642,7 @@ contains
         type(scene_place), intent(in) :: place
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
+        integer :: id
 
         associate (spec => scene%sweep)
             spec%wants = spec%wants .or. spec%keeps
@@ -648,8 +654,27 @@ contains
                 call refuse(place, "'swing' is for spatial scenes (expected 'joint_variable' in a plane)", status)
             if (scene%planar .and. spec%wants(quantity_clearance)) &
                 call refuse(place, "'clearance' is for spatial scenes: links of a plane lie beside each other", status)
+            do id = 1, n_quantity
+                if (spec%wants(id) .and. status%is_ok()) call refuse_without_motors(place, scene, id, status)
+            end do
         end associate
     end subroutine check_wishes
+
+    !> Motors must be there of which something is told.
+    subroutine refuse_without_motors(place, scene, id, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: id                         !! of the quantity
+        type(status_type), intent(inout) :: status
+
+        if (.not. any(id == of_motors)) return
+        if (.not. any(scene%actuator%motor%is_given)) then
+            call refuse(place, quoted(quantity_name(id))//" is for scenes with motors (expected an actuator with the "// &
+                "key 'drive')", status)
+        else if (id == quantity_motor_current .and. .not. any(scene%actuator%motor%torque_constant > 0)) then
+            call refuse(place, quoted(quantity_name(id))//" needs the 'torque_constant' of drives, which they do not have", status)
+        end if
+    end subroutine refuse_without_motors
 
     ! ---------------------------------------------------------------- bounds
 
@@ -692,6 +717,8 @@ contains
                 " is for spatial scenes (expected another quantity)", status)
             return
         end if
+        call refuse_without_motors(place, scene, bound%quantity, status)
+        if (.not. status%is_ok()) return
         call describe_quantity(scene, bound%quantity, quantity)
         call choose_entries(place, quantity, bound%entry, status)
         if (.not. status%is_ok()) return

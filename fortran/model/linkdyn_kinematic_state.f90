@@ -63,6 +63,7 @@ module linkdyn_kinematic_state
         ! ---- APPLIED by springs, laws and given drives, link axes, about the origin
         logical :: has_applied = .false.
         type(vec3), allocatable :: applied_force(:), applied_moment(:)  !! [N, N m]                   (n_link)
+        real(wp), allocatable :: rotor_force(:, :)            !! of the rotors, part of what is applied [N, N m] (lane, n_motor)
         ! ---- VELOCITY, world and link axes
         type(vec3), allocatable :: omega(:), omega_body(:)    !! angular [rad/s]                      (0:n_orientation)
         type(vec3), allocatable :: velocity(:)                !! origin, world [m/s]                  (0:n_link)
@@ -90,6 +91,8 @@ contains
             allocate (state%law(lanes, size(model%scene%laws%law)))
             allocate (state%stop_force(lanes, n_stop(model%scene)))
             state%stop_force = 0
+            allocate (state%rotor_force(lanes, size(model%motor)))
+            state%rotor_force = 0
             state%law = 0
             allocate (state%payload(lanes, size(model%payload)))
             state%payload = 0

@@ -8,6 +8,7 @@ module linkdyn_model
     implicit none (type, external)
     private
     public :: model_type, payload_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type
+    public :: motor_type, take_motors, has_rotors
     public :: share_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
@@ -62,6 +63,13 @@ module linkdyn_model
         integer :: link = 0
         type(link_type) :: body               !! of a unit mass, in the link's axes
     end type payload_type
+
+    !> A motor behind a gear or screw.
+    type :: motor_type
+        integer :: actuator = 0
+        integer :: joint = 0, variable = 0
+        real(wp) :: inertia = 0               !! of its rotor at the joint variable: ratio squared times that of the rotor [kg, kg m2]
+    end type motor_type
 
     !> Constants of a joint.
     type :: joint_type
@@ -186,6 +194,7 @@ module linkdyn_model
         type(leg_type), allocatable :: leg(:)
         type(payload_type), allocatable :: payload(:)
         type(gear_type), allocatable :: gear(:)
+        type(motor_type), allocatable :: motor(:)    !! of the actuators that have one
         type(contact_type), allocatable :: contact(:)    !! where joints rub
         type(led_type), allocatable :: led(:)
         type(loose_type), allocatable :: loose(:)
@@ -201,6 +210,27 @@ module linkdyn_model
     end type model_type
 
 contains
+
+    !> The scene's motors.
+    pure subroutine take_motors(model)
+        type(model_type), intent(inout) :: model
+        integer :: i
+
+        allocate (model%motor(0))
+        do i = 1, size(model%scene%actuator)
+            associate (spec => model%scene%actuator(i))
+                if (spec%motor%is_given) model%motor = [model%motor, motor_type(actuator=i, joint=spec%joint, &
+                    variable=spec%variable, inertia=spec%motor%ratio**2*spec%motor%inertia)]
+            end associate
+        end do
+    end subroutine take_motors
+
+    !> Do rotors take a part in the motion?
+    pure logical function has_rotors(model)
+        type(model_type), intent(in) :: model
+
+        has_rotors = any(model%motor%inertia > 0)
+    end function has_rotors
 
     !> The planar dyads by their inner joints, in the order of their states.
     pure function dyad_names(model) result(name)

@@ -26,6 +26,7 @@ module linkdyn_numbers
         integer, allocatable :: load(:)        !! point
         integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
         integer, allocatable :: drive(:)
+        integer, allocatable :: motor(:)       !! inertia of the rotor at the joint variable
     end type number_places
 
 contains
@@ -59,6 +60,8 @@ contains
         at%n = at%n + of_spring*size(model%scene%spring)
         at%drive = [(at%n + 1 + of_drive*(i - 1), i=1, model%n_actuator)]
         at%n = at%n + of_drive*model%n_actuator
+        at%motor = [(at%n + i, i=1, size(model%motor))]
+        at%n = at%n + size(model%motor)
     end subroutine place_numbers
 
     pure subroutine collect_numbers(model, at, number)
@@ -112,6 +115,7 @@ contains
         do i = 1, model%n_actuator
             number(at%drive(i):at%drive(i) + of_drive - 1) = model%scene%actuator(i)%drive%value
         end do
+        number(at%motor) = model%motor%inertia
 
     contains
 

@@ -13,7 +13,8 @@ module linkdyn_scene
     implicit none (type, external)
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
-    public :: law_spec, table_spec, time_spec, drive_spec, spring_spec, variable_spec, source_spec, source_shelf, hold_spec
+    public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, spring_spec, variable_spec, source_spec, source_shelf
+    public :: hold_spec
     public :: base_spec, payload_spec, payload_changes, wants_instants
     public :: friction_spec
     public :: name_len, path_len, frame_link
@@ -190,6 +191,17 @@ module linkdyn_scene
         type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table, over)
     end type drive_spec
 
+    !> A motor and the gear or screw behind which it drives a joint variable.
+    type :: motor_spec
+        logical :: is_given = .false.
+        real(wp) :: ratio = 0                     !! motor angle over joint variable [1, rad/m]
+        real(wp) :: inertia = 0                   !! of all that turns with the motor [kg m2]
+        real(wp) :: efficiency = 1                !! of the transmission while the motor drives
+        real(wp) :: back_efficiency = 1           !! while the load does; zero or less: it cannot
+        real(wp) :: torque_constant = 0           !! [N m/A]; 0: not known
+        integer :: line = 0
+    end type motor_spec
+
     !> A driven joint variable: in inverse dynamics its force or torque is an unknown.
     type :: actuator_spec
         character(len=name_len) :: name = ""      !! the joint's name
@@ -198,6 +210,7 @@ module linkdyn_scene
         integer :: variable = 1                   !! which variable of the joint
         real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of (force/share)^2
         type(drive_spec) :: drive
+        type(motor_spec) :: motor
         integer :: line = 0
     end type actuator_spec
 

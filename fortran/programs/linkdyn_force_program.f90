@@ -75,6 +75,6 @@ contains
 
         is_last = .false.
         if (allocated(traced%contact)) return      ! friction comes from reactions
-        if (.not. any(wanted == result_reaction)) is_last = are_among(traced, traced%unknowns%effort)
+        if (.not. any(wanted == result_reaction)) is_last = are_among(traced, traced%unknowns%transmitted)
     end function wanted_last
 end module linkdyn_force_program

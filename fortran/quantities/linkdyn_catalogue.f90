@@ -23,6 +23,7 @@ module linkdyn_catalogue
     public :: result_position, result_rotation, result_margin, result_margin_rate
     public :: result_velocity, result_angular_velocity, result_driving_position
     public :: result_friction, result_friction_power
+    public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -65,6 +66,12 @@ module linkdyn_catalogue
     ! ---- of scenes with friction
     integer, parameter :: result_friction = 38
     integer, parameter :: result_friction_power = 39
+    ! ---- of drives with a motor
+    integer, parameter :: result_transmission_force = 40    ! what gets to the links
+    integer, parameter :: result_motor_torque = 41          ! these follow from it and from the driving force (`linkdyn_motor_loads`)
+    integer, parameter :: result_motor_speed = 42
+    integer, parameter :: result_motor_power = 43
+    integer, parameter :: result_motor_current = 44
 
 contains
 
@@ -73,7 +80,7 @@ contains
         integer, intent(in) :: id                       !! one of `result_*`
 
         needs_equations = any(id == [result_qdd, result_driving_force, result_reaction, result_power_imbalance, &
-                                     result_friction, result_friction_power])
+                                     result_friction, result_friction_power, result_transmission_force])
     end function needs_equations
 
     !> The values of one result, as samples store them; none for what no kernel computes.
@@ -92,6 +99,8 @@ contains
                 v = solved(traced%system, traced%acceleration)
             case (result_driving_force)
                 v = solved(traced%system, traced%unknowns%effort)
+            case (result_transmission_force)
+                v = solved(traced%system, traced%unknowns%transmitted(model%motor%actuator))
             case (result_reaction)
                 do i = 1, model%n_joint
                     r = reaction_of(mechanism, traced%unknowns, traced%system, i)

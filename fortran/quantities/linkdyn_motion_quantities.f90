@@ -5,6 +5,7 @@ module linkdyn_motion_quantities
     use linkdyn_joint_variables, only: within_half_a_turn, joint_rates
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, properties_of, payload_properties, pair_of, gravity_of
+    use linkdyn_rotor_forces, only: rotor_energy
     use linkdyn_springs, only: spring_energy
     use linkdyn_value, only: value, zero, abs, max, atan2, operator(+), operator(-), operator(*)
     use linkdyn_vector, only: vector, rotation, components, operator(*), operator(.dot.), operator(.cross.)
@@ -54,7 +55,7 @@ contains
         end do
     end function transmission_angles
 
-    !> Of all links [J].
+    !> Of all links and rotors [J].
     function kinetic_energy(mechanism) result(energy)
         type(mechanism_type), intent(in) :: mechanism
         type(value) :: energy
@@ -66,6 +67,9 @@ contains
         end do
         do l = 1, size(mechanism%model%payload)
             call add(mechanism%model%payload(l)%link, payload_properties(mechanism, l))
+        end do
+        do l = 1, size(mechanism%model%motor)
+            if (mechanism%model%motor(l)%inertia > 0) energy = energy + rotor_energy(mechanism, l)
         end do
 
     contains

@@ -3,6 +3,7 @@ module linkdyn_power_balance
     use linkdyn_bodies, only: own_axes, omega_of, rotation_of
     use linkdyn_joint_variables, only: variable_rate
     use linkdyn_link_wrenches, only: link_wrenches
+    use linkdyn_rotor_forces, only: rotor_power
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type
     use linkdyn_value, only: value, zero, one, abs, select, reciprocal, operator(+), operator(-), operator(*)
@@ -30,6 +31,9 @@ contains
                     call add(solved(traced%system, traced%unknowns%effort(i)) &
                              *variable_rate(traced%mechanism, actuator%joint, actuator%variable))
                 end associate
+            end do
+            do i = 1, ubound(model%motor, 1)
+                if (model%motor(i)%inertia > 0) call add(-solved(traced%system, rotor_power(traced%mechanism, i)))
             end do
             call link_wrenches(traced, force, moment)
             do l = 1, model%n_link

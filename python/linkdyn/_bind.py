@@ -38,6 +38,8 @@ _GROUPS = (
     ("growth",),
     ("assembly",),
     ("friction", "friction_power"),
+    ("transmission_force", "motor_torque", "motor_speed", "motor_power"),
+    ("motor_current",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)

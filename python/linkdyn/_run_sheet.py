@@ -52,7 +52,7 @@ def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
     limits = _bounded(run, scene)
     page.tables = [
         table
-        for table in (_warnings(run, limits), *_drives(run, scene), _joints(run), _transmission(run), _shaking(run, scene),
+        for table in (_warnings(run, limits), *_drives(run, scene), _motors(run, scene), _joints(run), _transmission(run), _shaking(run, scene),
                       limits_table(limits) if limits is not None else None)
         if table is not None
     ]
@@ -226,6 +226,36 @@ def _drive_table(run: xr.Dataset, scene: Scene | None, chosen: list[int], unit: 
     rows = [[Cell(str(run.actuator.values[k])), *(cells[i] for _, cells in columns)] for i, k in enumerate(chosen)]
     words_at = tuple(1 + i for i, (head, _) in enumerate(columns) if head == "at")
     return Table("Drives", ["drive", *(head for head, _ in columns)], rows, wide=(0, *words_at))
+
+
+def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
+    """What the motors behind gears and screws have to give."""
+    if "motor_torque" not in run:
+        return None
+    weights = shares(run)
+    columns: list[tuple[str, list[Cell]]] = []
+
+    def add(heads: list[str], values: list[Values], unit: str) -> None:
+        factor, word = readable(unit, max(float(np.nanmax(np.abs(value), initial=0.0)) for value in values))
+        columns.extend((f"{head}\n[{word}]", [cell_of(x, factor) for x in value]) for head, value in zip(heads, values))
+
+    torque, speed, power = (run[name].values for name in ("motor_torque", "motor_speed", "motor_power"))
+    peak, at = _peak(np.abs(torque), 1)
+    add(["peak\ntorque"], [peak], "N m")
+    columns.append(("at", [Cell(_place(run, k)) if k >= 0 else Cell(NONE) for k in at]))
+    add(["rms\ntorque"], [np.atleast_1d(rms(torque, weights))], "N m")
+    add(["peak\nspeed"], [_peak(np.abs(speed), 1)[0]], "rad/s")
+    add(["power\nout", "power\nback"], [_only(_peak(power, 1)[0], 1), _only(_peak(power, -1)[0], -1)], "W")
+    if "motor_current" in run:
+        current = run.motor_current.values
+        add(["peak\ncurrent", "rms\ncurrent"], [_peak(np.abs(current), 1)[0], np.atleast_1d(rms(current, weights))], "A")
+    names = [str(name) for name in run.motor.values]
+    if scene is not None:
+        locks = {motor["name"] for motor in scene.description["motors"] if motor["back_efficiency"] <= 0}
+        columns.append(("self-\nlocking", [Cell("yes" if name in locks else "no") for name in names]))
+    rows = [[Cell(name), *(cells[i] for _, cells in columns)] for i, name in enumerate(names)]
+    words_at = tuple(1 + i for i, (head, _) in enumerate(columns) if head == "at")
+    return Table("Motors", ["motor of", *(head for head, _ in columns)], rows, wide=(0, *words_at))
 
 
 def _path(run: xr.Dataset, scene: Scene, actuator: str) -> Values:

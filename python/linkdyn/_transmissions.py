@@ -38,6 +38,9 @@ def motor(
 ) -> xr.Dataset:
     """What an actuator's force or torque asks of the motor behind its gear or screw.
 
+    Where the scene has a drive at the actuator, ``drive`` of its ``[[actuator]]``, it is that drive's motor, as the engine has found it, and no key
+    but resistance is given. Else the keys say what stands behind the actuator, and the rotor is not part of the mechanism that was run.
+
     The motor turns n rad for a unit of the joint variable: n is the ratio, or 2 pi/lead. It gives the load's share, F/n over the efficiency where it drives the
     load, F/n times the back efficiency where the load drives it, and what its own inertia takes. At a standstill the share is F/n.
 
@@ -75,8 +78,13 @@ def motor(
     Raises
     ------
     InputError
-        No such actuator, a ratio of a force or a lead of a torque, numbers out of range.
+        No such actuator, a ratio of a force or a lead of a torque, numbers out of range, keys beside the scene's drive.
     """
+    given = ratio, lead, inertia or None, None if efficiency == 1.0 else efficiency, back_efficiency, torque_constant
+    if (own := _drive_of(scene, actuator)) is not None:
+        if any(key is not None for key in given):
+            raise InputError(f"motor: the scene has a drive at {actuator!r} (expected no keys but resistance=)")
+        return _of_the_scene(run, actuator, own, resistance)
     n = _turns_of(run, actuator, ratio, lead)
     inertia = as_number("motor: inertia", inertia)
     if inertia < 0:
@@ -96,29 +104,7 @@ def motor(
     torque = force / n * np.where(still | (power == 0), 1.0, np.where(power > 0, 1 / efficiency, back))
     if inertia > 0:
         torque = torque + inertia * n * _acceleration_of(run, actuator, scene)
-    found: dict[str, tuple[Any, str, str]] = {
-        "motor_speed": (n * speed, "rad/s", "speed of the motor"),
-        "motor_torque": (torque, "N m", "torque of the motor"),
-        "motor_power": (n * speed * torque, "W", "power of the motor at its shaft"),
-    }
-    weights, good = shares(run), good_samples(run)
-    whole = {
-        "rms_torque": (rms(torque, weights), "N m", "rms torque of the motor"),
-        "peak_torque": (_peak(torque, good), "N m", "largest torque of the motor, without sign"),
-        "peak_speed": (_peak(n * speed, good), "rad/s", "largest speed of the motor, without sign"),
-    }
-    if torque_constant is not None:
-        constant = as_positive("motor: torque_constant", torque_constant)
-        current = torque / constant
-        found["motor_current"] = (current, "A", "current of the motor")
-        whole["rms_current"] = (rms(current, weights), "A", "rms current of the motor")
-        if resistance is not None:
-            voltage = as_positive("motor: resistance", resistance) * current + constant * n * speed
-            found["motor_voltage"] = (voltage, "V", "voltage of the motor")
-            found["electric_power"] = (voltage * current, "W", "electric power of the motor")
-    elif resistance is not None:
-        raise InputError("motor: resistance says nothing without torque_constant")
-    return _told(run, found, whole, {"actuator": actuator, "self_locking": int(back <= 0)})
+    return _whole(run, actuator, torque, n * speed, torque_constant, resistance, back <= 0)
 
 
 def cylinder(
@@ -206,6 +192,46 @@ def cylinder(
 
 
 # ---------------------------------------------------------------- parts
+
+def _drive_of(scene: Scene, actuator: str) -> dict[str, Any] | None:
+    """The scene's own drive at an actuator."""
+    return next((motor for motor in scene.description["motors"] if motor["name"] == actuator), None)
+
+
+def _of_the_scene(run: xr.Dataset, actuator: str, drive: dict[str, Any], resistance: float | None) -> xr.Dataset:
+    """As the engine has found it."""
+    torque, speed = (need_result(run, name, "motor").sel(motor=actuator).values for name in ("motor_torque", "motor_speed"))
+    return _whole(run, actuator, torque, speed, drive["torque_constant"] or None, resistance, drive["back_efficiency"] <= 0)
+
+
+def _whole(
+    run: xr.Dataset, actuator: str, torque: Values, speed: Values, torque_constant: float | None, resistance: float | None, locks: bool
+) -> xr.Dataset:
+    """What follows from torque and speed along the run, and figures of the whole."""
+    found: dict[str, tuple[Any, str, str]] = {
+        "motor_speed": (speed, "rad/s", "speed of the motor"),
+        "motor_torque": (torque, "N m", "torque of the motor"),
+        "motor_power": (speed * torque, "W", "power of the motor at its shaft"),
+    }
+    weights, good = shares(run), good_samples(run)
+    whole = {
+        "rms_torque": (rms(torque, weights), "N m", "rms torque of the motor"),
+        "peak_torque": (_peak(torque, good), "N m", "largest torque of the motor, without sign"),
+        "peak_speed": (_peak(speed, good), "rad/s", "largest speed of the motor, without sign"),
+    }
+    if torque_constant is not None:
+        constant = as_positive("motor: torque_constant", torque_constant)
+        current = torque / constant
+        found["motor_current"] = (current, "A", "current of the motor")
+        whole["rms_current"] = (rms(current, weights), "A", "rms current of the motor")
+        if resistance is not None:
+            voltage = as_positive("motor: resistance", resistance) * current + constant * speed
+            found["motor_voltage"] = (voltage, "V", "voltage of the motor")
+            found["electric_power"] = (voltage * current, "W", "electric power of the motor")
+    elif resistance is not None:
+        raise InputError("motor: resistance says nothing without torque_constant")
+    return _told(run, found, whole, {"actuator": actuator, "self_locking": int(locks)})
+
 
 def _turns_of(run: xr.Dataset, actuator: str, ratio: float | None, lead: float | None) -> float:
     """Motor angle for a unit of the joint variable."""

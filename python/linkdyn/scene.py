@@ -421,8 +421,8 @@ class Scene:
             (N,) or one instant [s] at which the scene's loads act; default: the scene's instants without ``q``,
             else 0. Where the frame moves or a payload's mass changes, ``q`` asks for it.
         want
-            "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "rcond", "singularity_distance" or several
-            of them, or "all": the first six (solver lapack has "rcond" among its checks); default: all that the solver
+            "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "rcond", "singularity_distance" or
+            several of them, or "all": the first seven (solver lapack has "rcond" among its checks); default: all that the solver
             gives but the last two. What is not wanted is not computed.
         solver
             "elimination", "lapack", "gauss-jordan" or "reduced", which gives all but the reactions; "gauss-jordan-plain", which
