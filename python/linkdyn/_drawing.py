@@ -87,7 +87,7 @@ def _joints(scene: Scene) -> list[dict[str, Any]]:
 def _limits(postures: Postures) -> tuple[Points, Points]:
     points = postures.points.reshape(-1, 3)
     lowest, highest = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
-    extent = max(float((highest - lowest).max()), np.finfo(float).tiny)
+    extent = float((highest - lowest).max()) or 1.0     # all in one point: [m]
     room = (0.13 if postures.scene.planar else 0.05) * extent
     return lowest - room, highest + room
 

@@ -116,6 +116,19 @@ def test_flat_mechanism_has_a_flat_picture():
     assert height < 0.5 * width
 
 
+def test_a_mechanism_in_one_point_is_drawn(tmp_path):
+    """A disc on its own axis."""
+    disc = linkdyn.Scene({
+        "space": "planar", "frame": {"markers": {"O": [0, 0]}},
+        "link": [{"name": "disc", "markers": {"A": [0, 0]}, "mass": 1, "cog": [0, 0], "inertia": 0.1}],
+        "joint": [{"name": "J", "type": "revolute", "between": ["frame.O", "disc.A"]}],
+        "coordinate": [{"joint": "J"}], "actuator": [{"joint": "J"}],
+    })  # fmt: skip
+    figure, axis = plot.mechanism(disc)
+    assert np.isfinite([*figure.get_size_inches(), *axis.get_xlim()]).all()
+    figure.savefig(tmp_path / "disc.png")
+
+
 def test_hodograph(turn):
     figure, axes = plot.hodograph(turn, ["J4", "J1"])
     assert [axis.get_title().split(":")[0] for axis in axes] == ["J4", "J1"]
