@@ -11,7 +11,7 @@ module linkdyn_forward_system
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
     use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
-    use linkdyn_contact_forces, only: solve_contacts
+    use linkdyn_contact_forces, only: solve_contacts, solve_complementary
     use linkdyn_event_log, only: event_log, event_entry, add_entry, kind_crossing, kind_end, kind_contact, kind_release, &
         kind_impact, kind_rest
     use linkdyn_energy_balance, only: energy_of_motion, applied_power
@@ -21,6 +21,7 @@ module linkdyn_forward_system
         place_states, run_states, may_change_assembly
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
         pack_rates, read_coordinates
+    use linkdyn_impacts, only: find_impacts
     use linkdyn_inverse, only: are_alike
     use linkdyn_exchange, only: coordinate_now
     use linkdyn_joint_rates, only: actuator_rates, joint_rate
@@ -70,6 +71,9 @@ module linkdyn_forward_system
         logical, allocatable :: rests(:, :)            !! a joint variable rests at a stop (lane, n_stop)
         real(wp), allocatable :: push(:, :)            !! of stops at the state evaluated last, away from them (lane, n_stop) [N, N m]
         real(wp), allocatable, private :: fastest(:, :)    !! impact so far (lane, n_stop) [m/s, rad/s]
+        real(wp), private :: hardest(lanes) = 0            !! of all: speed by the root of the response to a push [sqrt(J)]
+        real(wp), allocatable, private :: yielded(:, :)    !! depth at which contacts were found, by rounding and drift: their gaps
+                                                           !! begin there (lane, n_stop) [m, rad]
         real(wp), allocatable, private :: widest(:, :)     !! gap so far, of stops at which something rests (lane, n_stop) [m, rad]
         type(kinematic_state), private :: look         !! scratch: of states that are looked at
         integer, allocatable, private :: turning(:)    !! measures that wrap; events count their turns: at the accepted state
@@ -162,8 +166,8 @@ contains
         system%guard_direction = model%scene%event%direction
         allocate (system%guard_side(lanes, system%n_guard), system%guard_scale(lanes, system%n_guard), source=0.0_wp)
         allocate (system%rests(lanes, n_stop(model%scene)), source=.false.)
-        allocate (system%push(lanes, n_stop(model%scene)), system%fastest(lanes, n_stop(model%scene)), &
-                  system%widest(lanes, n_stop(model%scene)), source=0.0_wp)
+        allocate (system%push(lanes, n_stop(model%scene)), system%yielded(lanes, n_stop(model%scene)), &
+                  system%fastest(lanes, n_stop(model%scene)), system%widest(lanes, n_stop(model%scene)), source=0.0_wp)
         call prepare_kinematics(model, 0, system%look)
         system%look%world_rates = .true.
         associate (measure => model%scene%laws%measure)
@@ -263,9 +267,12 @@ contains
             self%rests = other%rests
             self%push = other%push
             self%fastest = other%fastest
+            self%hardest = other%hardest
+            self%yielded = other%yielded
             self%widest = other%widest
             self%guard_side = other%guard_side
             self%guard_scale = other%guard_scale
+            self%guard_is_fresh = other%guard_is_fresh
             self%angle = other%angle
             self%spin = other%spin
             self%t_accepted = other%t_accepted
@@ -706,6 +713,11 @@ contains
         do i = 1, size(guard, 2)
             where (failed) guard(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
         end do
+        do i = 1, size(self%rests, 2)
+            associate (stop => self%model%scene%stop(i))
+                if (stop%is_hard) guard(:, stop%event) = guard(:, stop%event) + self%yielded(:, i)
+            end associate
+        end do
         if (.not. rests_anywhere(self)) return
         call self%evaluate_on_lanes(t, y, rate, failed)
         do i = 1, size(self%rests, 2)
@@ -828,10 +840,12 @@ contains
         real(wp), intent(inout) :: y(:, :)
         logical, intent(in) :: has_crossed(:, :)
         logical, intent(out) :: has_changed(lanes), is_over(lanes)
-        logical :: strikes(lanes, size(self%rests, 2))
+        real(wp), parameter :: rounded = 1.0e-12_wp    !! of the fastest impact: that is no speed
+        logical, dimension(lanes, size(self%rests, 2)) :: strikes, rested
         real(wp) :: away(lanes, size(self%rests, 2))
         integer :: lane, i
 
+        rested = self%rests
         has_changed = .false.
         is_over = .false.
         strikes = .false.
@@ -860,14 +874,19 @@ contains
                 end do
             end associate
         end do
-        if (.not. any(strikes)) return
-        ! What is on its way out was thrown back a moment ago: rounding has its gap still closed.
-        away = away_from_stops(self, level_velocity)
-        strikes = strikes .and. away <= 0
-        if (.not. any(strikes)) return
-        call self%meet_stops(t, y, strikes)
-        has_changed = has_changed .or. any(strikes, dim=2)
-        is_over = is_over .or. self%is_driven_through
+        if (any(strikes)) then
+            ! What is on its way out was thrown back a moment ago: rounding has its gap still closed.
+            away = away_from_stops(self, level_velocity)
+            do i = 1, size(strikes, 2)
+                strikes(:, i) = strikes(:, i) .and. .not. away(:, i) > rounded*self%fastest(:, i)
+            end do
+        end if
+        if (any(strikes)) then
+            call self%meet_stops(t, y, strikes)
+            has_changed = has_changed .or. any(strikes, dim=2)
+            is_over = is_over .or. self%is_driven_through
+        end if
+        if (any(has_changed)) call begin_gaps(self, t, y, has_changed, rested)
 
     contains
 
@@ -907,52 +926,92 @@ contains
         end associate
     end subroutine leave_stop
 
-    !> Joint variables strike stops: impulses of these, and of those at which others rest, give each its speed away from its stop,
-    !> the restitution of the one it had towards it, or none where it rests. An impulse never pulls. When an impact is weaker than
-    !> `weak` of the strongest one so far at its stop, or there is no restitution, the variable does not leave: it rests, if it
-    !> is pressed against the stop.
+    !> Gaps of hard stops, of states whose motion is in `look`.
+    subroutine measure_gaps(self, t, gap)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(out) :: gap(:, :)             !! (lane, n_stop); of other stops: none is closed
+        real(wp) :: guard(lanes, self%n_guard)
+        integer :: i
+
+        call find_events(self%model, self%look, angles_about(self, t), guard)
+        gap = huge(1.0_wp)
+        do i = 1, size(gap, 2)
+            associate (stop => self%model%scene%stop(i))
+                if (stop%is_hard) gap(:, i) = guard(:, stop%event)
+            end associate
+        end do
+    end subroutine measure_gaps
+
+    !> Contacts that are closed and do not rest begin their gaps where they are: a variable that has drifted a little beyond its stop
+    !> while it rested there, or that rounding leaves there, is not to come out first. One that is further beyond was lost.
+    subroutine begin_gaps(self, t, y, is_wanted, rested)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_wanted(lanes)
+        logical, intent(in) :: rested(:, :)            !! until now (lane, n_stop)
+        real(wp), parameter :: small = 1.0e-7_wp       !! of the bound, 1e-10 at least
+        real(wp) :: gap(lanes, size(self%rests, 2)), deepest
+        integer :: i
+
+        call look_closely(self, t, y)
+        call measure_gaps(self, t, gap)
+        do i = 1, size(gap, 2)
+            associate (stop => self%model%scene%stop(i), yielded => self%yielded(:, i))
+                deepest = small*max(1.0e-3_wp, abs(stop%bound))
+                where (is_wanted .and. gap(:, i) > 0)
+                    yielded = 0
+                elsewhere (is_wanted .and. (rested(:, i) .or. (gap(:, i) + yielded < 0 .and. gap(:, i) + yielded > -deepest)))
+                    yielded = max(0.0_wp, -gap(:, i))
+                end where
+            end associate
+        end do
+    end subroutine begin_gaps
+
+    !> Joint variables strike stops. All whose gaps are closed there take part, those that rest as well (`linkdyn_impacts`). What
+    !> has no speed left then rests, if it is pressed against its stop.
     subroutine meet_stops(self, t, y, strikes)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(inout) :: y(:, :)
         logical, intent(in) :: strikes(:, :)           !! (lane, n_stop)
-        real(wp), parameter :: weak = 1.0e-6_wp
-        real(wp), dimension(lanes, size(self%rests, 2)) :: before, wanted, impulse, after
+        real(wp), parameter :: near = 1.0e-12_wp       !! of the widest gap so far: that is closed
+        real(wp), dimension(lanes, size(self%rests, 2)) :: gap, before, impulse, after, change
         real(wp) :: response(lanes, size(self%rests, 2), size(self%rests, 2))
         real(wp) :: of_coordinates(lanes, self%model%n_q, size(self%rests, 2))
         real(wp) :: rate(lanes, self%n), y_before(lanes, self%n), loss(lanes)
-        logical, dimension(lanes, size(self%rests, 2)) :: contact, stays, rested
-        logical :: failed(lanes)
-        integer :: i, k, lane
+        logical, dimension(lanes, size(self%rests, 2)) :: touches, has_struck, is_closed, rested, rests
+        logical :: failed(lanes), is_struck(lanes)
+        integer :: i, lane
 
+        is_struck = any(strikes, dim=2)
+        rested = self%rests
         call self%evaluate_on_lanes(t, y, rate, failed)
         call look_closely(self, t, y)
         before = away_from_stops(self, level_velocity)
-        rested = self%rests
-        contact = rested
-        stays = .false.
-        wanted = 0
-        do i = 1, size(before, 2)
+        call measure_gaps(self, t, gap)
+        do i = 1, size(gap, 2)
             associate (stop => self%model%scene%stop(i))
-                where (strikes(:, i) .and. before(:, i) <= 0)
-                    contact(:, i) = .true.
-                    self%fastest(:, i) = max(self%fastest(:, i), -before(:, i))
-                    wanted(:, i) = -stop%restitution*before(:, i)
-                    stays(:, i) = .not. wanted(:, i) > weak*self%fastest(:, i)
-                end where
-                where (stays(:, i)) wanted(:, i) = 0
+                touches(:, i) = is_struck .and. stop%is_hard .and. (strikes(:, i) .or. rested(:, i) &
+                                .or. gap(:, i) + self%yielded(:, i) <= near*self%guard_scale(:, stop%event))
             end associate
         end do
-        call find_responses(self, t, y, contact, response, of_coordinates)
-        call find_impulses()
-        y_before = y
+        call find_responses(self, t, y, touches, response, of_coordinates)
+        after = before
+        impulse = 0
         loss = 0
-        do i = 1, size(before, 2)
-            do k = 1, self%model%n_q
-                if (self%layout%rate(k) == 0) cycle
-                where (contact(:, i)) y(:, self%layout%rate(k)) = y(:, self%layout%rate(k)) + impulse(:, i)*of_coordinates(:, k, i)
-            end do
+        has_struck = .false.
+        is_closed = .false.
+        do lane = 1, lanes
+            if (.not. is_struck(lane)) cycle
+            call find_impacts(response(lane, :, :), self%model%scene%stop%restitution, touches(lane, :), strikes(lane, :), &
+                              self%fastest(lane, :), self%hardest(lane), after(lane, :), impulse(lane, :), &
+                              has_struck(lane, :), is_closed(lane, :), loss(lane))
         end do
+        y_before = y
+        call push_coordinates(impulse)
+        y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
         call look_closely(self, t, y)
         after = away_from_stops(self, level_velocity)
         do i = 1, size(before, 2)
@@ -961,36 +1020,46 @@ contains
                 self%final_event = self%model%scene%stop(i)%event
             end where
         end do
-        loss = -sum(impulse*(before + after), dim=2, mask=contact)/2
-        y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
+        call find_resting(self, t, y, is_struck, touches, after, response, is_closed, rests)
+        do lane = 1, lanes
+            is_closed(lane, :) = rests(lane, :) .and. is_struck(lane)
+        end do
+        call solve_contacts(response, is_closed, -after, change)
+        call push_coordinates(change)
+        impulse = impulse + change
+        y(:, self%layout%supplied) = y(:, self%layout%supplied) + sum(change*after, dim=2)/2
+        loss = loss - sum(change*after, dim=2)/2
         do i = 1, size(before, 2)
             do lane = 1, lanes
-                if (rested(lane, i) .and. .not. contact(lane, i)) call leave_stop(self, lane, i)
-                if (.not. strikes(lane, i)) cycle
-                call leave_stop(self, lane, i)
-                if (stays(lane, i) .and. contact(lane, i)) call rest_at_stop(self, lane, i)
+                if (.not. is_struck(lane)) cycle
+                if (rests(lane, i) .and. .not. rested(lane, i)) call rest_at_stop(self, lane, i)
+                if (.not. rests(lane, i) .and. (rested(lane, i) .or. touches(lane, i))) call leave_stop(self, lane, i)
             end do
         end do
-        call let_go(self, t, y, strikes)
         do i = 1, size(before, 2)
             do lane = 1, lanes
-                if (strikes(lane, i)) call note(merge(kind_rest, kind_impact, self%rests(lane, i)))
-                if (rested(lane, i) .and. .not. self%rests(lane, i)) call note(kind_release)
+                if (.not. is_struck(lane)) cycle
+                if (has_struck(lane, i) .or. (rests(lane, i) .and. .not. rested(lane, i))) &
+                    call note(merge(kind_rest, kind_impact, rests(lane, i)))
+                if (rested(lane, i) .and. .not. (rests(lane, i) .or. has_struck(lane, i))) call note(kind_release)
             end do
         end do
+        call begin_gaps(self, t, y, is_struck, rested)
 
     contains
 
-        !> Contacts that would pull have none.
-        subroutine find_impulses()
-            integer :: turn
+        subroutine push_coordinates(impulse)
+            real(wp), intent(in) :: impulse(:, :)
+            integer :: i, k
 
-            do turn = 1, size(contact, 2)
-                call solve_contacts(response, contact, wanted - before, impulse)
-                if (.not. any(contact .and. impulse < 0)) exit
-                contact = contact .and. .not. impulse < 0
+            do i = 1, size(impulse, 2)
+                do k = 1, self%model%n_q
+                    if (self%layout%rate(k) == 0) cycle
+                    where (touches(:, i)) &
+                        y(:, self%layout%rate(k)) = y(:, self%layout%rate(k)) + impulse(:, i)*of_coordinates(:, k, i)
+                end do
             end do
-        end subroutine find_impulses
+        end subroutine push_coordinates
 
         subroutine note(kind)
             integer, intent(in) :: kind
@@ -998,33 +1067,62 @@ contains
 
             entry%kind = kind
             entry%direction = -1
-            entry%impulse = merge(impulse(lane, i), 0.0_wp, contact(lane, i))
-            if (findloc(strikes(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
+            entry%impulse = impulse(lane, i)
+            if (kind == kind_release) entry%impulse = 0
+            if (findloc(has_struck(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
             call note_entry(self, t, y_before, lane, self%model%scene%stop(i)%event, entry, y)
         end subroutine note
     end subroutine meet_stops
 
-    !> Of the stops at which something has come to rest, those that would have to pull are left, one after the other.
-    subroutine let_go(self, t, y, strikes)
+    !> Which of the contacts that have no speed rest: those that push, of accelerations apart and pushes, none negative. One that leaves
+    !> so slowly that it would come back before rounding let its gap be seen has no speed either.
+    subroutine find_resting(self, t, y, is_struck, touches, speed, response, is_closed, rests)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
-        logical, intent(in) :: strikes(:, :)
-        real(wp) :: rate(lanes, self%n)
-        logical :: failed(lanes)
-        integer :: lane, turn, i
+        logical, intent(in) :: is_struck(lanes)
+        logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
+        real(wp), intent(in) :: speed(:, :)            !! apart (lane, n_stop)
+        real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
+        logical, intent(inout) :: is_closed(:, :)      !! it has no speed (lane, n_stop)
+        logical, intent(out) :: rests(:, :)            !! (lane, n_stop)
+        real(wp), parameter :: low = 1.0e-13_wp        !! of the widest gap so far: a bounce of that height is none
+        real(wp), dimension(lanes, size(self%rests, 2)) :: none, away, widest
+        real(wp) :: rate(lanes, self%n), left(size(self%rests, 2))
+        real(wp), allocatable :: push(:)
+        logical :: failed(lanes), rested(lanes, size(self%rests, 2)), is_low(size(self%rests, 2))
+        integer, allocatable :: contact(:)
+        integer :: lane, i, turn
 
-        do turn = 1, size(self%rests, 2)
-            if (.not. any(self%rests .and. strikes)) return
-            call self%evaluate_on_lanes(t, y, rate, failed)
-            if (.not. any(self%rests .and. self%push < 0)) return
-            do lane = 1, lanes
-                if (.not. any(self%rests(lane, :))) cycle
-                i = minloc(self%push(lane, :), dim=1, mask=self%rests(lane, :))
-                if (self%push(lane, i) < 0) call leave_stop(self, lane, i)
-            end do
+        rested = self%rests
+        rests = rested
+        do lane = 1, lanes
+            if (is_struck(lane)) self%rests(lane, :) = .false.
         end do
-    end subroutine let_go
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        none = 0
+        call accelerate(self, t, y, none, away)
+        self%rests = rested
+        do i = 1, size(widest, 2)
+            widest(:, i) = merge(self%widest(:, i), self%guard_scale(:, self%model%scene%stop(i)%event), rested(:, i))
+        end do
+        do lane = 1, lanes
+            if (.not. is_struck(lane)) cycle
+            do turn = 1, size(rests, 2) + 1
+                contact = pack([(i, i=1, size(rests, 2))], is_closed(lane, :))
+                if (allocated(push)) deallocate (push)
+                allocate (push(size(contact)))
+                call solve_complementary(response(lane, contact, contact), away(lane, contact), push)
+                left = away(lane, :) + matmul(response(lane, :, contact), push)
+                is_low = touches(lane, :) .and. .not. is_closed(lane, :) .and. left < 0 .and. speed(lane, :) >= 0 &
+                         .and. speed(lane, :)**2 <= 2*low*widest(lane, :)*abs(left)
+                if (.not. any(is_low)) exit
+                is_closed(lane, :) = is_closed(lane, :) .or. is_low
+            end do
+            rests(lane, :) = .false.
+            rests(lane, contact) = push > 0 .or. left(contact) <= 0
+        end do
+    end subroutine find_resting
 
     !> An entry of the log, in the user's coordinates. Lanes that nobody asks for have none.
     subroutine note_entry(self, t, y, lane, event, entry, y_after)

@@ -10,7 +10,8 @@
 !>
 !> What is not settled is halved, and each half looked at in the same way, down to `most` pieces of the step. Where a guard still
 !> keeps its sign there but comes near zero, its nearest place is sought. So a guard that crosses zero and comes back within a step
-!> is found, unless it turns twice within a quarter of the smallest piece.
+!> is found, unless it turns twice within a quarter of the smallest piece. Behind a crossing, where velocities may have jumped, the
+!> first quarter is looked at more and more closely towards its beginning.
 !>
 !> The instant is a root of the guard on solutions that the method itself finds, by steps of that length taken again: it is as
 !> good as the method, to the last places of the clock, and the step then ends just behind it.
@@ -23,6 +24,7 @@ module linkdyn_crossings
     public :: step_taken, find_crossing, note_sides
 
     integer, parameter :: most = 16                !! pieces of a step
+    integer, parameter :: n_near = 10              !! places in the first quarter, each half as far from the beginning as the next one
     real(wp), parameter :: margin = 4
     real(wp), parameter :: noise = 50*epsilon(1.0_wp)    !! of a guard's largest value so far: less than that has no sign
 
@@ -53,6 +55,8 @@ module linkdyn_crossings
         real(wp), allocatable :: y(:, :, :), rate(:, :, :)       !! at ends of pieces and in their middles (lane, n, 0:2 n_piece)
         real(wp), allocatable :: guard(:, :, :)                  !! at quarters of pieces (lane, n_guard, 0:4 n_piece)
         real(wp), allocatable :: miss(:, :, :)                   !! of the cubic in the middle (lane, n_guard, n_piece)
+        real(wp), allocatable :: near(:, :, :)                   !! at the beginning, and places from there to the first quarter
+                                                                 !! (lane, n_guard, 0:n_near + 1); not allocated: none are wanted
     end type look_type
 
 contains
@@ -157,11 +161,13 @@ contains
         type(look_type), intent(inout) :: look
         real(wp), allocatable :: y(:, :, :), guard(:, :, :)
         real(wp), allocatable :: share(:)
-        integer :: k, n
+        integer :: k, n, last
 
         n = look%n_piece
-        ! First the solution at all quarters, then the cubics in the middles once more.
-        allocate (y(lanes, system%n, 0:5*n), guard(lanes, system%n_guard, 0:5*n), share(0:5*n))
+        last = 5*n
+        if (step%is_one .or. any(system%guard_is_fresh)) last = 5*n + n_near
+        ! First the solution at all quarters, then the cubics in the middles once more, then the places near the beginning.
+        allocate (y(lanes, system%n, 0:last), guard(lanes, system%n_guard, 0:last), share(0:last))
         do k = 1, n
             call step%retake(system, spread((k - 0.5_wp)/n, 1, lanes), look%y(:, :, 2*k - 1))
         end do
@@ -177,15 +183,32 @@ contains
             share(4*n + k) = (k - 0.5_wp)/n
             y(:, :, 4*n + k) = on_cubic(step, look, k, 0.5_wp)
         end do
+        do k = 1, last - 5*n
+            share(5*n + k) = near_share(k)/n
+            y(:, :, 5*n + k) = on_cubic(step, look, 1, near_share(k))
+        end do
         call guards_at(system, step, share, y, guard)
-        do k = 0, 5*n
+        do k = 0, last
             where (abs(guard(:, :, k)) < noise*system%guard_scale) guard(:, :, k) = 0
         end do
         if (allocated(look%guard)) deallocate (look%guard)
         allocate (look%guard(lanes, system%n_guard, 0:4*n))
         look%guard = guard(:, :, :4*n)
-        look%miss = abs(guard(:, :, 4*n + 1:) - guard(:, :, 2:4*n - 2:4))
+        look%miss = abs(guard(:, :, 4*n + 1:5*n) - guard(:, :, 2:4*n - 2:4))
+        if (last == 5*n) return
+        if (.not. allocated(look%near)) allocate (look%near(lanes, system%n_guard, 0:n_near + 1))
+        look%near(:, :, 0) = guard(:, :, 0)
+        look%near(:, :, 1:n_near) = guard(:, :, 5*n + 1:)
+        look%near(:, :, n_near + 1) = guard(:, :, 1)
     end subroutine look_into
+
+    !> Where in the first piece a place near its beginning is; 0: at the beginning, n_near + 1: at the first quarter.
+    elemental real(wp) function near_share(k)
+        integer, intent(in) :: k
+
+        near_share = 0
+        if (k > 0) near_share = 0.25_wp*0.5_wp**(n_near + 1 - k)
+    end function near_share
 
     !> The cubic of a piece.
     function on_cubic(step, look, piece, x) result(y)
@@ -308,6 +331,13 @@ contains
             guard = look%guard(lane, i, 4*piece - 4:4*piece)
             ! Where a crossing was just met the guard is zero but for rounding, on the side beyond.
             if (piece == 1 .and. (is_fresh .or. .not. guard(0)*side > 0)) guard(0) = 0
+            if (piece == 1 .and. allocated(look%near)) then
+                low = near_dip(side*look%near(lane, i, :))
+                ! One that does not count is of interest if the guard comes back.
+                k = merge(low + 1, n_near + 1, counts(side, direction))
+                if (.not. counts(side, direction) .and. side*look%near(lane, i, n_near + 1) < 0) low = 0
+                if (low > 0) dip = [near_share([low - 1, low, k])/look%n_piece, side]
+            end if
             n_change = 0
             do k = 1, 4
                 if (.not. abs(side) > 0 .and. abs(guard(k)) > 0) side = sign(1.0_wp, guard(k))
@@ -347,6 +377,10 @@ contains
                 else if (guard(4)*side < 0) then
                     is_found = counts(side, direction)
                     from = (piece - 0.5_wp)/look%n_piece
+                else if (.not. dip(2) > 0) then
+                    ! The cubic alone has it beyond zero, at one of the quarters between.
+                    low = merge(1, 3, guard(1)*side < 0)
+                    dip = [(piece - 1 + 0.25_wp*[low - 1, low, low + 1])/look%n_piece, side]
                 end if
                 to = from + 0.5_wp/look%n_piece
                 if (is_found) return
@@ -383,6 +417,17 @@ contains
         end do
         if (any(guard(1:) < bound)) low = max(1, min(3, minloc(guard(1:), dim=1)))
     end function lowest_place
+
+    !> The first place near the beginning where a guard is beyond zero; 0: there is none.
+    pure integer function near_dip(guard)
+        real(wp), intent(in) :: guard(0:)              !! positive before a crossing (0:n_near + 1)
+        integer :: k
+
+        near_dip = 0
+        do k = n_near + 1, 1, -1
+            if (guard(k) < 0) near_dip = k
+        end do
+    end function near_dip
 
     !> The lowest place of a guard near a dip, on the method's own solution: is it beyond zero there?
     subroutine search_dip(system, step, i, dip, from, to, side, is_found)

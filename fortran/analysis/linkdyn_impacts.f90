@@ -1,0 +1,76 @@
+!> Impacts of an instant: which contacts throw back, which stay closed.
+!>
+!> The contacts that close strike together, and none pulls: with the velocities v- and v+ apart before and behind, the impulses p
+!> and the response W to them,
+!>
+!>     v+ = v- + W p,    p >= 0,    v+ >= -e v-,    p (v+ + e v-) = 0
+!>
+!> with e = 0 for one that comes too slowly to be thrown back, or rests. So an impact may open a contact at rest. It may also close
+!> one that had been left a moment ago: that strikes in its turn, in another round at the same instant. No round adds energy, for
+!> the sum of p (v- + v+)/2 is that of (1 - e) p v-/2, and v- is not positive where p is.
+module linkdyn_impacts
+    use linkdyn_contact_forces, only: solve_complementary
+    use linkdyn_kinds, only: wp
+    implicit none (type, external)
+    private
+    public :: find_impacts
+
+    integer, parameter :: most_rounds = 1000          !! of an instant; in the last one nothing is thrown back
+    real(wp), parameter :: weak = 1.0e-6_wp            !! of the fastest impact at a stop: a slower one ends there
+    real(wp), parameter :: weakest = 1.0e-9_wp         !! of the hardest one at any stop
+    real(wp), parameter :: still = 1.0e-12_wp          !! of the hardest one: rounding of what does not move
+
+contains
+
+    pure subroutine find_impacts(response, restitution, touches, strikes, fastest, hardest, speed, impulse, has_struck, is_closed, &
+                                  loss)
+        real(wp), intent(in) :: response(:, :)         !! W [1/kg, ...] (of, by)
+        real(wp), intent(in) :: restitution(:)
+        logical, intent(in) :: touches(:)              !! their gaps are closed
+        logical, intent(in) :: strikes(:)              !! of them, what has come to its stop now
+        real(wp), intent(inout) :: fastest(:)          !! impact so far at each stop [m/s, rad/s]
+        real(wp), intent(inout) :: hardest             !! of all stops: speed by the root of the response [sqrt(J)]
+        real(wp), intent(inout) :: speed(:)            !! apart: before and behind [m/s, rad/s]
+        real(wp), intent(out) :: impulse(:)            !! [N s, N m s]
+        logical, intent(out) :: has_struck(:)
+        logical, intent(out) :: is_closed(:)           !! stays where it is, for all that impacts can do
+        real(wp), intent(out) :: loss                  !! of energy [J]
+        real(wp), dimension(size(speed)) :: ease, least, wanted
+        real(wp), allocatable :: push(:), change(:)
+        logical, dimension(size(speed)) :: closes, takes_part
+        integer, allocatable :: contact(:)
+        integer :: round, i
+
+        ease = [(sqrt(max(response(i, i), 0.0_wp)), i=1, size(speed))]
+        impulse = 0
+        loss = 0
+        has_struck = .false.
+        do round = 1, most_rounds
+            do i = 1, size(speed)
+                if (touches(i) .and. ease(i) > 0) hardest = max(hardest, -speed(i)/ease(i))
+            end do
+            least = still*hardest*ease
+            closes = touches .and. speed < -least
+            if (round == 1) closes = closes .or. (strikes .and. speed <= least)
+            if (.not. any(closes)) exit
+            where (closes)
+                has_struck = .true.
+                fastest = max(fastest, -speed)
+            end where
+            takes_part = touches .and. (speed <= least .or. round == most_rounds)
+            wanted = -restitution*speed
+            where (.not. (closes .and. wanted > max(weak*fastest, weakest*hardest*ease)) .or. round == most_rounds) &
+                wanted = 0
+            contact = pack([(i, i=1, size(speed))], takes_part)
+            allocate (push(size(contact)))
+            call solve_complementary(response(contact, contact), speed(contact) - wanted(contact), push)
+            change = matmul(response(:, contact), push)
+            loss = loss - dot_product(push, speed(contact) + change(contact)/2)
+            speed = speed + change
+            impulse(contact) = impulse(contact) + push
+            if (.not. any(push > 0)) exit
+            deallocate (push)
+        end do
+        is_closed = touches .and. abs(speed) <= 10*still*hardest*ease
+    end subroutine find_impacts
+end module linkdyn_impacts
