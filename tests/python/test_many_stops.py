@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import linkdyn
 
@@ -34,16 +35,20 @@ def compare(kind: str, seed: int, method: str = "gbs") -> None:
     assert known.max() < 1e-3, "a motion that no two integrations agree on is no reference"
     error = np.abs(run.q.values - exact).max(axis=1)
     assert np.all(error < 1e-6 + 20 * known), f"{error} against {known}"
-    assert run.event_loss.values.min(initial=0) >= -1e-12
-    energy = (run.kinetic_energy + run.potential_energy).values
-    lost = np.concatenate([[0], np.cumsum(run.event_loss.values)])[np.searchsorted(run.event_time.values, TIMES)]
-    np.testing.assert_allclose(energy, energy[0] - lost, rtol=0, atol=1e-7)
+    assert_energy_is_lost_by_impacts_alone(run)
     struck = {name for _, name, _ in fine.events}
     assert struck == set(run.event.values)
 
 
+def assert_energy_is_lost_by_impacts_alone(run: xr.Dataset) -> None:
+    assert run.event_loss.values.min(initial=0) >= -1e-12
+    energy = (run.kinetic_energy + run.potential_energy).values
+    lost = np.concatenate([[0], np.cumsum(run.event_loss.values)])[np.searchsorted(run.event_time.values, run.time.values)]
+    np.testing.assert_allclose(energy, energy[0] - lost, rtol=0, atol=1e-7)
+
+
 # They lost a contact or chattered until 2026-11.
-@pytest.mark.parametrize("seed", [1007, 1010, 1014])
+@pytest.mark.parametrize("seed", [1007, 1014])
 def test_triple_pendulums_with_three_stops(seed):
     compare("triple", seed)
 
@@ -56,6 +61,14 @@ def test_double_pendulums_with_two_stops(seed):
 @pytest.mark.parametrize("seed", [1001, 1005, 1006, 1008])
 def test_five_bars_with_three_stops(seed):
     compare("five-bar", seed)
+
+
+def test_a_motion_that_rounding_decides_goes_on():
+    """Two gaps close within 1e-12 s of each other, 0.377 s from the start: which impact is the first, no digit tells, and what follows depends on it."""
+    scene = linkdyn.Scene(stops_oracle.random_chain(1010, 3, 3)[0])
+    run = scene.forward(t=TIMES, rtol=1e-11, atol=1e-11, method="gbs")
+    assert run.attrs["stopped"] == "" and np.all(run.status == 0)
+    assert_energy_is_lost_by_impacts_alone(run)
 
 
 def test_instants_of_output_change_no_impact():
