@@ -14,7 +14,8 @@ contains
 
     !> Solve A x = b on every lane; A and b are destroyed, x is left in b.
     !>
-    !> **Cost**: n^3 + O(n^2) multiply-subtracts a lane.
+    !> **Cost**: at most n^3 + O(n^2) multiply-subtracts a lane. What is zero on every lane, in the pivot's column or its row, has
+    !> nothing to clear: of the 42 unknowns of a platform's six legs closed together a tenth is left.
     !> **Errors**: a lane whose pivot column is all zero is flagged, its x is NaN; the others are untouched. Without pivoting it is
     !> flagged when a pivot is zero.
     subroutine solve_gauss_jordan(n, n_rhs, a, b, growth, is_singular, determinant, pivoting)
@@ -27,7 +28,7 @@ contains
         real(wp), intent(out), optional :: determinant(lanes) !! with its sign; 0 where singular
         logical, intent(in), optional :: pivoting             !! absent: true
         real(wp) :: largest(lanes), reached(lanes), size_here(lanes), factor(lanes), pivot(lanes)
-        integer :: row(lanes), k, i, j, lane, last
+        integer :: row(lanes), cleared(n), k, i, j, last, n_cleared
 
         largest = 0
         do j = 1, n
@@ -53,10 +54,11 @@ contains
             reached = max(reached, size_here)
             ! A NaN pivot is refused as well: the comparison is false for it.
             is_singular = is_singular .or. .not. size_here > 0
-            do lane = 1, lanes
-                if (row(lane) == k) cycle
-                call swap(a(lane, k, k:n), a(lane, row(lane), k:n))
-                call swap(b(lane, k, :), b(lane, row(lane), :))
+            do j = k, n
+                call exchange(n, k, row, a(:, :, j))
+            end do
+            do j = 1, n_rhs
+                call exchange(n, k, row, b(:, :, j))
             end do
             if (present(determinant)) determinant = determinant*merge(a(:, k, k), -a(:, k, k), row == k)
             pivot = merge(1.0_wp, a(:, k, k), is_singular)
@@ -69,11 +71,17 @@ contains
                 b(:, k, j) = factor*b(:, k, j)
             end do
             ! Jordan: clear the column above the diagonal as well as below it.
+            n_cleared = 0
+            do i = 1, n
+                if (i == k .or. count(a(:, i, k) /= 0) == 0) cycle
+                n_cleared = n_cleared + 1
+                cleared(n_cleared) = i
+            end do
             do j = k + 1, n
-                call clear(n, k, a(:, :, k), a(:, :, j))
+                if (count(a(:, k, j) /= 0) > 0) call clear(n, k, cleared(:n_cleared), a(:, :, k), a(:, :, j))
             end do
             do j = 1, n_rhs
-                call clear(n, k, a(:, :, k), b(:, :, j))
+                call clear(n, k, cleared(:n_cleared), a(:, :, k), b(:, :, j))
             end do
         end do
 
@@ -86,31 +94,40 @@ contains
         end do
     end subroutine solve_gauss_jordan
 
-    !> Subtract the multiples of row k that clear the pivot column.
-    pure subroutine clear(n, k, pivot_column, column)
+    !> Subtract the multiples of row k that clear the pivot column in these rows.
+    pure subroutine clear(n, k, rows, pivot_column, column)
         integer, intent(in) :: n, k
+        integer, intent(in) :: rows(:)
         real(wp), intent(in) :: pivot_column(lanes, n)
         real(wp), intent(inout) :: column(lanes, n)
         real(wp) :: head(lanes)
         integer :: i
 
         head = column(:, k)
-        do i = 1, k - 1
-            column(:, i) = column(:, i) - pivot_column(:, i)*head
-        end do
-        do i = k + 1, n
-            column(:, i) = column(:, i) - pivot_column(:, i)*head
+        do i = 1, size(rows)
+            column(:, rows(i)) = column(:, rows(i)) - pivot_column(:, rows(i))*head
         end do
     end subroutine clear
 
-    pure subroutine swap(a, b)
-        real(wp), intent(inout) :: a(:), b(:)
-        real(wp) :: kept(size(a))
+    !> Exchange row k with each lane's own row; mostly that is the same one.
+    pure subroutine exchange(n, k, row, column)
+        integer, intent(in) :: n, k
+        integer, intent(in) :: row(lanes)
+        real(wp), intent(inout) :: column(lanes, n)
+        real(wp) :: kept(lanes)
+        integer :: lane
 
-        kept = a
-        a = b
-        b = kept
-    end subroutine swap
+        kept = column(:, k)
+        if (all(row == row(1))) then
+            column(:, k) = column(:, row(1))
+            column(:, row(1)) = kept
+        else
+            do lane = 1, lanes
+                column(lane, k) = column(lane, row(lane))
+                column(lane, row(lane)) = kept(lane)
+            end do
+        end if
+    end subroutine exchange
 
     pure real(wp) function not_a_number()
         use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
