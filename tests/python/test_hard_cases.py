@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from functools import partial
 from pathlib import Path
@@ -33,8 +34,9 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def exact(tmp_path_factory: pytest.TempPathFactory, testrun_uid: str) -> dict[str, np.ndarray]:
-    """Forces of all cases in quadruple precision."""
-    folder = tmp_path_factory.getbasetemp().parent / f"twin-{testrun_uid}"
+    """Forces of all cases in quadruple precision; `make check` keeps them from one build to the next."""
+    of_this_run = tmp_path_factory.getbasetemp().parent / f"twin-{testrun_uid}"
+    folder = Path(os.environ.get("LINKDYN_TWIN_RESULTS", of_this_run))
     return compute_together(folder, {case.name: partial(quadruple_forces, TWIN, case) for case in [*CASES, *EXAMPLES]})
 
 
