@@ -22,7 +22,7 @@ from corpus import Seed, seeds
 from jail import Outcome, call, command
 from linkdyn import lecture
 from linkdyn.cli import executable
-from mutate import ODD, WORDS, mutate_array, mutate_scene, mutate_table, mutate_text, shown
+from mutate import ODD, WORDS, change_slightly, mutate_array, mutate_scene, mutate_table, mutate_text, shown
 
 SOLVERS = ("elimination", "lapack", "gauss-jordan", "reduced", "gauss-jordan-plain")
 METHODS = ("rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4")
@@ -81,7 +81,7 @@ class Files:
 def run_case(number: int) -> Report:
     """Make a case and run it."""
     dice = random.Random(f"linkdyn {number}")
-    kind = dice.choices((scene_case, argument_case, command_case, lecture_case), (50, 20, 24, 6))[0]
+    kind = dice.choices((scene_case, motion_case, argument_case, command_case, lecture_case), (45, 10, 18, 21, 6))[0]
     how: list[str] = []
     outcome = kind(dice, how)
     report = outcome.value if isinstance(outcome.value, Report) else Report()
@@ -180,6 +180,39 @@ def through_everything(dice: random.Random, folder: Path, calls: Calls) -> Calls
     calls("forward", lambda: scene.forward(t=ahead, method=dice.choice(METHODS), error=dice.random() < 0.2))
     if b"sweep" in (folder / "scene.toml").read_bytes():
         calls("sweep", scene.sweep)
+    return calls
+
+
+# ---------------------------------------------------------------------------------------------------------- motions
+def motion_case(dice: random.Random, how: list[str]) -> Outcome:
+    """A scene with a few other numbers, moved by its forces."""
+    seed = dice.choice(seeds())
+    how.append(f"scene: {seed.name}")
+    content = seed.content()
+    how += change_slightly(dice, content, dice.randrange(4))
+    with Files(tomli_w.dumps(content).encode(), seed.tables).folder() as folder:
+        return call(lambda: moved_twice(dice, folder, Calls(how)).report)
+
+
+def moved_twice(dice: random.Random, folder: Path, calls: Calls) -> Calls:
+    """By two methods, one of them at a tolerance that it is not used to; then by inverse dynamics."""
+    scene = calls("load", lambda: linkdyn.load(folder / "scene.toml"))
+    if scene is None:
+        return calls
+    time = scene.description["time"]
+    t = time["first"] + max(1e-3, min(1.0, abs(time["last"] - time["first"]))) * 10 ** -dice.uniform(0, 2) * np.linspace(0, 1, 9)
+    methods = dice.sample([method for method in METHODS if method != "rk4"], 2)     # which has no tolerance
+    one = calls("forward", lambda: scene.forward(t=t, method=methods[0], error=True, want="all"))
+    other = calls("forward", lambda: scene.forward(t=t, method=methods[1], error=True, want="all", rtol=1e-10, atol=1e-10))
+    if one is None or other is None:
+        return calls
+    calls.blame("forward", oracle.motions_agree(one, other))
+    good = one.status.values == 0
+    if good.any() and not one.get("stand_in", np.zeros(0)).any():
+        q, qd, qdd, instants = (one[name].values[good] for name in ("q", "qd", "qdd", "time"))
+        back = calls("inverse", lambda: scene.inverse(q, qd, qdd, t=instants))
+        if back is not None:
+            calls.blame("inverse after forward", oracle.returns(one, back))
     return calls
 
 

@@ -19,6 +19,7 @@ NUMBERS = (
     -1e308, float("nan"), float("inf"), float("-inf"), 2**31, 2**31 - 1, -(2**31), 2**53 + 1, 2**63 - 1, -(2**63),
 )  # fmt: skip
 FACTORS = (-1, 0, 2, 0.5, 10, 0.1, 100, 1e-3, 1e3, 1e-6, 1e6, 1e-12, 1e12, 1 + 1e-15, 1 - 1e-9, 1 + 1e-6, 1.01, 0.9)
+SLIGHT_FACTORS = (2, 0.5, -1, 1.1, 0.9, 3, 0.3, 1.01, 10, 0.1)
 WORDS = (
     "", " ", "x", "frame", "frame.", ".", "..", "frame.B1.P1", "none", "inverse", "revolute", "prismatic", "spherical",
     "universal", "cylindrical", "constant", "harmonic", "table", "planar", "spatial", "true", "1", "1 m", "1 mm", "90 deg", "-90deg",
@@ -227,6 +228,20 @@ def splice(other: dict[str, Any]) -> Callable[[random.Random, Any], str | None]:
 OF_SCENES = (change_number,) * 10 + (change_text,) * 3 + (
     change_type, take_out, double, reorder, exchange, rename_key, add_key, name_number, name_number, repeat, repeat, include,
 )  # fmt: skip
+
+
+def change_slightly(dice: random.Random, scene: Any, n: int) -> list[str]:
+    """Numbers of a scene, so that most scenes are mechanisms afterwards."""
+    said = []
+    for _ in range(n):
+        path = pick(dice, scene, is_number)
+        if path is None:
+            break
+        old = at(scene, path)
+        new = old * dice.choice(SLIGHT_FACTORS) if dice.random() < 0.7 else old + dice.gauss(0, 0.3)
+        put(scene, path, new)
+        said.append(f"{words(path)}: {shown(old)} -> {shown(new)}")
+    return said
 
 
 def mutate_scene(dice: random.Random, scene: dict[str, Any], other: dict[str, Any], n: int) -> list[str]:

@@ -1,7 +1,7 @@
 """What is wrong with an answer, in words; nothing if nothing is.
 
-Status 0 means right: numbers beside it are finite, and two solvers that share only the equations agree to within their
-estimates. What is refused is refused by one of the package's own errors, in one line that names a place.
+Status 0 means right: numbers beside it are finite, two solvers that share only the equations agree to within their estimates,
+and so do two integrators, whose motion has the forces that inverse dynamics finds for it. What is refused is refused by one of the package's own errors, in one line that names a place.
 """
 
 from __future__ import annotations
@@ -21,6 +21,12 @@ PLACE = re.compile(r"'[^']*'|\"[^\"]*\"|^\w+( \w+)*(\[[^]]*\])*(, \w+)*:|line \d
 LONGEST = 600
 MARGIN = 100.0
 """Times both estimates, by which two solvers may differ: one estimate in a thousand is too small, by a factor of three."""
+MOTION_MARGIN = 30.0
+"""The same for integrators, whose estimates are of the whole run."""
+LEAST_OF_MOTION = 1e-7
+"""Less of the largest number of a sample, or of a radian, metre or newton, is no finding."""
+RETURNED = 1e-6
+"""Of the sample's largest force: what rounding may make of forces near singular positions."""
 LEAST = 1e-9
 """Of the sample's largest force: less is no finding. With `singular` in sight estimates themselves have few digits."""
 
@@ -94,3 +100,38 @@ def agree(one: xr.Dataset, other: xr.Dataset) -> list[str]:
     i, k = np.argwhere(bad)[0]
     return [f"{one.attrs['solver']} gives {ours[i, k]:.9g}, {other.attrs['solver']} {theirs[i, k]:.9g}, both with status 0 and relative errors "
             f"below {relative / MARGIN:.2g}"]
+
+
+def motions_agree(one: xr.Dataset, other: xr.Dataset) -> list[str]:
+    """Two integrators, the same instants, both with estimates."""
+    if "event" in one.dims:                     # which ends a run, or adds instants that methods find each for itself
+        return []
+    if not np.array_equal(one.time.values, other.time.values):
+        return [f"{one.attrs['method']} has {one.sizes['time']} samples, {other.attrs['method']} {other.sizes['time']}"]
+    good = (one.status.values == 0) & (other.status.values == 0)
+    wrong = []
+    for name in ("q", "qd", "qdd", "driving_force"):
+        if f"{name}_error" not in one or f"{name}_error" not in other:
+            continue
+        ours, theirs, our_error, their_error = (run[key].values[good] for key in (name, f"{name}_error") for run in (one, other))
+        with np.errstate(all="ignore"):
+            allowed = MOTION_MARGIN * (our_error + their_error) + LEAST_OF_MOTION * (1 + np.abs(ours).max(axis=1, initial=0, keepdims=True))
+            bad = np.abs(ours - theirs) > allowed
+        if bad.any():
+            at = tuple(np.argwhere(bad)[0])
+            wrong.append(f"{name} is {ours[at]:.9g} by {one.attrs['method']}, {theirs[at]:.9g} by {other.attrs['method']}, both with status 0 "
+                         f"and errors below {our_error[at] + their_error[at]:.2g}")
+    return wrong
+
+
+def returns(forward: xr.Dataset, inverse: xr.Dataset) -> list[str]:
+    """Inverse dynamics of the good samples of a forward run: the forces that moved it."""
+    good = forward.status.values == 0
+    applied, found = forward.driving_force.values[good], inverse.driving_force.values
+    reactions = np.abs(forward.reaction.values[good]).reshape(len(applied), -1)
+    scale = np.maximum(np.abs(applied).max(axis=1, initial=0), reactions.max(axis=1, initial=0))
+    bad = (np.abs(applied - found) > RETURNED * (1 + scale[:, np.newaxis])) & (inverse.status.values == 0)[:, np.newaxis]
+    if not bad.any():
+        return []
+    i, k = np.argwhere(bad)[0]
+    return [f"inverse dynamics finds {found[i, k]:.9g} where {applied[i, k]:.9g} was applied, both with status 0"]
