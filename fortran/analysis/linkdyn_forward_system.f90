@@ -146,6 +146,7 @@ contains
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
+        system%may_jump = size(model%scene%laws%law) > 0
         call prepare_events(model, system)
         if (.not. any(system%by_inverse) .or. allocated(system%given_force)) return
         if (present(motion_model)) then
@@ -439,9 +440,9 @@ contains
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self)) call hold_at_stops(self, t, y)
-            if (size(model%scene%laws%law) > 0) call self%note_mode(workspace%state%mode(1))
             call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
+            if (self%may_jump) call self%note_mode(workspace%state%mode, rate)
             failed = workspace%status /= sample_ok
             failed = failed .or. self%of_motion%status /= sample_ok
             do k = 1, model%n_q
@@ -522,7 +523,6 @@ contains
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
             call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied))
-            if (size(self%model%scene%laws%law) > 0) call self%note_mode(samples%mode(1))
             if (self%assembly%is_needed) then
                 do lane = 1, n
                     samples%is_left(lane) = samples%is_left(lane) &
@@ -532,6 +532,8 @@ contains
             is_left = samples%is_left([(min(lane, n), lane=1, lanes)])
         end associate
         call pack_rates(self%model, self%layout, y, self%workspace%acceleration, self%workspace%state, rate)
+        if (self%may_jump) &
+            call self%note_mode(self%record%samples%mode([(min(lane, n), lane=1, lanes)]), rate)
     end subroutine evaluate_by_record
 
     !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,

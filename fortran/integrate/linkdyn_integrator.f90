@@ -69,6 +69,9 @@ module linkdyn_integrator
         type(pause_type) :: pause
         real(wp) :: last_step = 0, shortest_step = huge(1.0_wp), longest_step = 0
         integer, private :: n_short = 0        !! steps in a row at which the run would not come to its end
+        integer, private :: n_jump = 0         !! jumps of the rates before the last step
+        integer, private :: n_jumping = 0      !! steps that have come upon some, since `t_jumping`
+        real(wp), private :: t_jumping = 0
         integer, private :: rejected_before = 0, evaluated_before = 0    !! by the systems exchanged
         integer, private :: rough_before = 0
         integer(int64), private :: i_step = 0, n_span = 0    !! rk4: steps done, and in all, of the span under way
@@ -214,6 +217,7 @@ contains
         self%failed = .false.
         self%reason = stop_none
         self%n_short = 0
+        self%n_jumping = 0
         self%is_at_crossing = self%is_at_crossing .and. system%n_guard > 0
         if (.not. (self%next_step > 0 .and. self%next_step <= huge(1.0_wp))) self%next_step = self%options%step
         call prepare_method(self, system, y, status)
@@ -644,10 +648,27 @@ contains
         self%good_until = self%t
         call note_step(self, h)
         self%n_short = merge(self%n_short + 1, 0, h*most_steps < self%options%span)
-        if (self%n_short <= most_short) return
+        if (self%n_short <= most_short .and. .not. crawls_over_jumps(self, system)) return
         self%failed = .true.
         self%reason = stop_pace
     end subroutine go_on
+
+    !> Do the rates jump to and fro, step by step, and the solution hardly comes on?
+    logical function crawls_over_jumps(self, system) result(crawls)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(in) :: system
+        integer, parameter :: n_looked_at = 100
+        real(wp), parameter :: most_jumps = 1.0e7_wp            !! of a run: hours, since each takes some dozens of steps
+
+        crawls = .false.
+        if (system%n_jump == self%n_jump) return
+        self%n_jump = system%n_jump
+        if (self%n_jumping == 0) self%t_jumping = self%t
+        self%n_jumping = self%n_jumping + 1
+        if (self%n_jumping <= n_looked_at) return
+        self%n_jumping = 0
+        crawls = (self%t - self%t_jumping)*most_jumps < n_looked_at*self%options%span
+    end function crawls_over_jumps
 
     !> Angles go on without the whole turns that they have made, so that they round as those of the first turn do. The
     !> history of a multistep method stands in the way of it.

@@ -17,8 +17,12 @@ module linkdyn_lane_system
                                                           !! (lane, n)
         logical, allocatable :: is_book(:)                !! components that no rate depends on and that only keep books: steps
                                                           !! do not heed their errors; not allocated: none (n)
-        real(wp) :: mode = 0                              !! of the first lane at the last `evaluate`: changes where f jumps
-        logical :: has_jumped = .false.                   !! it has, since the caller looked
+        ! ---- jumps of f, which an evaluation tells by a number that changes there
+        logical :: may_jump = .false.
+        real(wp) :: mode(lanes) = 0                       !! that number at the last `evaluate`
+        real(wp), allocatable :: mode_rate(:, :)          !! and f (lane, n)
+        logical :: has_jumped = .false.                   !! f has, since `watch_jumps`
+        real(wp), allocatable :: jump(:)                  !! by how much at most (n)
         integer :: n_jump = 0                             !! how often, in all
         ! ---- guards: numbers over the state whose sign a run looks out for
         integer :: n_guard = 0
@@ -36,7 +40,7 @@ module linkdyn_lane_system
         procedure :: leads_too_far
         procedure :: accept
         procedure :: note_turns
-        procedure, non_overridable :: note_mode
+        procedure, non_overridable :: watch_jumps, note_mode
     end type lane_system
 
     abstract interface
@@ -120,16 +124,35 @@ contains
         logical, intent(in) :: is_accepted(lanes)         !! other lanes have stopped
     end subroutine accept
 
-    !> What an evaluation tells of jumps of f.
-    subroutine note_mode(self, mode)
+    !> Look out for jumps of f from a state on: what was evaluated elsewhere counts no more.
+    subroutine watch_jumps(self, mode, rate)
         class(lane_system), intent(inout) :: self
-        real(wp), intent(in) :: mode
+        real(wp), intent(in) :: mode                      !! there
+        real(wp), intent(in) :: rate(:)                   !! f there (n)
 
-        if (abs(mode - self%mode) > 0) then
-            self%has_jumped = .true.
-            self%n_jump = self%n_jump + 1
-        end if
+        if (.not. self%may_jump) return
+        self%has_jumped = .false.
         self%mode = mode
+        self%mode_rate = spread(rate, 1, lanes)
+        self%jump = 0*rate
+    end subroutine watch_jumps
+
+    !> What an evaluation tells of jumps of f.
+    subroutine note_mode(self, mode, rate)
+        class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: mode(lanes)               !! of those that are used
+        real(wp), intent(in) :: rate(:, :)                !! f (lane, n)
+        integer :: lane
+
+        do lane = 1, self%n_used
+            if (.not. abs(mode(lane) - self%mode(lane)) > 0) cycle
+            self%n_jump = self%n_jump + 1
+            if (.not. allocated(self%jump)) cycle         ! nobody looks out
+            self%has_jumped = .true.
+            self%jump = max(self%jump, abs(rate(lane, :) - self%mode_rate(lane, :)))
+        end do
+        self%mode(:self%n_used) = mode(:self%n_used)
+        if (allocated(self%mode_rate)) self%mode_rate(:self%n_used, :) = rate(:self%n_used, :)
     end subroutine note_mode
 
     !> Turns have been taken out of the accepted y: for systems that remember where they are.

@@ -59,6 +59,7 @@ module linkdyn_step_control
         real(wp), allocatable :: asked(:), allowed(:)  !! error by the tolerances; with what rounding makes (n)
         real(wp), allocatable :: y(:), rest(:)         !! solution at the end, and what it lacks (n)
         real(wp), allocatable :: rate(:)               !! there (n)
+        real(wp) :: mode = 0                           !! and its number of the system's
         logical :: has_failed = .false.
         logical :: breaks_law = .false.                !! of the system
         logical :: is_too_far = .false.                !! past where the system would rest
@@ -80,6 +81,7 @@ module linkdyn_step_control
         real(wp), private :: rtol = 0, atol = 0
         real(wp), allocatable, private :: rest(:)      !! to be added to y, less than its last place (n)
         real(wp), allocatable, private :: rate(:)      !! at t (n)
+        real(wp), private :: mode = 0                  !! of the system there
         logical, private :: knows_rate = .false.
         real(wp), allocatable, private :: roughness(:) !! error that rounding makes a second (n)
         integer, private :: n_unseen = 0               !! steps since it was measured
@@ -209,6 +211,7 @@ contains
         call system%evaluate_alone(self%t, self%y, self%rate, has_failed)
         self%n_evaluation = self%n_evaluation + 1
         self%knows_rate = .not. has_failed
+        self%mode = system%mode(1)
     end subroutine find_rates
 
     !> How long until some component has changed by its own size: longer first steps would try places far beyond.
@@ -235,7 +238,7 @@ contains
         ! What the clock makes of the step: it would lose time otherwise.
         trial%step = t_next - self%t
         call take_room(trial, size(self%y))
-        system%has_jumped = .false.
+        call system%watch_jumps(self%mode, self%rate)
         call self%method%try_step(system, self%t, trial%step, self%y, self%rate, trial%way, trial%error, trial%has_failed, &
                                   .false.)
         trial%has_failed = trial%has_failed .or. .not. all(abs(trial%way) <= huge(1.0_wp))
@@ -246,10 +249,25 @@ contains
         trial%y = self%y
         trial%rest = 0
         call add_exactly(trial%way + self%rest, trial%y, trial%rest)
+        if (system%has_jumped) trial%error = max(abs(trial%error), error_of_jump(self, system, trial%step))
         call find_allowed(self, system, trial)
         trial%part = maxval(abs(trial%error)/trial%allowed)
         if (.not. trial%part <= huge(1.0_wp)) trial%part = huge(1.0_wp)
     end subroutine try_length
+
+    !> What a jump of the rates within a step may leave in it. Stages that come upon either side in turn agree on a mean of
+    !> both that is none of the solution's, and the estimate, which compares them, may be zero.
+    pure function error_of_jump(self, system, step) result(error)
+        class(step_control), intent(in) :: self
+        class(lane_system), intent(in) :: system
+        real(wp), intent(in) :: step
+        real(wp) :: error(size(self%y))
+        real(wp), parameter :: part = 0.1_wp           !! of it, if the jump lies anywhere within the step
+        real(wp), parameter :: least = 64              !! units in the last place of the clock: no step need be shorter
+
+        error = 0
+        if (abs(step) > least*spacing(self%t)) error = part*abs(step)*system%jump
+    end function error_of_jump
 
     subroutine take_room(trial, n)
         type(trial_type), intent(inout) :: trial
@@ -268,6 +286,7 @@ contains
 
         call system%evaluate_alone(self%t + trial%step, trial%y, trial%rate, trial%has_failed)
         self%n_evaluation = self%n_evaluation + 1
+        trial%mode = system%mode(1)
         if (trial%has_failed) return
         trial%is_too_far = system%leads_too_far()
         trial%has_failed = trial%is_too_far
@@ -344,6 +363,7 @@ contains
         self%y = trial%y
         self%rest = trial%rest
         self%rate = trial%rate
+        self%mode = trial%mode
     end subroutine keep
 
     !> Angles go on without the whole turns that they have made.
@@ -372,6 +392,7 @@ contains
             self%n_refused = self%n_refused + 1
             self%step = cut*trial%step
             if (.not. trial%has_failed) call self%method%propose(trial%step, trial%allowed, .false., self%step)
+            if (system%has_jumped) self%step = min(self%step, cut*trial%step)
             ! A peak that no stage has met, or a place to stop before: shorter steps will.
             if (trial%breaks_law .or. trial%is_too_far) return
             if (self%n_refused > 1) self%step = min(self%step, trial%step/2)

@@ -181,7 +181,7 @@ def test_coordinates_stay_the_users() -> None:
     crank = linkdyn.Scene(given).forward(t=t, **TIGHT)
     assert run.coordinate.values.tolist() == ["D"]
     np.testing.assert_allclose(run.q.values[:, 0], crank.joint_variable.sel(variable="D.slide"), rtol=0, atol=1e-11)
-    np.testing.assert_allclose(run.qd.values[:, 0], crank.joint_rate.sel(variable="D.slide"), rtol=0, atol=1e-9)
+    np.testing.assert_allclose(run.qd.values[:, 0], crank.joint_rate.sel(variable="D.slide"), rtol=0, atol=1e-8)    # gbs, where GSL lacks, scatters by ten
     # The piston's acceleration by the crank's: x'' from x(q), differentiated by hand.
     q, qd, qdd = (crank[name].values[:, 0] for name in ("q", "qd", "qdd"))
     s, c, h, l = 0.08 * np.sin(q) - 0.02, 0.08 * np.cos(q), 0.3, 0.3
