@@ -20,7 +20,7 @@ module linkdyn_forward_record
     use linkdyn_rate_program, only: rate_outputs
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, &
         free_rate_samples, run_rates
-    use linkdyn_scene, only: drive_spring_damper, drive_inverse, measure_joint
+    use linkdyn_scene, only: drive_spring_damper, drive_inverse, measure_joint, side_joint
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
@@ -40,8 +40,8 @@ module linkdyn_forward_record
 
 contains
 
-    !> May the scene have a record? Attitudes must come all in the same way, and no coordinate stand in for another one,
-    !> whose turns a record does not count.
+    !> May the scene have a record? Attitudes must come all in the same way, no coordinate stand in for another one,
+    !> whose turns a record does not count, and no law be about a motor, whose losses it does not know.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
@@ -49,6 +49,7 @@ contains
 
         can_be_recorded = size(model%group) == 0 .and. all(model%scene%coordinate%for_joint == 0) &
                           .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
+        can_be_recorded = can_be_recorded .and. all(model%scene%actuator%drive%side == side_joint)
         do i = 1, size(model%step)
             if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
             can_be_recorded = can_be_recorded .and. layout%quaternion(model%step(i)%first) == 0

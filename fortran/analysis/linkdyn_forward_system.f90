@@ -35,9 +35,10 @@ module linkdyn_forward_system
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
+    use linkdyn_motor_laws, only: torque_of_law
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
-    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop
+    use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop
     use linkdyn_status, only: status_type, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
@@ -134,7 +135,7 @@ contains
         if (.not. status%is_ok()) return
         stage_solver = solver
         if (solver == 0) stage_solver = fastest_solver(model, unknown)
-        call build_equations(model, stage_solver, .false., system%equations, status, unknown)
+        call build_equations(model, stage_solver, .false., system%equations, status, unknown, has_motor_laws=.true.)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, system%equations, system%workspace)
         system%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
@@ -219,6 +220,7 @@ contains
 
         solver = solver_elimination
         if (.not. all(unknown%acceleration) .or. size(model%contact) > 0) return     ! friction comes from reactions
+        if (any(model%scene%actuator%drive%side /= side_joint)) return
         ! Where a plan fails, near a change point, the dense solver of a long chain would take 100 times as long.
         if (any(model%leg%is_carried) .or. model%n_link > many*model%n_q) solver = solver_reduced
     end function fastest_solver
@@ -231,6 +233,7 @@ contains
         measures_joints = size(model%scene%laws%law) > 0
         do i = 1, model%n_actuator
             associate (spec => model%scene%actuator(i))
+                measures_joints = measures_joints .or. spec%drive%side /= side_joint
                 measures_joints = measures_joints .or. (needs_motion(spec%drive) .and. model%joint(spec%joint)%leg == 0 &
                                                         .and. coordinate_of_actuator(model, i) == 0)
             end associate
@@ -436,6 +439,7 @@ contains
                     call evaluate_drive(model, k, t, workspace%state, workspace%driving_force(:, k))
                 end if
             end do
+            if (any(model%scene%actuator%drive%side /= side_joint)) call drive_by_motors(model, self%equations, workspace)
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self)) call hold_at_stops(self, t, y)
@@ -452,6 +456,24 @@ contains
             where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
         end associate
     end subroutine evaluate_on_lanes
+
+    !> What motors give at their joint variables, where laws are about them.
+    subroutine drive_by_motors(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: i
+
+        call actuator_rates(model, workspace%state, workspace%driving_rate)
+        do i = 1, model%n_actuator
+            associate (spec => model%scene%actuator(i), force => workspace%driving_force(:, i))
+                if (equations%unknown%drive(i) .or. spec%drive%side == side_joint) cycle
+                force = spec%motor%ratio*torque_of_law(spec%motor, spec%drive%side, force, &
+                                                       spec%motor%ratio*workspace%driving_rate(:, i))
+            end associate
+        end do
+        workspace%motor_force = workspace%driving_force
+    end subroutine drive_by_motors
 
     !> Motion of the state evaluated last in the workspace.
     subroutine catch_up(self)
