@@ -35,7 +35,7 @@ module linkdyn_forward_system
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
-    use linkdyn_motor_laws, only: torque_of_law
+    use linkdyn_motor_laws, only: torque_of_law, brake_torque, is_braked
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop
@@ -62,6 +62,11 @@ module linkdyn_forward_system
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
         type(motion_forces) :: of_motion
         real(wp), allocatable :: given_force(:)        !! in its place, by whoever steps the system (n_actuator); absent: nobody gives any
+        ! ---- laws at motors
+        real(wp), allocatable :: brake(:, :)           !! taken of motors' torques at the state evaluated last (lane, n_actuator) [N m]
+        real(wp), private :: t_braked(lanes) = 0       !! end of the accepted step: a brake that comes on there was off until then [s]
+        real(wp), allocatable, private :: switched(:, :)    !! last event that switched a brake (lane, n_actuator) [s]; -huge: none
+        logical, allocatable, private :: is_on(:, :)   !! since then (lane, n_actuator)
         ! ---- events and end stops
         type(model_type), pointer :: own => null()     !! with the coordinates that events are told in; null: model
         logical :: may_end = .true.                    !! an event that ends runs ends this one
@@ -148,6 +153,9 @@ contains
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         call prepare_events(model, system)
+        allocate (system%brake(lanes, model%n_actuator), source=0.0_wp)
+        allocate (system%switched(lanes, model%n_actuator), source=-huge(1.0_wp))
+        allocate (system%is_on(lanes, model%n_actuator), source=.false.)
         if (.not. any(system%by_inverse) .or. allocated(system%given_force)) return
         if (present(motion_model)) then
             call plan_motion_forces(motion_model, system%of_motion, status)
@@ -248,6 +256,7 @@ contains
 
         call begin_assembly(self%model, t, self%assembly)
         self%t_accepted = t
+        self%t_braked = t
         call begin_motion_forces(t, self%of_motion)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
         if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
@@ -264,6 +273,8 @@ contains
         self%assembly%n_crossed = other%assembly%n_crossed
         call go_on_from(other%of_motion, self%of_motion)
         self%own => other%own
+        self%switched = other%switched
+        self%is_on = other%is_on
         self%may_end = other%may_end
         self%log = other%log
         if (self%n_guard > 0) then
@@ -308,6 +319,7 @@ contains
         logical, intent(in) :: is_accepted(lanes)
 
         self%n_accepted = self%n_accepted + 1
+        where (is_accepted) self%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
@@ -439,7 +451,7 @@ contains
                     call evaluate_drive(model, k, t, workspace%state, workspace%driving_force(:, k))
                 end if
             end do
-            if (any(model%scene%actuator%drive%side /= side_joint)) call drive_by_motors(model, self%equations, workspace)
+            if (any(model%scene%actuator%drive%side /= side_joint)) call drive_by_motors(self, t)
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self)) call hold_at_stops(self, t, y)
@@ -457,23 +469,50 @@ contains
         end associate
     end subroutine evaluate_on_lanes
 
-    !> What motors give at their joint variables, where laws are about them.
-    subroutine drive_by_motors(model, equations, workspace)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
-        type(equation_workspace), intent(inout) :: workspace
+    !> What motors give at their joint variables, where laws are about them, less what brakes take of it.
+    subroutine drive_by_motors(self, t)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp) :: speed(lanes)
         integer :: i
 
-        call actuator_rates(model, workspace%state, workspace%driving_rate)
-        do i = 1, model%n_actuator
-            associate (spec => model%scene%actuator(i), force => workspace%driving_force(:, i))
-                if (equations%unknown%drive(i) .or. spec%drive%side == side_joint) cycle
-                force = spec%motor%ratio*torque_of_law(spec%motor, spec%drive%side, force, &
-                                                       spec%motor%ratio*workspace%driving_rate(:, i))
+        associate (model => self%model, workspace => self%workspace)
+            call actuator_rates(model, workspace%state, workspace%driving_rate)
+            do i = 1, model%n_actuator
+                associate (drive => model%scene%actuator(i)%drive, motor => model%scene%actuator(i)%motor, &
+                           force => workspace%driving_force(:, i))
+                    if (self%equations%unknown%drive(i) .or. drive%side == side_joint) cycle
+                    speed = motor%ratio*workspace%driving_rate(:, i)
+                    if (motor%brake%is_given) then
+                        self%brake(:, i) = 0
+                        where (is_braked(motor%brake, min(t, self%t_braked), self%switched(:, i), self%is_on(:, i))) &
+                            self%brake(:, i) = brake_torque(motor, speed)
+                    end if
+                    force = motor%ratio*(torque_of_law(motor, drive%side, force, speed) - self%brake(:, i))
+                end associate
+            end do
+            workspace%motor_force = workspace%driving_force
+        end associate
+    end subroutine drive_by_motors
+
+    !> An event switches the brakes that wait for it.
+    subroutine switch_brakes(self, lane, event, t, has_changed)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: lane, event
+        real(wp), intent(in) :: t                      !! [s]
+        logical, intent(inout) :: has_changed
+        integer :: i
+
+        do i = 1, self%model%n_actuator
+            associate (brake => self%model%scene%actuator(i)%motor%brake)
+                if (.not. brake%is_given .or. .not. any([brake%from_event, brake%until_event] == event)) cycle
+                self%is_on(lane, i) = brake%from_event == event
+                self%switched(lane, i) = t
+                self%t_braked(lane) = t
+                has_changed = .true.
             end associate
         end do
-        workspace%motor_force = workspace%driving_force
-    end subroutine drive_by_motors
+    end subroutine switch_brakes
 
     !> Motion of the state evaluated last in the workspace.
     subroutine catch_up(self)
@@ -880,6 +919,7 @@ contains
                         is_over(lane) = is_over(lane) .or. (event%ends_run .and. self%may_end)
                         if (event%ends_run .and. self%may_end) self%final_event(lane) = i
                         call note(merge(kind_end, kind_crossing, event%ends_run))
+                        call switch_brakes(self, lane, i, t(lane), has_changed(lane))
                     else if (.not. self%model%scene%stop(event%stop)%is_hard) then
                         call note(merge(kind_contact, kind_release, self%guard_side(lane, i) > 0))
                         has_changed(lane) = .true.

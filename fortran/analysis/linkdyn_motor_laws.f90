@@ -1,11 +1,11 @@
 !> From what the law of an actuator gives to the torque of its motor: the torque itself, or the voltage of a direct current motor, whose
-!> turning rotor induces a voltage against it; and the largest torque that a motor has at a speed.
+!> turning rotor induces a voltage against it; the largest torque that a motor has at a speed; and the brake on its shaft.
 module linkdyn_motor_laws
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: motor_spec, side_voltage, law_none
+    use linkdyn_scene, only: motor_spec, brake_spec, side_voltage, law_none
     implicit none (type, external)
     private
-    public :: torque_of_law, available_torque
+    public :: torque_of_law, available_torque, brake_torque, is_braked
 
 contains
 
@@ -62,4 +62,41 @@ contains
             end associate
         end function torque_on_curve
     end function available_torque
+
+    !> What a brake that is on takes of the motor's torque: against the motion, smooth near rest as friction is.
+    elemental real(wp) function brake_torque(motor, speed) result(torque)
+        type(motor_spec), intent(in) :: motor
+        real(wp), intent(in) :: speed                  !! [rad/s]
+
+        torque = motor%brake%torque*tanh(speed/motor%creep_speed)
+    end function brake_torque
+
+    !> Is a brake on? What has happened last counts: that it began so, an instant that has come, an event.
+    elemental logical function is_braked(brake, t, switched, was_on) result(is)
+        type(brake_spec), intent(in) :: brake
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: switched               !! instant of the last event that switched it, at most t; -huge: none did
+        logical, intent(in) :: was_on                  !! behind that event
+        real(wp) :: last
+
+        is = brake%begins_on
+        last = -huge(t)
+        if (switched > last) then
+            is = was_on
+            last = switched
+        end if
+        if (has_come(brake%from, t) .and. brake%from >= last) then
+            is = .true.
+            last = brake%from
+        end if
+        if (has_come(brake%until, t) .and. brake%until >= last) is = .false.
+    end function is_braked
+
+    !> An instant that is none never comes.
+    elemental logical function has_come(instant, t)
+        real(wp), intent(in) :: instant, t             !! [s]
+        real(wp), parameter :: close = 8*epsilon(1.0_wp)
+
+        has_come = instant < huge(instant) .and. instant <= t + close*abs(t)
+    end function has_come
 end module linkdyn_motor_laws

@@ -1,7 +1,8 @@
 !> From a driving force to the motor behind a gear or screw: torque, speed, power, current, and what the transmission loses.
 !>
 !> The motor turns n times as fast as the joint variable s. Of the driving force F the part F' gets to the links, the rest accelerates the
-!> rotor, and the motor gives what friction in the transmission takes besides: n T = F + R. With the efficiency eta while the motor drives (F' s' > 0), and eta_b while the load does,
+!> rotor, and the motor gives what friction in the transmission takes besides: n T = F + R. With the efficiency eta while the motor
+!> drives (F' s' > 0), and eta_b while the load does,
 !>
 !>     R = F' (1/eta - 1),    or    F' (eta_b - 1).
 !>

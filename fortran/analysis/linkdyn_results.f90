@@ -13,7 +13,7 @@ module linkdyn_results
         result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly, result_q_error, &
         result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power, &
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
-        result_transmission_loss, result_torque_margin
+        result_transmission_loss, result_torque_margin, result_brake_torque
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
@@ -39,7 +39,7 @@ module linkdyn_results
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_friction, result_friction_power
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
-    public :: result_transmission_loss, result_torque_margin
+    public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -266,7 +266,7 @@ contains
         if (wanted%friction .and. allocated(scene%friction)) then
             if (size(scene%friction) > 0) call describe_friction(layout)
         end if
-        if (wanted%motor) call describe_motors(layout)
+        if (wanted%motor) call describe_motors(is_run, layout)
         if (present(follows_assembly)) then
             if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
                 "how the assembly of the sample was found", "1", flag=reached_name)
@@ -411,7 +411,8 @@ contains
     end subroutine describe_variables
 
     !> What scenes with motors have.
-    subroutine describe_motors(layout)
+    subroutine describe_motors(is_run, layout)
+        logical, intent(in) :: is_run                !! of forward dynamics, in which brakes act
         type(layout_type), intent(inout) :: layout
 
         call add(layout, result_transmission_force, "transmission_force", &
@@ -425,6 +426,9 @@ contains
             call add(layout, result_motor_current, "motor_current", "current of the motor", "A", of=[dim_motor])
         if (any(has_limits(layout%motor))) call add(layout, result_torque_margin, "torque_margin", &
             "what the motor has at its speed beyond its torque; below zero its limits are exceeded", "N m", of=[dim_motor])
+        if (is_run .and. any(layout%motor%brake%is_given)) &
+            call add(layout, result_brake_torque, "brake_torque", "what the brake takes of the motor's torque", "N m", &
+                of=[dim_motor])
     end subroutine describe_motors
 
     !> What scenes with friction have.
@@ -675,13 +679,14 @@ contains
     end subroutine find_driving_power
 
     !> What the motors give, in a block whose driving forces, transmission forces and joint rates are known.
-    subroutine view_motor_loads(layout, driving_force, transmission_force, joint_rate, n, block)
+    subroutine view_motor_loads(layout, driving_force, transmission_force, joint_rate, n, block, brake)
         type(layout_type), intent(in) :: layout
         real(wp), pointer, contiguous, intent(in) :: driving_force(:, :)       !! [N, N m] (n_actuator, samples)
         real(wp), pointer, contiguous, intent(in) :: transmission_force(:, :)  !! [N, N m] (n_motor, samples); null: nothing is told
         real(wp), pointer, contiguous, intent(in) :: joint_rate(:, :)          !! [m/s, rad/s] (n_variable, samples)
         integer, intent(in) :: n                       !! samples of the block
         type(block_type), intent(in), target :: block
+        real(wp), intent(in), optional :: brake(:, :)  !! what brakes take of the torques [N m] (n_motor, samples); absent: nothing
         real(wp), pointer :: torque(:, :), speed(:, :), power(:, :), loss(:, :), current(:, :), margin(:, :)
 
         if (.not. associated(transmission_force)) return
@@ -692,6 +697,10 @@ contains
         call view_values(layout, result_motor_current, n, block, current)
         call view_values(layout, result_torque_margin, n, block, margin)
         call find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power, loss)
+        if (present(brake)) then
+            torque = torque + brake
+            power = torque*speed
+        end if
         if (associated(current)) current = torque/spread(layout%motor%torque_constant, 2, size(torque, 2))
         if (associated(margin)) margin = margin_of(layout, torque, speed)
     end subroutine view_motor_loads

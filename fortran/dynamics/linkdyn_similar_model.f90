@@ -207,6 +207,11 @@ contains
 
         if (is_sliding) motor%ratio = motor%ratio/scale
         motor%torque_constant = scale*motor%torque_constant
+        motor%largest_torque = scale**2*motor%largest_torque
+        motor%largest_power = scale**2*motor%largest_power
+        motor%largest_current = scale*motor%largest_current
+        if (allocated(motor%torque_curve%knot)) motor%torque_curve%knot = scale**2*motor%torque_curve%knot
+        motor%brake%torque = scale**2*motor%brake%torque
     end subroutine scale_motor
 
     !> Does a spring turn a joint, so that its stiffness is a moment per angle?

@@ -5,6 +5,7 @@ module linkdyn_scene_motors
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, joint_kind_name, &
         drive_dc_motor, side_joint, side_voltage
+    use linkdyn_scene_brakes, only: read_brake
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
         require_table
     use linkdyn_scene_laws, only: table_shelf, require_positive
@@ -31,13 +32,14 @@ contains
         type(actuator_spec), intent(inout) :: actuator
         type(status_type), intent(inout) :: status
         type(scene_place) :: inner
+        type(toml_node) :: brake
         logical :: has_lead, has_back
 
         inner = place_at(place, node, trim(place%what)//", drive")
         call require_table(inner, "a table, { ratio = .. }", status)
         call allow_keys(inner, [character(len=key_len) :: "ratio", "lead", "rotor_inertia", "screw_inertia", "efficiency", &
             "back_efficiency", "torque_constant", "resistance", "creep_speed", "torque_limit", "power_limit", &
-            "current_limit", "torque_curve"], status)
+            "current_limit", "torque_curve", "brake"], status)
         associate (motor => actuator%motor)
             motor%is_given = .true.
             motor%line = inner%line
@@ -48,9 +50,14 @@ contains
             call read_positive(inner, "resistance", resistance, "ohm", motor%resistance, status)
             call read_positive(inner, "creep_speed", angular_rate, "rad/s", motor%creep_speed, status)
             call read_motor_limits(inner, shelf, motor, status)
+            brake = inner%node%get("brake")
+            if (status%is_ok() .and. brake%is_present()) call read_brake(inner, brake, motor%brake, status)
             if (.not. status%is_ok()) return
             if (actuator%drive%kind == drive_dc_motor) call compare_with_law(inner, actuator, has_back, status)
             if (actuator%drive%side /= side_joint) call require_for_law(inner, actuator, status)
+            if (actuator%drive%side == side_joint .and. motor%brake%is_given) call refuse_value(inner, "brake", brake, &
+                "acts on the shaft of the motor in forward dynamics (expected a law at the motor beside it: "// &
+                "law = { .., at = ""motor"" })", status)
         end associate
     end subroutine read_motor_drive
 

@@ -14,7 +14,7 @@ module linkdyn_scene
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, spring_spec, variable_spec, source_spec, source_shelf
-    public :: hold_spec
+    public :: hold_spec, brake_spec
     public :: base_spec, payload_spec, payload_changes, wants_instants
     public :: friction_spec
     public :: name_len, path_len, frame_link
@@ -198,6 +198,18 @@ module linkdyn_scene
         type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table, over)
     end type drive_spec
 
+    !> A brake on the shaft of a motor, in forward dynamics.
+    type :: brake_spec
+        logical :: is_given = .false.
+        real(wp) :: torque = 0                    !! by which it holds, and brakes [N m]
+        logical :: begins_on = .true.
+        real(wp) :: from = huge(1.0_wp)           !! it is on from this instant [s]; huge: none
+        real(wp) :: until = huge(1.0_wp)          !! and off from this one [s]; huge: none
+        character(len=name_len) :: from_name = "", until_name = ""    !! events by which it comes on and off
+        integer :: from_event = 0, until_event = 0                    !! these; 0: none
+        integer :: line = 0
+    end type brake_spec
+
     !> A motor and the gear or screw behind which it drives a joint variable.
     type :: motor_spec
         logical :: is_given = .false.
@@ -213,6 +225,7 @@ module linkdyn_scene
         real(wp) :: largest_power = 0             !! [W]; 0: not limited
         real(wp) :: largest_current = 0           !! [A]; 0: not limited
         type(law_spec) :: torque_curve            !! largest torque [N m] over speed [rad/s]; law_none: not limited
+        type(brake_spec) :: brake
         integer :: line = 0
     end type motor_spec
 

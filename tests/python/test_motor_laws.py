@@ -4,11 +4,14 @@ hand, and inverse dynamics of the motion found."""
 from __future__ import annotations
 
 import copy
+import subprocess
 from typing import Any
 
 import linkdyn
 import numpy as np
 import pytest
+from linkdyn._sheet import sheet_page
+from linkdyn.cli import executable
 from linkdyn.errors import InputError
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson, solve_ivp
@@ -327,6 +330,119 @@ def test_margin_of_inverse_dynamics() -> None:
         beyond = curve["torques"][-1] * np.maximum(0.0, 1 - (speed - 120) / 1.2)
         largest = np.minimum(0.7, np.where(speed < 120, np.interp(speed, curve["speeds"], curve["torques"]), beyond))
         np.testing.assert_allclose(run.torque_margin.values, largest - torque, atol=1e-12)
+
+
+def test_curve_from_a_file(tmp_path: Any) -> None:
+    """Two columns of a table are the two lists."""
+    (tmp_path / "motor.csv").write_text("n [rpm], M [N m]\n0, 4\n1500, 4\n3000, 1\n")
+    rpm = np.pi / 30
+    made = [{"table": "motor.csv", "speed": "n", "torque": "M"}, {"speeds": [0.0, 1500 * rpm, 3000 * rpm], "torques": [4.0, 4.0, 1.0]}]
+    runs = [linkdyn.Scene(disc(law=at_motor(9.0), drive={"ratio": 10, "torque_curve": one}), folder=tmp_path).forward(t=np.linspace(0, 1, 6)) for one in made]
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)
+
+
+def test_overload_is_told(tmp_path: Any) -> None:
+    """In the summary of the command and on the sheet: which motor, where, how much."""
+    data = four()
+    data["actuator"][0]["drive"] = {**data["actuator"][0]["drive"], "torque_limit": 0.05}
+    scene = linkdyn.Scene(data)
+    run = scene.inverse(t=np.linspace(0, 2, 161), want="all")
+    worst = int(run.torque_margin.values[:, 0].argmin())
+    asked = float(np.abs(run.motor_torque.values[worst, 0]))
+    assert run.torque_margin.values[worst, 0] == pytest.approx(0.05 - asked, rel=1e-12) and asked > 0.05
+    (table,) = [table for table in sheet_page(run, scene=scene).tables if table.title == "Warnings"]
+    (row,) = [row for row in table.rows if "overloaded" in row[0].text]
+    assert "motor of A" in row[0].text and "available 0.05 N·m" in row[0].text and f"{asked:.4g} N·m" in row[0].text
+    assert f"{run.time.values[worst]:g}" in row[1].text
+    file = tmp_path / "scene.toml"
+    file.write_text(scene.text)
+    done = subprocess.run([executable(), "inverse", file, "-o", tmp_path / "run.nc"], capture_output=True, text=True, check=True)
+    (line,) = [line for line in done.stdout.splitlines() if "overloaded" in line]
+    assert "motor of 'A' in" in line and "0.0500000 N m there" in line
+    # a run that is cut off there is not overloaded
+    data["actuator"][0]["law"] = at_motor(-0.8)
+    free = linkdyn.Scene(data).forward(t=np.linspace(0, 0.1, 5), want="all")
+    assert free.torque_margin.values == pytest.approx(0.0, abs=1e-12)
+    assert not any(table.title == "Warnings" for table in sheet_page(free).tables)
+
+
+# ---------------------------------------------------------------- brakes
+
+
+def braked(start: float, brake: dict[str, Any], torque: Any = 0.0, **drive: Any) -> dict[str, Any]:
+    return disc(start, law=at_motor(torque), drive={"ratio": 10, "rotor_inertia": 1e-3, "brake": brake, **drive})
+
+
+INERTIA = 0.3 + 100 * 1e-3
+
+
+@pytest.mark.parametrize("method", ["gbs", "rk4", "seulex"])
+def test_brake_by_the_clock(method: str) -> None:
+    """Runs down evenly while the brake is on, keeps its speed before and after."""
+    data = braked(20.0, {"torque": 3.0, "from": 0.2, "until": 0.31})
+    t = np.linspace(0, 0.5, 26)
+    run = linkdyn.Scene(data).forward(t=t, want="all", method=method, rtol=1e-10, atol=1e-12, step=1e-3)
+    speed = 20 - 30 / INERTIA * np.clip(t - 0.2, 0, 0.11)
+    assert np.abs(run.qd.values[:, 0] - speed).max() < 1e-9
+    np.testing.assert_allclose(run.brake_torque.values[:, 0], np.where((t > 0.2 - 1e-9) & (t < 0.31), 3.0, 0.0))
+    np.testing.assert_allclose(run.motor_torque, 0.0, atol=1e-12)
+    turned = np.linspace(0, 0.5, 5)
+    simulator = linkdyn.Scene(data).simulator(method=method, rtol=1e-10, atol=1e-12, step=1e-3)
+    for k in range(1, 5):
+        simulator.step(turned[k] - turned[k - 1], [0.0])
+        assert simulator.qd[0] == pytest.approx(20 - 30 / INERTIA * np.clip(turned[k] - 0.2, 0, 0.11), abs=1e-8)
+
+
+@pytest.mark.parametrize(("brake", "on"), [
+    ({}, [True, True, True]),
+    ({"until": 0.2}, [True, False, False]),
+    ({"from": 0.2}, [False, True, True]),
+    ({"from": 0.4, "until": 0.2}, [True, False, True]),
+    ({"from": 0.2, "until": 0.4}, [False, True, False]),
+    ({"from": 0.2, "begins": "on"}, [True, True, True]),
+])
+def test_when_a_brake_is_on(brake: dict[str, Any], on: list[bool]) -> None:
+    run = linkdyn.Scene(braked(50.0, {"torque": 1.0, **brake})).forward(t=[0.0, 0.1, 0.3, 0.5], want="all")
+    np.testing.assert_allclose(run.brake_torque.values[1:, 0], np.where(on, 1.0, 0.0))
+
+
+def test_brake_by_events() -> None:
+    """A motor whose brake comes on at an angle and lets go at another; three members of an ensemble meet them at times of their own."""
+    data = braked(5.0, {"torque": 6.0, "from_event": "there", "until_event": "back", "begins": "off"}, 2.0)
+    data["measures"] = {"angle": {"joint": "O"}}
+    data["event"] = [{"name": "there", "when": "angle - 1.5 rad", "direction": "up"}, {"name": "back", "when": "angle - 1.8 rad", "direction": "up"}]
+    scene = linkdyn.Scene(data)
+    t = np.linspace(0, 0.4, 9)
+    run = scene.forward(t=t, want="all", **SHARP)
+
+    def exact(start: float) -> tuple[Any, list[float]]:
+        """Speeds at t by energy: v^2 changes evenly with the angle."""
+        up, down = 20 / INERTIA, -40 / INERTIA
+        top = np.sqrt(start**2 + 2 * up * 1.3)
+        low = np.sqrt(top**2 + 2 * down * 0.3)
+        first = (top - start) / up
+        second = first + (low - top) / down
+        return np.where(t < first, start + up * t, np.where(t < second, top + down * (t - first), low + up * (t - second))), [first, second]
+
+    speed, switched = exact(5.0)
+    assert np.abs(run.qd.values[:, 0] - speed).max() < 1e-7
+    np.testing.assert_allclose(run.event_time, switched, atol=1e-9)
+    many = scene.ensemble([[0.2], [0.2], [0.2]], [[5.0], [6.0], [8.0]], t, step=1e-3)
+    for k, start in enumerate((5.0, 6.0, 8.0)):
+        assert np.abs(many.qd.values[k, :, 0] - exact(start)[0]).max() < 1e-6
+
+
+def test_brake_holds() -> None:
+    """A load on a drum: the brake holds it by its friction, creeping where torque tanh is what the load asks for; gears help it."""
+    data = lift(0.0, 100.0, law=at_motor(0.0), drive={"ratio": 50, "rotor_inertia": 2e-3, "efficiency": 0.9, "creep_speed": 0.05, "brake": {"torque": 40.0}})
+    run = linkdyn.Scene(data).forward(t=np.linspace(0, 3, 4), want="all", method="seulex")
+    # n T_b tanh = m g (1 - c tanh) at rest, c = 1 - 0.9
+    held = 100 * G / (50 * 40.0 + 0.1 * 100 * G)
+    assert run.motor_speed.values[-1, 0] == pytest.approx(-0.05 * np.arctanh(held), rel=1e-6)
+    assert run.driving_force.values[-1, 0] == pytest.approx(100 * G, rel=1e-6)
+    assert abs(run.motor_torque.values[-1, 0]) < 1e-6
+    balance = run.motor_power - run.driving_power.values - run.transmission_loss - run.brake_torque * run.motor_speed
+    assert np.abs(balance).max() < 1e-9
 
 
 def test_refusals() -> None:
