@@ -332,6 +332,24 @@ def test_margin_of_inverse_dynamics() -> None:
         np.testing.assert_allclose(run.torque_margin.values, largest - torque, atol=1e-12)
 
 
+def test_margin_in_sweeps() -> None:
+    """The least margin over a parameter, and the share of samples in which a limit on it is kept."""
+    data = four()
+    data["actuator"][0]["drive"] = {**data["actuator"][0]["drive"], "torque_limit": 0.06, "power_limit": 2.0}
+    data["sweep"] = {"axis": [{"parameter": "actuator.A.drive.rotor_inertia", "values": [0.0, 1e-5, 4e-5]}, {"time": True, "linspace": [0.0, 2.0, 41]}],
+                     "limit": [{"of": "torque_margin", "min": 0}]}
+    swept = linkdyn.Scene(data).sweep()
+    least, short = [], 0
+    for inertia in (0.0, 1e-5, 4e-5):
+        data["actuator"][0]["drive"]["rotor_inertia"] = inertia
+        margin = linkdyn.Scene(data).inverse(t=np.linspace(0, 2, 41)).torque_margin.values
+        least.append(margin.min())
+        short += int((margin < 0).sum())
+    np.testing.assert_allclose(swept.torque_margin_min.values.reshape(3, -1)[:, 0], least, rtol=1e-10, atol=1e-14)
+    assert 0 < short < 123
+    assert int(swept.outcome_count.sel(outcome="torque_margin").sum()) == short
+
+
 def test_curve_from_a_file(tmp_path: Any) -> None:
     """Two columns of a table are the two lists."""
     (tmp_path / "motor.csv").write_text("n [rpm], M [N m]\n0, 4\n1500, 4\n3000, 1\n")
