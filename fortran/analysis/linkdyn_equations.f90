@@ -785,8 +785,10 @@ contains
         associate (n => size(equations%rub), friction => workspace%friction)
             settled = friction%amount
             allocate (slope(lanes, size(friction%press, 2), n, n))
-            friction%amount = 0
-            call solve_again(model, equations, workspace)
+            if (any(abs(settled) > 0)) then
+                friction%amount = 0
+                call solve_again(model, equations, workspace)
+            end if
             call find_pressing_forces(model, equations, workspace, force)
             press = friction%press
             largest = maxval(force, dim=2)

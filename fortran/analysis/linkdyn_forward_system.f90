@@ -18,7 +18,7 @@ module linkdyn_forward_system
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, choose_poses, solver_elimination, solver_reduced
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
-        place_states, run_states, may_change_assembly
+        place_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
         pack_rates, read_coordinates
     use linkdyn_impacts, only: find_impacts
@@ -469,6 +469,37 @@ contains
         end associate
     end subroutine evaluate_on_lanes
 
+    !> The same in a record's samples, whose states are placed; what is lost is taken off.
+    subroutine drive_record_by_motors(self, n, t)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: n
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp) :: speed, braked
+        integer :: i, k, lane
+
+        call apply_record_laws(n, self%record)
+        do i = 1, self%model%n_actuator
+            associate (drive => self%model%scene%actuator(i)%drive, motor => self%model%scene%actuator(i)%motor)
+                if (self%equations%unknown%drive(i) .or. drive%side == side_joint) cycle
+                k = coordinate_of_actuator(self%model, i)
+                do lane = 1, n
+                    associate (effort => self%record%samples%effort(i, lane))
+                        speed = motor%ratio*self%record%samples%qd(k, lane)
+                        braked = 0
+                        if (motor%brake%is_given) then
+                            if (is_braked(motor%brake, min(t(lane), self%t_braked(lane)), self%switched(lane, i), &
+                                          self%is_on(lane, i))) braked = brake_torque(motor, speed)
+                        end if
+                        effort = motor%ratio*(torque_of_law(motor, drive%side, effort, speed) - braked)
+                    end associate
+                end do
+            end associate
+        end do
+        associate (lossy => self%equations%lossy, rub => self%equations%rub)
+            call settle_record_losses(self%model, lossy, rub(size(rub) - size(lossy) + 1:), n, self%record)
+        end associate
+    end subroutine drive_record_by_motors
+
     !> What motors give at their joint variables, where laws are about them, less what brakes take of it.
     subroutine drive_by_motors(self, t)
         class(forward_system), intent(inout) :: self
@@ -566,8 +597,10 @@ contains
         logical, intent(out) :: is_left(lanes)         !! that the record does not serve
         real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator)
         integer :: lane, n
+        logical :: has_motor_laws
 
         n = self%n_used
+        has_motor_laws = any(self%model%scene%actuator%drive%side /= side_joint)
         inverse_force = 0
         if (self%of_motion%is_needed) then
             call find_motion_forces(t, n, self%of_motion)
@@ -582,7 +615,9 @@ contains
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
-            call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied))
+            if (has_motor_laws) call drive_record_by_motors(self, n, t)
+            call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), &
+                            rate(:, self%layout%supplied), laws_are_there=has_motor_laws)
             if (size(self%model%scene%laws%law) > 0) call self%note_mode(samples%mode(1))
             if (self%assembly%is_needed) then
                 do lane = 1, n

@@ -230,6 +230,18 @@ def test_solvers(case: str) -> None:
         assert np.abs(other.q.values - runs[0].q.values).max() < 1e-8
 
 
+@pytest.mark.parametrize("law", [at_motor(-0.3), at_motor("-0.3 N*m*cos(3 rad/s*time)"), {"type": "voltage", "value": -12.0}])
+def test_record_against_lanes(law: dict[str, Any]) -> None:
+    """A motor at the coordinate, whose run goes by a record, and the same machine beside friction that is next to nothing, with which it stays on lanes."""
+    data = motors_of(four(), [0.0], torque_constant=0.05, resistance=0.2, efficiency=0.7, torque_limit=0.4)
+    data["actuator"][0]["law"] = law
+    beside = {**data, "friction": [{"joint": "D", "viscous": 1e-14}]}
+    t = np.linspace(0, 1.5, 16)
+    run, lanes = (linkdyn.Scene(one).forward(t=t, want="all", **SHARP) for one in (data, beside))
+    for name in ("q", "qd", "motor_torque", "transmission_force", "transmission_loss"):
+        assert np.abs(run[name].values - lanes[name].values).max() < 1e-7 * np.abs(run[name].values).max(), name
+
+
 def test_ensemble_and_simulator() -> None:
     """Each member, and each step, is as the run alone."""
     make, end = CASES["four-bar"]
