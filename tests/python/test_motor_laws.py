@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import copy
 import subprocess
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import linkdyn
@@ -281,6 +283,46 @@ def test_gear_without_losses() -> None:
     drive = {"ratio": 40, "rotor_inertia": 3e-5}
     one, other = (linkdyn.Scene(disc(law=law, drive=drive)).forward(t=t, **SHARP) for law in (at_motor(0.1), {"type": "constant", "value": 4.0}))
     assert np.abs(one.q.values - other.q.values).max() < 1e-10
+
+
+def test_through_dead_points() -> None:
+    """A crank under its motor: the piston for coordinate, which hands over to the crank on the way, is the same motion; the brake's times go along."""
+    data = tomllib.loads((Path(__file__).resolve().parents[2] / "examples" / "slider_crank" / "scene.toml").read_text())
+    data = {key: value for key, value in data.items() if key not in ("time", "sweep")}
+    drive = {"ratio": 5, "rotor_inertia": 2e-4, "efficiency": 0.8, "brake": {"torque": 5.0, "from": 0.11, "until": 0.16}}
+    data["coordinate"] = [{"joint": "A", "start": {"position": 0.6, "velocity": 40.0}}]
+    data["actuator"] = [{"joint": "A", "law": at_motor("6 N*m*cos(30 rad/s*time)"), "drive": drive}]
+    scene = linkdyn.Scene(data)
+    t = np.linspace(0, 0.3, 31)
+    run = scene.forward(t=t, want="all", **SHARP)
+    other = copy.deepcopy(data)
+    first = {name: float(run[name].sel(variable="D.slide")[0]) for name in ("joint_variable", "joint_rate")}
+    other["coordinate"] = [{"joint": "D", "start": {"position": first["joint_variable"], "velocity": first["joint_rate"]}}]
+    poses = scene.poses(run.q.values[:1])
+    for k, link in enumerate(other["link"]):
+        x, turn = poses.position[0, k], poses.rotation[0, k]
+        link["start"] = {"position": [float(x[0]), float(x[1])], "angle": float(np.arctan2(turn[1, 0], turn[0, 0]))}
+    exchanged = linkdyn.Scene(other).forward(t=t, want="all", **SHARP)
+    assert "then angle of A" in exchanged.attrs["coordinates_integrated"]
+    for name in ("driving_speed", "motor_torque", "brake_torque", "transmission_loss"):
+        assert np.abs(exchanged[name].values - run[name].values).max() < 1e-6 * np.abs(run[name].values).max(), name
+    assert np.abs(exchanged.power_imbalance).max() < 1e-11
+
+
+def test_impact_through_a_gear() -> None:
+    """A screw drives a mass against a stop: the rotor strikes with the efficiency's part of its inertia; at rest there the motor pushes on without a loss."""
+    data = lift(0.0, 50.0, law=at_motor(3.0), drive={**SCREW, "efficiency": 0.8})
+    data["stop"] = [{"name": "end", "joint": "A", "max": 0.6, "restitution": 0.5}]
+    run = linkdyn.Scene(data).forward(t=np.linspace(0, 1, 11), want="all", **SHARP)
+    reflected = N**2 * SCREW["rotor_inertia"]
+    acceleration = (3 * N - 50 * G / 0.8) / (50 / 0.8 + reflected)
+    speed = np.sqrt(2 * acceleration * 0.1)
+    assert run.event_qd.values[0, 0] == pytest.approx(speed, rel=1e-6)
+    assert run.event_qd_after.values[0, 0] == pytest.approx(-0.5 * speed, rel=1e-6)
+    assert run.event_impulse.values[0] == pytest.approx(1.5 * speed * (50 + 0.8 * reflected), rel=1e-6)
+    assert run.q.values[-1, 0] == pytest.approx(0.6, abs=1e-9)
+    assert run.driving_force.values[-1, 0] == pytest.approx(3 * N, rel=1e-9)
+    np.testing.assert_allclose(run.motor_torque, 3.0, rtol=1e-9)
 
 
 # ---------------------------------------------------------------- limits
