@@ -18,6 +18,7 @@ from linkdyn.errors import InputError
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson, solve_ivp
 from test_drives import of_arm, of_hexapod, of_rod, on_the_coupler
+from test_generate import Compiled
 
 pytestmark = pytest.mark.accuracy
 
@@ -220,6 +221,34 @@ def test_inverse_after_forward(case: str) -> None:
     taken = (run.driving_force.values - run.transmission_force.values)[1:-1]
     by_difference = (rate[1::2] - rate[::2]) / (2 * h) * numbers
     assert np.abs(taken - by_difference).max() < 1e-4 * (np.abs(by_difference).max() + np.abs(run.driving_force.values).max())
+
+
+def test_forward_after_inverse(tmp_path: Any) -> None:
+    """The torques that inverse dynamics finds of a crank that turns, put in as a table, return its motion: through both directions of power flow."""
+    data = four()
+    data["coordinate"] = [{"joint": "A", "motion": {"law": "constant-rate", "rate": 6.0}}]
+    drive = {**data["actuator"][0]["drive"], "efficiency": 0.7, "back_efficiency": 0.5}
+    data["actuator"] = [{"joint": "A", "drive": drive}]
+    t = np.linspace(0, 1.0, 2001)
+    inverse = linkdyn.Scene(data).inverse(t=t, want="all")
+    flow = inverse.transmission_force.values[:, 0] * inverse.driving_speed.values[:, 0]
+    assert (flow > 0).any() and (flow < 0).any()
+    (tmp_path / "torque.csv").write_text("t,A\n" + "\n".join(f"{time!r},{torque!r}" for time, torque in zip(t.tolist(), inverse.motor_torque.values[:, 0].tolist())))
+    data["actuator"][0]["law"] = {"type": "table", "table": "torque.csv", "interpolation": "spline", "at": "motor"}
+    run = linkdyn.Scene(data, folder=tmp_path).forward(t=t[::100], want="all", **SHARP)
+    assert np.abs(run.q.values - inverse.q.values[::100]).max() < 1e-6
+    np.testing.assert_allclose(run.transmission_loss, inverse.transmission_loss.values[::100], atol=1e-3 * float(inverse.transmission_loss.max()))
+
+
+def test_generated_code(tmp_path: Path) -> None:
+    """Code of forward dynamics does not know of motors' laws: it takes driving forces, whatever the law is."""
+    scene = linkdyn.Scene(motors_of(four(), [-0.8]))
+    compiled = Compiled(scene.generate("forward", name="kernel"), tmp_path)
+    run = scene.forward(t=np.linspace(0, 0.5, 6), want="all", **SHARP)
+    for k in range(6):
+        status, found = compiled(q=run.q.values[k], qd=run.qd.values[k], driving_force=run.driving_force.values[k])
+        assert status == 0
+        np.testing.assert_allclose(found["qdd"], run.qdd.values[k], rtol=1e-9)
 
 
 @pytest.mark.parametrize("case", ["four-bar", "hexapod"])
