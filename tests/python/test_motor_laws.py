@@ -75,6 +75,10 @@ def test_start_of_a_dc_motor(efficiency: float) -> None:
     end = voltage / (constant * n)
     speed = end + (start - end) * np.exp(-t / lag)
     assert np.abs(run.qd.values[:, 0] - speed).max() < 1e-8 * end
+    told = run.linkdyn.motor("O")
+    np.testing.assert_allclose(told.motor_voltage, voltage, rtol=1e-7)
+    np.testing.assert_allclose(told.electric_power, told.motor_power + resistance * told.motor_current**2)
+    np.testing.assert_array_equal(told.transmission_loss, run.transmission_loss.values[:, 0])
     way = 0.2 + end * t + (start - end) * lag * (1 - np.exp(-t / lag))
     assert np.abs(run.q.values[:, 0] - way).max() < 1e-8
     np.testing.assert_allclose(run.motor_current.values[:, 0], (voltage - constant * n * speed) / resistance, atol=1e-6)
