@@ -95,7 +95,7 @@ contains
     !> An instant that is none never comes.
     elemental logical function has_come(instant, t)
         real(wp), intent(in) :: instant, t             !! [s]
-        real(wp), parameter :: close = 8*epsilon(1.0_wp)
+        real(wp), parameter :: close = 1.0e-14_wp       !! that is the instant, written in other digits
 
         has_come = instant < huge(instant) .and. instant <= t + close*abs(t)
     end function has_come

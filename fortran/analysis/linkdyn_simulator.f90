@@ -146,7 +146,7 @@ contains
     pure real(wp) function next_switching(model, t, t_end) result(next)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t, t_end               !! [s]
-        real(wp), parameter :: close = 8*epsilon(1.0_wp)
+        real(wp), parameter :: close = 1.0e-14_wp       !! that is the instant, written in other digits
         integer :: i
 
         next = t_end

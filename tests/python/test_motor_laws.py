@@ -12,8 +12,9 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
+import xarray as xr
 from linkdyn._sheet import sheet_page
-from linkdyn.cli import executable
+from linkdyn.cli import executable, quadruple_twin
 from linkdyn.errors import InputError
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson, solve_ivp
@@ -308,6 +309,33 @@ def test_errors_of_a_run() -> None:
     for law in (at_motor(4.0), {"type": "voltage", "value": 30.0}, {"type": "voltage", "value": "30 V + 2 V*sin(time*20 rad/s)"}):
         run = linkdyn.Scene(lift(0.01, law=law, drive=drive)).forward(t=np.linspace(0, 0.2, 5), error=True)
         assert (run.q_error < 1e-6).all()
+
+
+TWINS = {
+    "four-bar": lambda: motors_of(four(), [-0.8]),
+    "arm": lambda: motors_of(of_arm(), [0.2, -0.1, 0.4]),
+    "self-locking screw": lambda: lift(-0.05, 50.0, law=at_motor(0.0), drive={**SCREW, "efficiency": 0.4, "creep_speed": 0.5}),
+    "voltage and brake": lambda: disc(1.0, law={"type": "voltage", "value": 48.0}, drive={
+        "ratio": 10, "rotor_inertia": 1e-3, "torque_constant": 0.5, "resistance": 2.0, "efficiency": 0.8, "current_limit": 20.0, "brake": {"torque": 3.0, "from": 0.2}}),
+}
+
+
+@pytest.mark.parametrize("case", TWINS)
+def test_quadruple_precision(case: str, tmp_path: Path) -> None:
+    """The same steps in 34 digits: states, losses and forces agree to rounding."""
+    twin = quadruple_twin()
+    if twin is None:
+        pytest.skip("no build in quadruple precision")
+    file = tmp_path / "scene.toml"
+    file.write_text(linkdyn.Scene({**TWINS[case](), "time": {"end": 0.3, "samples": 4}}).text)
+    runs = []
+    for program in (executable(), twin):
+        out = tmp_path / f"{len(runs)}.nc"
+        subprocess.run([program, "forward", file, "-o", out, "--want", "all", "--method", "rk4", "--step", "1e-3"], capture_output=True, check=True)
+        runs.append(xr.load_dataset(out))
+    for name in ("q", "qd", "motor_torque", "transmission_loss", "driving_force"):
+        double, quadruple = (each[name].values for each in runs)
+        assert np.abs(double - quadruple).max() <= 1e-12 * np.abs(quadruple).max(), name
 
 
 def test_gear_without_losses() -> None:
