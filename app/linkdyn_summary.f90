@@ -8,7 +8,7 @@ module linkdyn_summary
     use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_motor_torque, result_reaction, result_status, result_assembly, &
-        result_joint_variable, dimension_type, dim_motor, dim_variable, variable_index, samples_width, &
+        result_torque_margin, result_joint_variable, dimension_type, dim_motor, dim_variable, variable_index, samples_width, &
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
@@ -49,6 +49,13 @@ module linkdyn_summary
         real(wp), allocatable :: sum_of_squares(:)
     end type range_type
 
+    !> Samples in which a motor has less torque than is asked of it.
+    type :: overload_type
+        type(event_type) :: event
+        type(peak_type) :: lack                  !! of torque, the largest [N m]
+        real(wp) :: torque = 0                   !! asked for there [N m]
+    end type overload_type
+
     !> Figures gathered block by block.
     type :: summary_type
         integer :: n_sample = 0
@@ -62,6 +69,7 @@ module linkdyn_summary
         logical :: has_force = .false., has_reaction = .false.
         type(range_type) :: drive                               !! driving forces
         type(range_type) :: motor                               !! torques of motors
+        type(overload_type), allocatable :: overload(:)         !! of motors with limits
         type(peak_type) :: force, moment                        !! largest reaction, its square
         type(error_peak_type), allocatable :: worst(:)          !! none: no errors were estimated
     end type summary_type
@@ -75,6 +83,7 @@ contains
 
         call start_range(layout%dimension(dim_actuator)%size, summary%drive)
         call start_range(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_motor_torque) > 0), summary%motor)
+        allocate (summary%overload(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_torque_margin) > 0)))
         allocate (summary%worst(0))
         do i = 1, size(estimate_of)
             call add_worst(layout, variable_index(layout, estimated(i)), variable_index(layout, estimate_of(i)), summary%worst)
@@ -147,7 +156,7 @@ contains
         integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
         character(len=*), intent(in), optional :: why
         type(scene_type), intent(in), optional :: scene  !! whose motion is given: end stops may be passed
-        real(wp), pointer :: time(:), force(:, :), torque(:, :), reaction(:, :, :)
+        real(wp), pointer :: time(:), force(:, :), torque(:, :), margin(:, :), reaction(:, :, :)
         integer, pointer :: code(:), assembly(:)
         integer :: i, k, n_force
 
@@ -156,6 +165,7 @@ contains
         call view_values(layout, result_assembly, n, block, assembly)
         call view_values(layout, result_driving_force, n, block, force)
         call view_values(layout, result_motor_torque, n, block, torque)
+        call view_values(layout, result_torque_margin, n, block, margin)
         call view_values(layout, result_reaction, n, block, reaction)
         if (present(scene)) call look_at_stops(layout, scene, block, n, summary%beyond)
         summary%has_force = associated(force)
@@ -178,6 +188,7 @@ contains
             end if
             if (summary%has_force) call add_to_range(force(:, i), time(i), summary%drive)
             if (associated(torque)) call add_to_range(torque(:, i), time(i), summary%motor)
+            if (associated(margin)) call note_overload(torque(:, i), margin(:, i), time(i), summary%overload)
             do k = 1, size(summary%worst)
                 call note_errors(layout, block, i, time(i), summary%worst(k))
             end do
@@ -188,6 +199,41 @@ contains
             end do
         end do
     end subroutine add_to_summary
+
+    !> Motors with less torque than is asked of them, but for rounding: what is saturated is not beyond its limit.
+    subroutine note_overload(torque, margin, t, overload)
+        real(wp), intent(in) :: torque(:), margin(:) !! (motor) [N m]
+        real(wp), intent(in) :: t                    !! [s]
+        type(overload_type), intent(inout) :: overload(:)
+        real(wp), parameter :: rounded = 1.0e-9_wp
+        integer :: k
+
+        do k = 1, size(overload)
+            if (.not. margin(k) < -rounded*abs(torque(k))) cycle
+            call count_event(t, overload(k)%event)
+            call raise_peak(-margin(k), t, k, overload(k)%lack)
+            if (overload(k)%lack%time == t) overload(k)%torque = abs(torque(k))
+        end do
+    end subroutine note_overload
+
+    !> "motor of 'A' in 12 samples, first at t = 0.3 s, most at t = 0.4 s: 5.1 N m asked for, 4 N m there"; blank: none is overloaded.
+    function overloads(layout, summary) result(text)
+        type(layout_type), intent(in) :: layout
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+        integer :: k
+
+        text = ""
+        do k = 1, size(summary%overload)
+            associate (overload => summary%overload(k))
+                if (overload%event%n == 0) cycle
+                if (text /= "") text = text//"; "
+                text = text//"motor of "//quoted(layout%dimension(dim_motor)%label(k))//" in "//times_text(overload%event) &
+                       //", most at t = "//significant(overload%lack%time)//" s: "//significant(overload%torque) &
+                       //" N m asked for, "//significant(overload%torque - overload%lack%value)//" N m there"
+            end associate
+        end do
+    end function overloads
 
     !> Samples beyond stops that throw back, as far as joint variables are among the results.
     subroutine look_at_stops(layout, scene, block, n, beyond)
@@ -296,6 +342,12 @@ contains
         whole%roads = whole%roads + part%roads
         call join_ranges(part%drive, whole%drive)
         call join_ranges(part%motor, whole%motor)
+        do k = 1, size(whole%overload)
+            if (part%overload(k)%event%n == 0) cycle
+            call join_events(part%overload(k)%event, whole%overload(k)%event)
+            call join_peaks(part%overload(k)%lack, whole%overload(k)%lack)
+            if (whole%overload(k)%lack%time == part%overload(k)%lack%time) whole%overload(k)%torque = part%overload(k)%torque
+        end do
         call join_peaks(part%force, whole%force)
         call join_peaks(part%moment, whole%moment)
         do k = 1, size(whole%worst)
@@ -368,6 +420,7 @@ contains
         write (unit, "(a)") "  failed samples   "//failure_text(summary)
         if (passed_stops(model%scene, summary) /= "") write (unit, "(a)") "  end stops        passed: " &
             //passed_stops(model%scene, summary)
+        if (overloads(layout, summary) /= "") write (unit, "(a)") "  overloaded       "//overloads(layout, summary)
         if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &
             //times_text(summary%crossing)
         if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &

@@ -26,7 +26,7 @@ GROUPS = {
     "Gears and belts": ("planetary_crank", "geared_fivebar"),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
                   "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole",
-                  "stopped_rocker"),
+                  "stopped_rocker", "hoist"),
 }
 HEAD = """\
 # Gallery

@@ -17,7 +17,7 @@ module linkdyn_equations
     use linkdyn_assembly, only: assemble_matrix, assemble_right
     use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
     use linkdyn_cholesky, only: solve_cholesky
-    use linkdyn_contact, only: has_settled, most_rounds
+    use linkdyn_contact, only: contact_type, has_settled, most_rounds
     use linkdyn_constants, only: golden
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_dyad_map, only: is_surely_certain
@@ -48,6 +48,7 @@ module linkdyn_equations
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, sample_locked
     use linkdyn_text, only: to_text
+    use linkdyn_transmission_losses, only: lossy_motors, contacts_of_motors, begin_losses, press_losses, apply_losses
     use linkdyn_uncertainty, only: largest_uncertainty
     implicit none (type, external)
     private
@@ -78,6 +79,8 @@ module linkdyn_equations
         logical :: needs_columns = .false.              !! acceleration columns, though no equation needs them
         logical :: are_solved = .true.                  !! false: there are none, only the links' motion is wanted
         logical, allocatable :: rotor_acts(:)           !! (motor) its rotor has inertia, and its driving force is given
+        integer, allocatable :: lossy(:)                !! motors whose torque is given and whose transmission loses some of it
+        type(contact_type), allocatable :: rub(:)       !! contacts of joints, then these transmissions
         logical :: shares_drives = .false.              !! there are more drives than freedoms: these come first, then the reactions
         type(unknown_choice) :: unknown
         type(formulation_type) :: formulation
@@ -101,6 +104,8 @@ module linkdyn_equations
         ! ---- RESULTS
         type(solution_type) :: solution                 !! points into the slots
         real(wp), allocatable :: driving_force(:, :)    !! (lane, n_actuator), in where given
+        real(wp), allocatable :: motor_force(:, :)      !! in: what lossy motors give at their joint variables (lane, n_actuator)
+        real(wp), allocatable :: driving_rate(:, :)     !! in: rates of these (lane, n_actuator)
         real(wp), allocatable :: acceleration(:, :)     !! of the coordinates: what is given, plus what is solved for (lane, n_q)
         real(wp), allocatable :: rotor_acceleration(:, :)   !! of driven joint variables, 0 without inertia there (lane, n_motor)
         integer :: status(lanes) = sample_ok
@@ -108,6 +113,7 @@ module linkdyn_equations
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
         logical :: fell_back(lanes) = .false.           !! the plan handed the lane to the dense solver
         type(friction_space) :: friction
+        real(wp), allocatable :: sense(:, :)            !! of joint variables with lossy motors: +1, -1 (lane, lossy motor)
     contains
         procedure :: free
     end type equation_workspace
@@ -143,13 +149,14 @@ contains
     end function find_drives
 
     !> Choose the formulation and, for the elimination, make the plan. Nothing said of the unknowns: inverse dynamics.
-    subroutine build_equations(model, solver, wants_reactions, equations, status, unknown)
+    subroutine build_equations(model, solver, wants_reactions, equations, status, unknown, has_motor_laws)
         type(model_type), intent(in) :: model
         integer, intent(in) :: solver
         logical, intent(in) :: wants_reactions
         type(equations_type), intent(out) :: equations
         type(status_type), intent(inout) :: status
         type(unknown_choice), intent(in), optional :: unknown
+        logical, intent(in), optional :: has_motor_laws    !! given forces come from the scene's laws, also those at motors; absent: false
 
         equations%solver = solver
         equations%unknown = find_drives(model)
@@ -157,6 +164,11 @@ contains
         if (.not. present(unknown)) call share_among_drives(model, equations)
         equations%rotor_acts = model%motor%inertia > 0 .and. .not. equations%unknown%drive(model%motor%actuator) &
                                .and. .not. equations%shares_drives
+        allocate (equations%lossy(0))
+        if (present(has_motor_laws)) then
+            if (has_motor_laws) equations%lossy = lossy_motors(model, .not. equations%unknown%drive)
+        end if
+        equations%rub = [model%contact, contacts_of_motors(model, equations%lossy)]
         equations%wants_reactions = wants_reactions .or. size(model%contact) > 0      ! which friction comes from
         equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 .or. size(model%contact) > 0 &
                                 .or. equations%shares_drives .or. has_rotors(model) &
@@ -200,6 +212,7 @@ contains
         type(equations_type), intent(out) :: equations
 
         equations%unknown = find_drives(model)
+        allocate (equations%lossy(0), equations%rub(0))
         equations%wants_reactions = .false.
         equations%are_solved = .false.
     end subroutine build_no_equations
@@ -455,7 +468,12 @@ contains
         workspace%driving_force = 0
         workspace%load = 0
         if (.not. equations%are_solved) return
-        if (size(model%contact) > 0) call prepare_friction(model, workspace%friction)
+        if (size(equations%rub) > 0) call prepare_friction(model, size(equations%rub), workspace%friction)
+        allocate (workspace%sense(lanes, size(equations%lossy)), workspace%motor_force(lanes, model%n_actuator), &
+                  workspace%driving_rate(lanes, model%n_actuator))
+        workspace%sense = 1
+        workspace%motor_force = 0
+        workspace%driving_rate = 0
         select case (equations%solver)
         case (solver_gauss_jordan, solver_gauss_jordan_plain)
             allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
@@ -586,7 +604,7 @@ contains
         call judge_motion(model, workspace)
         call find_payloads(model, workspace%state)
         if (workspace%state%has_applied) then
-            if (size(model%contact) > 0) call begin_friction(model, workspace)
+            if (size(equations%rub) > 0) call begin_friction(model, equations, workspace)
             call apply_known_forces(model, equations, workspace)
             where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
         end if
@@ -594,15 +612,12 @@ contains
             call drive_together(model, workspace)
             workspace%acceleration = workspace%state%qdd
             if (equations%solver == solver_reduced .or. .not. equations%wants_reactions) return
-        else if (equations%solver == solver_reduced) then
-            workspace%acceleration = workspace%state%qdd
-            call solve_reduced(model, equations%unknown, equations%rotor_acts, workspace)
-            call flag_not_finite(workspace%driving_force, workspace%status)
-            call flag_not_finite(workspace%acceleration, workspace%status)
-            return
         end if
         call solve_forces(model, equations, workspace)
-        if (size(model%contact) > 0) call settle_friction(model, equations, workspace)
+        if (size(equations%rub) > 0) call settle_friction(model, equations, workspace)
+        if (equations%solver /= solver_reduced) return
+        call flag_not_finite(workspace%driving_force, workspace%status)
+        call flag_not_finite(workspace%acceleration, workspace%status)
     end subroutine find_unknowns
 
     !> Assembly and solution with the forces applied to the links.
@@ -613,6 +628,10 @@ contains
         integer :: k
 
         workspace%acceleration = workspace%state%qdd
+        if (equations%solver == solver_reduced) then
+            call solve_reduced(model, equations%unknown, equations%rotor_acts, workspace)
+            return
+        end if
         associate (formulation => equations%formulation)
             call assemble_matrix(model, formulation, workspace%state, workspace%slot%value)
             call assemble_accelerations(model, formulation, equations%accelerations, workspace%state, workspace%slot%value)
@@ -644,24 +663,27 @@ contains
 
     ! ---------------------------------------------------------------- friction
 
-    !> How contacts slide; none of them rubs yet but for what is viscous.
-    subroutine begin_friction(model, workspace)
+    !> How contacts slide and drives turn; none of them rubs yet but for what is viscous.
+    subroutine begin_friction(model, equations, workspace)
         type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
 
-        call view_contacts(model, workspace%state, workspace%friction)
+        if (size(model%contact) > 0) call view_contacts(model, workspace%state, workspace%friction)
+        call begin_losses(model, equations%lossy, workspace%driving_rate, workspace%friction, workspace%sense)
         workspace%friction%amount = 0
         workspace%state%holding = 0
     end subroutine begin_friction
 
     !> Friction that fits the reactions which it changes. Most mechanisms are rubbed little: what friction makes of the reactions
-    !> is put in again until nothing changes. Where that does not come to rest soon, friction grows from zero (`balance_friction`).
+    !> is put in again until nothing changes. Where that does not come to rest soon, friction grows from zero (`balance_friction`). What
+    !> drives lose is found that way at once: they are few, and a poor screw loses more than half.
     subroutine settle_friction(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
         real(wp), parameter :: misfit = 1e-6_wp
-        real(wp), dimension(lanes, size(model%contact)) :: force, force_before
+        real(wp), dimension(lanes, size(equations%rub)) :: force, force_before
         real(wp), dimension(lanes) :: change, change_before
         logical :: is_settled(lanes), has_come(lanes)
         integer :: n, i, lane
@@ -670,8 +692,8 @@ contains
         is_settled(workspace%n_used + 1:) = .true.
         call find_pressing_forces(model, equations, workspace, force_before)
         change_before = 1                              ! from no friction to some
-        do n = 1, most_rounds
-            do i = 1, size(model%contact)
+        do n = 1, merge(most_rounds, 0, size(model%contact) > 0)
+            do i = 1, size(equations%rub)
                 where (.not. is_settled) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force_before(:, i)
             end do
             call spare_lanes_follow()
@@ -679,7 +701,7 @@ contains
             call find_pressing_forces(model, equations, workspace, force)
             change = maxval(abs(force - force_before), dim=2)/max(maxval(force, dim=2), tiny(1.0_wp))
             has_come = .not. is_settled .and. has_settled(change, change_before)
-            do i = 1, size(model%contact)
+            do i = 1, size(equations%rub)
                 where (has_come) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force(:, i)
             end do
             is_settled = is_settled .or. has_come
@@ -695,7 +717,7 @@ contains
         call spare_lanes_follow()
         call solve_again(model, equations, workspace)
         call find_pressing_forces(model, equations, workspace, force)
-        do i = 1, size(model%contact)
+        do i = 1, size(equations%rub)
             do lane = 1, workspace%n_used
                 if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
                 associate (found => workspace%friction%at(i)%factor(lane)*force(lane, i))
@@ -735,9 +757,17 @@ contains
         type(equation_workspace), intent(inout) :: workspace
         real(wp), intent(out) :: force(:, :)           !! (lane, contact) [N]
 
-        call collect_reactions(model, equations%formulation, workspace%state, workspace%solution, workspace%friction%reaction)
-        call press_contacts(model, workspace%friction)
-        call pressing_forces(model, workspace%friction, force)
+        if (size(model%contact) > 0) then
+            call collect_reactions(model, equations%formulation, workspace%state, workspace%solution, workspace%friction%reaction)
+            call press_contacts(model, workspace%friction)
+        end if
+        if (size(equations%lossy) > 0) then
+            call rotor_accelerations(model, workspace%state, workspace%acceleration - workspace%state%qdd, &
+                                     workspace%rotor_acceleration)
+            call press_losses(model, equations%lossy, workspace%sense, workspace%driving_force, workspace%rotor_acceleration, &
+                              workspace%friction)
+        end if
+        call pressing_forces(equations%rub, workspace%friction, force)
     end subroutine find_pressing_forces
 
     !> The friction of lanes that are not settled, from what each contact's does to all. Where none fits, a joint holds fast.
@@ -746,17 +776,19 @@ contains
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
         logical, intent(in) :: is_settled(lanes)
-        real(wp), dimension(lanes, size(model%contact)) :: settled, force
+        real(wp), dimension(lanes, size(equations%rub)) :: settled, force
         real(wp), dimension(lanes) :: largest, one
         real(wp), allocatable :: press(:, :, :), slope(:, :, :, :)
-        real(wp) :: factor(size(model%contact))
+        real(wp) :: factor(size(equations%rub))
         integer :: i, k, lane
 
-        associate (n => size(model%contact), friction => workspace%friction)
+        associate (n => size(equations%rub), friction => workspace%friction)
             settled = friction%amount
             allocate (slope(lanes, size(friction%press, 2), n, n))
-            friction%amount = 0
-            call solve_again(model, equations, workspace)
+            if (any(abs(settled) > 0)) then
+                friction%amount = 0
+                call solve_again(model, equations, workspace)
+            end if
             call find_pressing_forces(model, equations, workspace, force)
             press = friction%press
             largest = maxval(force, dim=2)
@@ -775,9 +807,13 @@ contains
             do lane = 1, workspace%n_used
                 if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
                 factor = [(friction%at(i)%factor(lane), i=1, n)]
-                call balance_friction(model%contact, factor, press(lane, :, :), slope(lane, :, :, :), friction%amount(lane, :), &
+                call balance_friction(equations%rub, factor, press(lane, :, :), slope(lane, :, :, :), friction%amount(lane, :), &
                                       workspace%state%holding(lane))
-                if (workspace%state%holding(lane) > 0) workspace%status(lane) = sample_locked
+                if (workspace%state%holding(lane) == 0) cycle
+                workspace%status(lane) = sample_locked
+                associate (holding => workspace%state%holding(lane), n_contact => size(model%contact))
+                    if (holding > n_contact) holding = n_contact + equations%lossy(holding - n_contact)
+                end associate
             end do
         end associate
     end subroutine continue_friction
@@ -803,6 +839,8 @@ contains
         if (size(model%contact) > 0) call apply_friction(model, workspace%friction, workspace%state)
         if (equations%shares_drives) return                ! nobody knows yet what drives apply
         if (any(equations%rotor_acts)) call apply_rotors(model, equations%rotor_acts, workspace%state)
+        call apply_losses(model, equations%lossy, workspace%sense, workspace%friction, workspace%motor_force, &
+                          workspace%driving_force)
         do i = 1, model%n_actuator
             if (.not. equations%unknown%drive(i)) call apply_actuator(model, i, workspace)
         end do

@@ -162,6 +162,7 @@ contains
         if (.not. motor%is_given) return
         text = ", motor behind ratio "//to_text(motor%ratio)
         if (is_self_locking(motor)) text = text//", self-locking: the load cannot drive it"
+        if (motor%brake%is_given) text = text//", with a brake"
     end function motor_in_words
 
     pure function counted(n, what) result(text)

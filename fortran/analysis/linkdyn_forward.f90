@@ -59,6 +59,7 @@ module linkdyn_forward
         real(wp), pointer :: work(:) => null()         !! (n) of the driving forces since the start [J]
         real(wp), pointer :: step(:) => null()         !! (n) last step before the instant [s]
         integer, pointer :: stand_in(:, :) => null()   !! (n_q, n) joint variable integrated in a coordinate's place; 0: none
+        real(wp), pointer :: brake(:, :) => null()     !! (n_motor, n) what brakes take of motors' torques [N m]
         type(inverse_results) :: forces                !! accelerations, forces, energies, closure, ... (n)
     end type forward_results
 
@@ -372,6 +373,7 @@ contains
             end if
             if (associated(results%time)) results%time(i) = t(i)
             if (associated(results%work)) results%work(i) = work
+            if (associated(results%brake)) results%brake(:, i) = run%system%brake(1, run%model%motor%actuator)
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
             n_done = i
@@ -946,6 +948,10 @@ contains
         end do
         do i = 1, model%n_actuator
             call add_kinks(model%scene%actuator(i)%drive%target, kink)
+            associate (brake => model%scene%actuator(i)%motor%brake)
+                if (brake%from < huge(1.0_wp)) call add_kink(brake%from, kink)
+                if (brake%until < huge(1.0_wp)) call add_kink(brake%until, kink)
+            end associate
         end do
         do i = 1, size(model%scene%payload)
             associate (spec => model%scene%payload(i))

@@ -7,7 +7,7 @@ module linkdyn_forward_block
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
         result_closure, result_step, result_stand_in, result_assembly, result_friction, result_friction_power, &
-        result_transmission_force, view_motor_loads
+        result_transmission_force, result_brake_torque, view_motor_loads
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
@@ -26,7 +26,7 @@ contains
         real(wp), intent(in), optional :: seconds     !! come back after about that time
         type(forward_results) :: results
         real(wp), pointer :: time(:), speed(:, :), power(:, :)
-        real(wp), allocatable, target :: driving_force(:, :), joint_rate(:, :)    ! if they are not among the results
+        real(wp), allocatable, target :: driving_force(:, :), joint_rate(:, :), brake(:, :)    ! if they are not among the results
         integer :: n
 
         n = size(t)
@@ -38,6 +38,11 @@ contains
         call view_values(layout, result_stand_in, n, block, results%stand_in)
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
+        call view_values(layout, result_brake_torque, n, block, results%brake)
+        if (.not. associated(results%brake)) then
+            allocate (brake(size(run%model%motor), n))
+            results%brake => brake
+        end if
         associate (forces => results%forces)
             call view_values(layout, result_qdd, n, block, forces%acceleration)
             call view_values(layout, result_status, n, block, forces%status)
@@ -87,7 +92,7 @@ contains
                 rate => forces%joint_rate(:, :n_done)
                 if (associated(forces%transmission_force)) transmitted => forces%transmission_force(:, :n_done)
             end associate
-            call view_motor_loads(layout, force, transmitted, rate, n_done, block)
+            call view_motor_loads(layout, force, transmitted, rate, n_done, block, results%brake(:, :n_done))
         end subroutine tell_motors
     end subroutine advance_block
 end module linkdyn_forward_block

@@ -4,6 +4,7 @@ module linkdyn_forward_record
     use linkdyn_base_motion, only: evaluate_base
     use linkdyn_carried_assembly, only: carried_assembly, leaves_doubt
     use linkdyn_constants, only: two_pi
+    use linkdyn_contact, only: contact_type
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equations, only: unknown_choice, choose_poses
@@ -19,12 +20,13 @@ module linkdyn_forward_record
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_rate_program, only: rate_outputs
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, &
-        free_rate_samples, run_rates
-    use linkdyn_scene, only: drive_spring_damper, drive_inverse, measure_joint
+        free_rate_samples, run_rates, apply_laws
+    use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
+    use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
-    public :: place_states, run_states, may_change_assembly
+    public :: place_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
 
     !> A record, and the samples of one run.
     type :: forward_record
@@ -40,8 +42,8 @@ module linkdyn_forward_record
 
 contains
 
-    !> May the scene have a record? Attitudes must come all in the same way, and no coordinate stand in for another one,
-    !> whose turns a record does not count.
+    !> May the scene have a record? Attitudes must come all in the same way, no coordinate stand in for another one,
+    !> whose turns a record does not count; motors that laws are about must drive coordinates.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
@@ -49,6 +51,7 @@ contains
 
         can_be_recorded = size(model%group) == 0 .and. all(model%scene%coordinate%for_joint == 0) &
                           .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
+        can_be_recorded = can_be_recorded .and. motors_can_be_recorded(model, layout)
         do i = 1, size(model%step)
             if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
             can_be_recorded = can_be_recorded .and. layout%quaternion(model%step(i)%first) == 0
@@ -218,8 +221,11 @@ contains
             law = 0
             do i = 1, model%n_actuator
                 associate (drive => model%scene%actuator(i)%drive)
-                    if (follows_target(drive) .or. (is_given(drive) .and. drive%kind /= drive_inverse)) &
+                    if (drive%kind == drive_constant) then
+                        law(1, i) = drive%value(1)     ! of a motor, else nobody asks
+                    else if (follows_target(drive) .or. (is_given(drive) .and. drive%kind /= drive_inverse)) then
                         call evaluate_law(drive%target, t(lane), law(1, i), law(2, i), rate2)
+                    end if
                 end associate
             end do
             do k = 1, model%n_q
@@ -273,17 +279,37 @@ contains
         end associate
     end function may_change_assembly
 
-    !> Run the first n states; asks `samples%is_left` which do not count.
-    subroutine run_states(n, record, acceleration, work, supplied)
+    !> Values of laws over the state where the record takes them; driving forces are then what laws give.
+    subroutine apply_record_laws(n, record)
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
+
+        call apply_laws(record%recorded, n, record%samples)
+    end subroutine apply_record_laws
+
+    !> What transmissions lose is taken off the driving forces.
+    subroutine settle_record_losses(model, lossy, contact, n, record)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: lossy(:)
+        type(contact_type), intent(in) :: contact(:)
+        integer, intent(in) :: n
+        type(forward_record), intent(inout) :: record
+
+        if (size(lossy) > 0) call settle_losses(model, lossy, contact, record%recorded, n, record%samples)
+    end subroutine settle_record_losses
+
+    !> Run the first n states; asks `samples%is_left` which do not count.
+    subroutine run_states(n, record, acceleration, work, supplied, laws_are_there)
+        integer, intent(in) :: n
+        type(forward_record), intent(inout) :: record
+        logical, intent(in) :: laws_are_there                  !! `apply_record_laws` has been called
         real(wp), intent(inout) :: acceleration(:, :)          !! (lane, n_q); lanes beyond n are like lane n
         real(wp), intent(out), dimension(lanes) :: work, supplied    !! powers [W]
         type(rate_outputs) :: out
         integer :: k, lane(lanes)
 
         out = record%recorded%out
-        call run_rates(record%recorded, n, record%samples)
+        call run_rates(record%recorded, n, record%samples, laws_are_there)
         lane = [(min(k, n), k=1, lanes)]
         associate (found => record%samples%found)
             do k = 1, size(acceleration, 2)

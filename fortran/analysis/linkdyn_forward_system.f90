@@ -18,7 +18,7 @@ module linkdyn_forward_system
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, choose_poses, solver_elimination, solver_reduced
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
-        place_states, run_states, may_change_assembly
+        place_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
         pack_rates, read_coordinates
     use linkdyn_impacts, only: find_impacts
@@ -35,9 +35,10 @@ module linkdyn_forward_system
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
+    use linkdyn_motor_laws, only: torque_of_law, brake_torque, is_braked
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
-    use linkdyn_scene, only: drive_inverse, drive_over, n_event, n_stop
+    use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop
     use linkdyn_status, only: status_type, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
@@ -61,6 +62,11 @@ module linkdyn_forward_system
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
         type(motion_forces) :: of_motion
         real(wp), allocatable :: given_force(:)        !! in its place, by whoever steps the system (n_actuator); absent: nobody gives any
+        ! ---- laws at motors
+        real(wp), allocatable :: brake(:, :)           !! taken of motors' torques at the state evaluated last (lane, n_actuator) [N m]
+        real(wp), private :: t_braked(lanes) = 0       !! end of the accepted step: a brake that comes on there was off until then [s]
+        real(wp), allocatable, private :: switched(:, :)    !! last event that switched a brake (lane, n_actuator) [s]; -huge: none
+        logical, allocatable, private :: is_on(:, :)   !! since then (lane, n_actuator)
         ! ---- events and end stops
         type(model_type), pointer :: own => null()     !! with the coordinates that events are told in; null: model
         logical :: may_end = .true.                    !! an event that ends runs ends this one
@@ -134,7 +140,7 @@ contains
         if (.not. status%is_ok()) return
         stage_solver = solver
         if (solver == 0) stage_solver = fastest_solver(model, unknown)
-        call build_equations(model, stage_solver, .false., system%equations, status, unknown)
+        call build_equations(model, stage_solver, .false., system%equations, status, unknown, has_motor_laws=.true.)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, system%equations, system%workspace)
         system%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
@@ -148,6 +154,9 @@ contains
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         system%may_jump = size(model%scene%laws%law) > 0
         call prepare_events(model, system)
+        allocate (system%brake(lanes, model%n_actuator), source=0.0_wp)
+        allocate (system%switched(lanes, model%n_actuator), source=-huge(1.0_wp))
+        allocate (system%is_on(lanes, model%n_actuator), source=.false.)
         if (.not. any(system%by_inverse) .or. allocated(system%given_force)) return
         if (present(motion_model)) then
             call plan_motion_forces(motion_model, system%of_motion, status)
@@ -220,6 +229,7 @@ contains
 
         solver = solver_elimination
         if (.not. all(unknown%acceleration) .or. size(model%contact) > 0) return     ! friction comes from reactions
+        if (any(model%scene%actuator%drive%side /= side_joint)) return
         ! Where a plan fails, near a change point, the dense solver of a long chain would take 100 times as long.
         if (any(model%leg%is_carried) .or. model%n_link > many*model%n_q) solver = solver_reduced
     end function fastest_solver
@@ -232,6 +242,7 @@ contains
         measures_joints = size(model%scene%laws%law) > 0
         do i = 1, model%n_actuator
             associate (spec => model%scene%actuator(i))
+                measures_joints = measures_joints .or. spec%drive%side /= side_joint
                 measures_joints = measures_joints .or. (needs_motion(spec%drive) .and. model%joint(spec%joint)%leg == 0 &
                                                         .and. coordinate_of_actuator(model, i) == 0)
             end associate
@@ -246,6 +257,7 @@ contains
 
         call begin_assembly(self%model, t, self%assembly)
         self%t_accepted = t
+        self%t_braked = t
         call begin_motion_forces(t, self%of_motion)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
         if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
@@ -262,6 +274,8 @@ contains
         self%assembly%n_crossed = other%assembly%n_crossed
         call go_on_from(other%of_motion, self%of_motion)
         self%own => other%own
+        self%switched = other%switched
+        self%is_on = other%is_on
         self%may_end = other%may_end
         self%log = other%log
         if (self%n_guard > 0) then
@@ -306,6 +320,7 @@ contains
         logical, intent(in) :: is_accepted(lanes)
 
         self%n_accepted = self%n_accepted + 1
+        where (is_accepted) self%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
@@ -437,6 +452,7 @@ contains
                     call evaluate_drive(model, k, t, workspace%state, workspace%driving_force(:, k))
                 end if
             end do
+            if (any(model%scene%actuator%drive%side /= side_joint)) call drive_by_motors(self, t)
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self)) call hold_at_stops(self, t, y)
@@ -453,6 +469,82 @@ contains
             where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
         end associate
     end subroutine evaluate_on_lanes
+
+    !> The same in a record's samples, whose states are placed; what is lost is taken off.
+    subroutine drive_record_by_motors(self, n, t)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: n
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp) :: speed, braked
+        integer :: i, k, lane
+
+        call apply_record_laws(n, self%record)
+        do i = 1, self%model%n_actuator
+            associate (drive => self%model%scene%actuator(i)%drive, motor => self%model%scene%actuator(i)%motor)
+                if (self%equations%unknown%drive(i) .or. drive%side == side_joint) cycle
+                k = coordinate_of_actuator(self%model, i)
+                do lane = 1, n
+                    associate (effort => self%record%samples%effort(i, lane))
+                        speed = motor%ratio*self%record%samples%qd(k, lane)
+                        braked = 0
+                        if (motor%brake%is_given) then
+                            if (is_braked(motor%brake, min(t(lane), self%t_braked(lane)), self%switched(lane, i), &
+                                          self%is_on(lane, i))) braked = brake_torque(motor, speed)
+                        end if
+                        effort = motor%ratio*(torque_of_law(motor, drive%side, effort, speed) - braked)
+                    end associate
+                end do
+            end associate
+        end do
+        associate (lossy => self%equations%lossy, rub => self%equations%rub)
+            call settle_record_losses(self%model, lossy, rub(size(rub) - size(lossy) + 1:), n, self%record)
+        end associate
+    end subroutine drive_record_by_motors
+
+    !> What motors give at their joint variables, where laws are about them, less what brakes take of it.
+    subroutine drive_by_motors(self, t)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp) :: speed(lanes)
+        integer :: i
+
+        associate (model => self%model, workspace => self%workspace)
+            call actuator_rates(model, workspace%state, workspace%driving_rate)
+            do i = 1, model%n_actuator
+                associate (drive => model%scene%actuator(i)%drive, motor => model%scene%actuator(i)%motor, &
+                           force => workspace%driving_force(:, i))
+                    if (self%equations%unknown%drive(i) .or. drive%side == side_joint) cycle
+                    speed = motor%ratio*workspace%driving_rate(:, i)
+                    if (motor%brake%is_given) then
+                        self%brake(:, i) = 0
+                        where (is_braked(motor%brake, min(t, self%t_braked), self%switched(:, i), self%is_on(:, i))) &
+                            self%brake(:, i) = brake_torque(motor, speed)
+                    end if
+                    force = motor%ratio*(torque_of_law(motor, drive%side, force, speed) - self%brake(:, i))
+                end associate
+            end do
+            workspace%motor_force = workspace%driving_force
+        end associate
+    end subroutine drive_by_motors
+
+    !> An event switches the brakes that wait for it.
+    subroutine switch_brakes(self, lane, event, t, has_changed)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: lane, event
+        real(wp), intent(in) :: t                      !! [s]
+        logical, intent(inout) :: has_changed
+        integer :: i
+
+        do i = 1, self%model%n_actuator
+            associate (brake => self%model%scene%actuator(i)%motor%brake)
+                if (.not. brake%is_given .or. .not. any([brake%from_event, brake%until_event] == event)) cycle
+                self%is_on(lane, i) = brake%from_event == event
+                self%switched(lane, i) = t
+                self%t_braked(lane) = t
+                has_changed = .true.
+            end associate
+        end do
+    end subroutine switch_brakes
 
     !> Motion of the state evaluated last in the workspace.
     subroutine catch_up(self)
@@ -506,8 +598,10 @@ contains
         logical, intent(out) :: is_left(lanes)         !! that the record does not serve
         real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator)
         integer :: lane, n
+        logical :: has_motor_laws
 
         n = self%n_used
+        has_motor_laws = any(self%model%scene%actuator%drive%side /= side_joint)
         inverse_force = 0
         if (self%of_motion%is_needed) then
             call find_motion_forces(t, n, self%of_motion)
@@ -522,7 +616,9 @@ contains
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
-            call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), rate(:, self%layout%supplied))
+            if (has_motor_laws) call drive_record_by_motors(self, n, t)
+            call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), &
+                            rate(:, self%layout%supplied), laws_are_there=has_motor_laws)
             if (self%assembly%is_needed) then
                 do lane = 1, n
                     samples%is_left(lane) = samples%is_left(lane) &
@@ -860,6 +956,7 @@ contains
                         is_over(lane) = is_over(lane) .or. (event%ends_run .and. self%may_end)
                         if (event%ends_run .and. self%may_end) self%final_event(lane) = i
                         call note(merge(kind_end, kind_crossing, event%ends_run))
+                        call switch_brakes(self, lane, i, t(lane), has_changed(lane))
                     else if (.not. self%model%scene%stop(event%stop)%is_hard) then
                         call note(merge(kind_contact, kind_release, self%guard_side(lane, i) > 0))
                         has_changed(lane) = .true.

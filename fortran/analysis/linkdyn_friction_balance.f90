@@ -73,7 +73,7 @@ contains
                 force = pressures(amount)
                 right = part*factor*force - amount
                 do i = 1, size(contact)
-                    felt = pressing_slope(press(:, i) + matmul(slope(:, i, :), amount))
+                    felt = pressing_slope(contact(i), press(:, i) + matmul(slope(:, i, :), amount))
                     do k = 1, size(contact)
                         matrix(i, k) = merge(1.0_wp, 0.0_wp, i == k) - part*factor(i)*dot_product(felt, slope(:, i, k))
                     end do

@@ -24,7 +24,7 @@ module linkdyn_generate
     use linkdyn_recorded_forces, only: prepare_forces
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, dim_joint, &
         dim_component, dim_variable
-    use linkdyn_scene, only: axes_link, drive_inverse, law_none, has_hard_stops
+    use linkdyn_scene, only: axes_link, drive_inverse, law_none, side_joint, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted, join
     implicit none (type, external)
@@ -467,7 +467,7 @@ contains
             new%place = width*(new%place - 1) + item
             do i = 1, model%n_actuator
                 associate (drive => model%scene%actuator(i)%drive)
-                    if (drive%kind == drive_inverse .or. drive%target%kind == law_none) cycle
+                    if (drive%kind == drive_inverse .or. drive%target%kind == law_none .or. drive%side /= side_joint) cycle
                     if (is_given(drive) .neqv. block == in_effort) cycle
                     call evaluate_law(drive%target, model%scene%time%first, of_law(1), of_law(2), of_law(3))
                     new%start(i) = of_law(item)

@@ -12,19 +12,22 @@ module linkdyn_results
         result_reaction_error, result_kinetic_energy, result_potential_energy, result_work, result_closure, result_step, &
         result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly, result_q_error, &
         result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power, &
-        result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
+        result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
+        result_transmission_loss, result_torque_margin, result_brake_torque
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
-    use linkdyn_motor_loads, only: motor_torque
-    use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding
+    use linkdyn_motor_laws, only: available_torque
+    use linkdyn_motor_loads, only: motor_torque, transmission_friction
+    use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding, &
+        side_joint, has_limits
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     implicit none (type, external)
     private
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
     public :: describe_results, choose_wanted, all_wanted, add_free, prepare_block, view_values, find_driving_power, flag_unsound
-    public :: find_motor_loads, view_motor_loads
+    public :: find_motor_loads, view_motor_loads, margin_of
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
@@ -36,6 +39,7 @@ module linkdyn_results
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_friction, result_friction_power
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
+    public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -249,6 +253,8 @@ contains
             "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
+        if (present(is_forward)) layout%motor%creeps = is_forward &
+            .and. scene%actuator(layout%motor_actuator)%drive%side /= side_joint
         call describe_components(scene, layout)
         call describe_coordinates(scene, layout)
         allocate (layout%dimension(dim_dyad)%label(0))
@@ -260,7 +266,7 @@ contains
         if (wanted%friction .and. allocated(scene%friction)) then
             if (size(scene%friction) > 0) call describe_friction(layout)
         end if
-        if (wanted%motor) call describe_motors(layout)
+        if (wanted%motor) call describe_motors(is_run, layout)
         if (present(follows_assembly)) then
             if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
                 "how the assembly of the sample was found", "1", flag=reached_name)
@@ -405,7 +411,8 @@ contains
     end subroutine describe_variables
 
     !> What scenes with motors have.
-    subroutine describe_motors(layout)
+    subroutine describe_motors(is_run, layout)
+        logical, intent(in) :: is_run                !! of forward dynamics, in which brakes act
         type(layout_type), intent(inout) :: layout
 
         call add(layout, result_transmission_force, "transmission_force", &
@@ -414,8 +421,14 @@ contains
         call add(layout, result_motor_torque, "motor_torque", "torque of the motor", "N m", of=[dim_motor])
         call add(layout, result_motor_speed, "motor_speed", "speed of the motor", "rad/s", of=[dim_motor])
         call add(layout, result_motor_power, "motor_power", "power of the motor at its shaft", "W", of=[dim_motor])
+        call add(layout, result_transmission_loss, "transmission_loss", "power that gear or screw lose", "W", of=[dim_motor])
         if (any(layout%motor%torque_constant > 0)) &
             call add(layout, result_motor_current, "motor_current", "current of the motor", "A", of=[dim_motor])
+        if (any(has_limits(layout%motor))) call add(layout, result_torque_margin, "torque_margin", &
+            "what the motor has at its speed beyond its torque; below zero its limits are exceeded", "N m", of=[dim_motor])
+        if (is_run .and. any(layout%motor%brake%is_given)) &
+            call add(layout, result_brake_torque, "brake_torque", "what the brake takes of the motor's torque", "N m", &
+                of=[dim_motor])
     end subroutine describe_motors
 
     !> What scenes with friction have.
@@ -666,26 +679,46 @@ contains
     end subroutine find_driving_power
 
     !> What the motors give, in a block whose driving forces, transmission forces and joint rates are known.
-    subroutine view_motor_loads(layout, driving_force, transmission_force, joint_rate, n, block)
+    subroutine view_motor_loads(layout, driving_force, transmission_force, joint_rate, n, block, brake)
         type(layout_type), intent(in) :: layout
         real(wp), pointer, contiguous, intent(in) :: driving_force(:, :)       !! [N, N m] (n_actuator, samples)
         real(wp), pointer, contiguous, intent(in) :: transmission_force(:, :)  !! [N, N m] (n_motor, samples); null: nothing is told
         real(wp), pointer, contiguous, intent(in) :: joint_rate(:, :)          !! [m/s, rad/s] (n_variable, samples)
         integer, intent(in) :: n                       !! samples of the block
         type(block_type), intent(in), target :: block
-        real(wp), pointer :: torque(:, :), speed(:, :), power(:, :), current(:, :)
+        real(wp), intent(in), optional :: brake(:, :)  !! what brakes take of the torques [N m] (n_motor, samples); absent: nothing
+        real(wp), pointer :: torque(:, :), speed(:, :), power(:, :), loss(:, :), current(:, :), margin(:, :)
 
         if (.not. associated(transmission_force)) return
         call view_values(layout, result_motor_torque, n, block, torque)
         call view_values(layout, result_motor_speed, n, block, speed)
         call view_values(layout, result_motor_power, n, block, power)
+        call view_values(layout, result_transmission_loss, n, block, loss)
         call view_values(layout, result_motor_current, n, block, current)
-        call find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power)
+        call view_values(layout, result_torque_margin, n, block, margin)
+        call find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power, loss)
+        if (present(brake)) then
+            torque = torque + brake
+            power = torque*speed
+        end if
         if (associated(current)) current = torque/spread(layout%motor%torque_constant, 2, size(torque, 2))
+        if (associated(margin)) margin = margin_of(layout, torque, speed)
     end subroutine view_motor_loads
 
-    !> Torque, speed and power of the motors.
-    pure subroutine find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power)
+    !> What motors have at their speeds beyond their torques.
+    pure function margin_of(layout, torque, speed) result(margin)
+        type(layout_type), intent(in) :: layout
+        real(wp), intent(in) :: torque(:, :), speed(:, :)    !! (n_motor, n)
+        real(wp) :: margin(size(torque, 1), size(torque, 2)) !! [N m]
+        integer :: i
+
+        do i = 1, size(torque, 2)
+            margin(:, i) = available_torque(layout%motor, speed(:, i)) - abs(torque(:, i))
+        end do
+    end function margin_of
+
+    !> Torque, speed and power of the motors, and what is lost behind them.
+    pure subroutine find_motor_loads(layout, driving_force, transmission_force, joint_rate, torque, speed, power, loss)
         type(layout_type), intent(in) :: layout
         real(wp), intent(in) :: driving_force(:, :)    !! [N, N m] (n_actuator, n)
         real(wp), intent(in) :: transmission_force(:, :)   !! [N, N m] (n_motor, n)
@@ -693,6 +726,7 @@ contains
         real(wp), intent(out) :: torque(:, :)          !! [N m] (n_motor, n)
         real(wp), intent(out) :: speed(:, :)           !! [rad/s]
         real(wp), intent(out) :: power(:, :)           !! [W]
+        real(wp), intent(out) :: loss(:, :)            !! [W]
         real(wp) :: rate(size(layout%motor))
         integer :: i
 
@@ -701,6 +735,7 @@ contains
             torque(:, i) = motor_torque(layout%motor, driving_force(layout%motor_actuator, i), transmission_force(:, i), rate)
             speed(:, i) = layout%motor%ratio*rate
             power(:, i) = torque(:, i)*speed(:, i)
+            loss(:, i) = transmission_friction(layout%motor, transmission_force(:, i), rate)*rate
         end do
     end subroutine find_motor_loads
 

@@ -112,6 +112,7 @@ contains
         type(status_type), intent(inout) :: status
         real(wp), parameter :: breath = 0.25_wp        !! [s]
         real(wp), allocatable :: y_end(:, :)
+        real(wp) :: piece_end
 
         if (.not. allocated(self%integrator)) then
             call fail(status, status_bad_input, "the simulator stands nowhere since it could not be set (expected that it is set)")
@@ -127,13 +128,35 @@ contains
             call self%integrator%reset()
         end if
         call self%integrator%pause%set(breath)
-        if (self%options%method == method_rk4) then
-            call self%integrator%advance(self%system, t_end, self%y, y_end)
-        else
-            call self%integrator%advance(self%system, t_end, self%y, y_end, t_kink=t_end)
-        end if
+        do
+            piece_end = next_switching(self%model, self%integrator%t, t_end)
+            if (self%options%method == method_rk4) then
+                call self%integrator%advance(self%system, piece_end, self%y, y_end)
+            else
+                call self%integrator%advance(self%system, piece_end, self%y, y_end, t_kink=piece_end)
+            end if
+            if (.not. piece_end < t_end .or. self%integrator%t < piece_end) exit
+            if (any(self%integrator%failed) .or. self%integrator%is_lost) exit
+            call self%integrator%reset()
+        end do
         if (any(self%integrator%failed) .or. self%integrator%is_lost) call refuse_to_go_on(self, status)
     end subroutine step
+
+    !> The first instant at which a brake comes on or off, or the end of the step.
+    pure real(wp) function next_switching(model, t, t_end) result(next)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: t, t_end               !! [s]
+        real(wp), parameter :: close = 1.0e-14_wp       !! that is the instant, written in other digits
+        integer :: i
+
+        next = t_end
+        do i = 1, model%n_actuator
+            associate (brake => model%scene%actuator(i)%motor%brake)
+                if (brake%from > t + close*abs(t) .and. brake%from < next) next = brake%from
+                if (brake%until > t + close*abs(t) .and. brake%until < next) next = brake%until
+            end associate
+        end do
+    end function next_switching
 
     subroutine refuse_to_go_on(self, status)
         type(simulator_type), intent(inout) :: self

@@ -7,7 +7,7 @@ module linkdyn_sweep
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_scene, only: scene_type, put_file_first
+    use linkdyn_scene, only: scene_type, put_file_first, has_limits
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_sweep_chunk, only: reduce_chunk, kept_chunk, ready_design
     use linkdyn_sweep_design, only: sweep_design, open_design, close_design
@@ -17,6 +17,7 @@ module linkdyn_sweep
     use linkdyn_sweep_source, only: design_source
     use linkdyn_sweep_spec, only: sweep_spec, quantity_name, quantity_driving_power, quantity_determinant, quantity_swing, &
         quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
+        quantity_torque_margin, &
         quantity_clearance, quantity_force_amplification, quantity_moment_amplification
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, join_totals, first_bound
     use linkdyn_text, only: to_text, quoted
@@ -105,8 +106,8 @@ contains
         type(sweep_run), intent(in) :: run
         type(status_type), intent(inout) :: status
         integer, parameter :: amplification(2) = [quantity_force_amplification, quantity_moment_amplification]
-        integer, parameter :: of_motors(4) = [quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
-                                            quantity_motor_current]
+        integer, parameter :: of_motors(5) = [quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
+                                            quantity_motor_current, quantity_torque_margin]
         integer :: i
 
         associate (place => run%row%place)
@@ -118,6 +119,10 @@ contains
             if (place(quantity_motor_current) > 0 .and. status%is_ok()) then
                 if (.not. any(run%scene%actuator%motor%torque_constant > 0)) &
                     call refuse_quantity(run, quantity_motor_current, "no 'torque_constant' of a drive", status)
+            end if
+            if (place(quantity_torque_margin) > 0 .and. status%is_ok()) then
+                if (.not. any(has_limits(run%scene%actuator%motor))) &
+                    call refuse_quantity(run, quantity_torque_margin, "no limit of a drive", status)
             end if
             if (place(quantity_swing) > 0) then
                 if (run%row%quantity(place(quantity_swing))%n == 0) &

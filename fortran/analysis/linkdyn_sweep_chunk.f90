@@ -12,6 +12,7 @@ module linkdyn_sweep_chunk
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_pose_measures, only: measure_poses, belongs_to_pose
+    use linkdyn_motor_laws, only: available_torque
     use linkdyn_motor_loads, only: motor_torque
     use linkdyn_status, only: sample_ok, sample_undefined
     use linkdyn_sweep_design, only: sweep_design, sample_batch, open_design
@@ -22,7 +23,8 @@ module linkdyn_sweep_chunk
     use linkdyn_sweep_spec, only: sweep_spec, bound_spec, axis_coordinate, axis_rate, axis_acceleration, axis_load, axis_time, &
         quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
         quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable, quantity_joint_rate, &
-        quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, needs_forces
+        quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
+        quantity_torque_margin, needs_forces
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, reduce_samples, join_totals, &
         code_feasible, code_no_model, first_bound
     implicit none (type, external)
@@ -364,7 +366,8 @@ contains
                     value = of%driving_force(:, s)
                 case (quantity_driving_power)
                     value = of%driving_force(:, s)*of%driving_speed(:, s)
-                case (quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current)
+                case (quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
+                      quantity_torque_margin)
                     value = motor_load(id, s)
                 case (quantity_reaction)
                     n_component = size(of%reaction, 1)
@@ -406,6 +409,8 @@ contains
                         load(i) = torque*speed
                     case (quantity_motor_current)
                         load(i) = torque/spec(a)%motor%torque_constant
+                    case (quantity_torque_margin)
+                        load(i) = available_torque(spec(a)%motor, speed) - abs(torque)
                     end select
                 end associate
             end do

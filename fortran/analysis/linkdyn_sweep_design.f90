@@ -16,7 +16,7 @@ module linkdyn_sweep_design
     use linkdyn_sweep_spec, only: sweep_spec, axis_time, needs_forces, quantity_driving_force, quantity_driving_position, &
         quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, quantity_reaction_moment, &
         quantity_joint_variable, quantity_joint_rate, quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
-        quantity_motor_current
+        quantity_motor_current, quantity_torque_margin
     use linkdyn_text, only: quoted
     implicit none (type, external)
     private
@@ -213,7 +213,7 @@ contains
             allocate (design%of_forces%status(n))
             if (.not. is_apart) call add_motion(row, model, n, design%of_forces)
             wants_motors = any(row%place([quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
-                                          quantity_motor_current]) > 0)
+                                          quantity_motor_current, quantity_torque_margin]) > 0)
             if (wants_motors) allocate (design%of_forces%transmission_force(size(model%motor), n))
             if ((row%place(quantity_driving_power) > 0 .or. wants_motors) .and. .not. associated(design%of_forces%driving_speed)) &
                 allocate (design%of_forces%driving_speed(model%n_actuator, n))

@@ -9,7 +9,7 @@ module linkdyn_sweep_quantities
         quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable, quantity_joint_rate, &
         quantity_force_amplification, quantity_moment_amplification, quantity_condition, quantity_determinant, &
         quantity_swing, quantity_clearance, quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
-        quantity_motor_current
+        quantity_motor_current, quantity_torque_margin
     implicit none (type, external)
     private
     public :: quantity_type, quantity_row, describe_quantity, make_row
@@ -116,6 +116,9 @@ contains
             case (quantity_motor_current)
                 call take("motor", motor%label, spread("A       ", 1, motor%size))
                 quantity%long_name = "current of the motor"
+            case (quantity_torque_margin)
+                call take("motor", motor%label, spread("N m     ", 1, motor%size))
+                quantity%long_name = "what the motor has beyond its torque"
             case (quantity_clearance)
                 call take_scalar("m")
                 quantity%long_name = "smallest gap between legs"

@@ -15,9 +15,10 @@ module linkdyn_inverse_call
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
         result_transmission_angle, result_growth, result_assembly, result_friction, result_friction_power, &
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
+        result_transmission_loss, result_torque_margin, margin_of, &
         find_motor_loads
     use linkdyn_roads, only: road_counts
-    use linkdyn_scene, only: scene_type, takes_time, payload_changes
+    use linkdyn_scene, only: scene_type, takes_time, payload_changes, has_limits
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
     use linkdyn_text, only: to_text, quoted
     use linkdyn_turns, only: turn_count
@@ -27,16 +28,17 @@ module linkdyn_inverse_call
         check_count
 
     !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
-    integer, parameter :: n_room = 22
+    integer, parameter :: n_room = 24
     integer, parameter :: room_id(n_room) = [result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, result_singularity_distance, &
         result_error, result_driving_force_error, result_reaction_error, result_transmission_angle, result_growth, &
         result_assembly, result_friction, result_friction_power, result_transmission_force, result_motor_torque, &
-        result_motor_speed, result_motor_power, result_motor_current]
+        result_motor_speed, result_motor_power, result_transmission_loss, result_motor_current, result_torque_margin]
     character(len=20), parameter :: room_name(n_room) = [character(len=20) :: "driving_force", "driving_speed", "driving_power", &
         "reaction", "joint_variable", "joint_rate", "power_imbalance", "rcond", "singularity_distance", "error", &
         "driving_force_error", "reaction_error", "transmission_angle", "growth", "assembly", &
-        "friction", "friction_power", "transmission_force", "motor_torque", "motor_speed", "motor_power", "motor_current"]
+        "friction", "friction_power", "transmission_force", "motor_torque", "motor_speed", "motor_power", &
+        "transmission_loss", "motor_current", "torque_margin"]
 
     !> Where a result goes; null: it is not wanted.
     type :: room_type
@@ -65,8 +67,10 @@ contains
             width = model%n_component*model%n_joint
         case (result_joint_variable, result_joint_rate)
             width = model%n_variable
-        case (result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power)
+        case (result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_transmission_loss)
             width = size(model%motor)
+        case (result_torque_margin)
+            width = count(has_limits(model%scene%actuator%motor))
         case (result_motor_current)
             width = count(model%scene%actuator%motor%torque_constant > 0)
         case (result_friction)
@@ -179,15 +183,17 @@ contains
         !> What follows of the motors.
         subroutine give_motor_loads(n_motor)
             integer, intent(in) :: n_motor
-            real(c_double), allocatable :: torque(:, :), speed(:, :), power(:, :), of_constant(:, :)
+            real(c_double), allocatable :: torque(:, :), speed(:, :), power(:, :), loss(:, :), of_constant(:, :)
 
-            allocate (torque(n_motor, n), speed(n_motor, n), power(n_motor, n))
+            allocate (torque(n_motor, n), speed(n_motor, n), power(n_motor, n), loss(n_motor, n))
             call find_motor_loads(scene%layout, results%driving_force, results%transmission_force, results%joint_rate, torque, &
-                                  speed, power)
+                                  speed, power, loss)
             of_constant = spread(scene%layout%motor%torque_constant, 2, n)
             call give(result_motor_torque, torque)
             call give(result_motor_speed, speed)
             call give(result_motor_power, power)
+            call give(result_transmission_loss, loss)
+            if (is_wanted(result_torque_margin)) call give(result_torque_margin, margin_of(scene%layout, torque, speed))
             if (is_wanted(result_motor_current)) call give(result_motor_current, torque/of_constant)
             where (sample_status == sample_ok .and. .not. all(abs(power) + abs(torque) <= huge(1.0_c_double), dim=1)) &
                 sample_status = sample_undefined
@@ -217,7 +223,8 @@ contains
     pure logical function is_motor_load(id)
         integer, intent(in) :: id                        !! one of `room_id`
 
-        is_motor_load = any(id == [result_motor_torque, result_motor_speed, result_motor_power, result_motor_current])
+        is_motor_load = any(id == [result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
+                                   result_transmission_loss, result_torque_margin])
     end function is_motor_load
 
     !> Have the engine write into the rooms.

@@ -8,14 +8,15 @@ module linkdyn_drives
     use linkdyn_laws, only: evaluate_law
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_spec, law_spec, drive_inverse, drive_constant, drive_table, &
-        drive_spring_damper, drive_dc_motor, drive_pd, drive_over
+        drive_spring_damper, drive_dc_motor, drive_pd, drive_over, side_torque, side_voltage
     implicit none (type, external)
     private
     public :: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
 
 contains
 
-    !> Driving force of actuator i, for every law but `inverse`. Laws over the state have their values there.
+    !> What the law of actuator i gives, for every law but `inverse`: its driving force, or what is told by `side`. Laws over the state
+    !> have their values there.
     subroutine evaluate_drive(model, i, t, state, force)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i
@@ -50,13 +51,20 @@ contains
         end associate
     end subroutine evaluate_drive
 
-    !> Of a similar mechanism: its force over that of a law, or its torque.
+    !> Of a similar mechanism: its force over that of a law, or its torque. A voltage is to its torque constant as its speed is to one.
     pure real(wp) function effort_scale(model, i) result(scale)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i
 
         associate (spec => model%scene%actuator(i))
-            scale = model%scene%laws%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
+            select case (spec%drive%side)
+            case (side_torque)
+                scale = model%scene%laws%scale**2
+            case (side_voltage)
+                scale = model%scene%laws%scale
+            case default
+                scale = model%scene%laws%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
+            end select
         end associate
     end function effort_scale
 

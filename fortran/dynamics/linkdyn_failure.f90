@@ -66,9 +66,17 @@ contains
     !> Which joint holds the mechanism fast.
     function lock_in_words(model, contact) result(text)
         type(model_type), intent(in) :: model
-        integer, intent(in) :: contact                   !! that is pressed most
+        integer, intent(in) :: contact                   !! that is pressed most; beyond the contacts: a motor
         character(len=:), allocatable :: text
 
+        if (contact > size(model%contact)) then
+            associate (motor => model%motor(contact - size(model%contact)))
+                text = "actuator "//quoted(model%scene%actuator(motor%actuator)%name)//" jams: what its transmission loses " &
+                       //"grows with the force that it takes to stop its load, without end (expected more 'rotor_inertia', " &
+                       //"or a higher 'back_efficiency')"
+            end associate
+            return
+        end if
         text = "joint "//quoted(model%joint(model%contact(contact)%joint)%name) &
                //" locks: its friction grows with the forces that it takes to overcome it, without end"
     end function lock_in_words

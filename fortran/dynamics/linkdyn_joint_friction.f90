@@ -1,7 +1,7 @@
 !> Friction in joints, on lanes: how contacts slide, what presses them, and the wrenches that come of it. See `linkdyn_contact`.
 module linkdyn_joint_friction
     use linkdyn_applied_wrenches, only: apply_force, apply_moment
-    use linkdyn_contact, only: n_press, friction_of_speed, pressing, form_pin, form_collar, form_ball, form_guide, &
+    use linkdyn_contact, only: contact_type, n_press, friction_of_speed, pressing, form_pin, form_collar, form_ball, form_guide, &
         form_bush, form_thread, form_plate
     use linkdyn_joint_rates, only: joint_view, view_joint
     use linkdyn_kinds, only: wp
@@ -28,24 +28,24 @@ module linkdyn_joint_friction
         real(wp) :: factor(lanes)              !! friction over pressing force and speed (`friction_of_speed`) [s/m]
     end type contact_view
 
-    !> All contacts of a mechanism on a block of lanes.
+    !> All contacts of a mechanism on a block of lanes, then drives that lose some of what they transmit.
     type :: friction_space
-        type(contact_view), allocatable :: at(:)           !! (contact)
+        type(contact_view), allocatable :: at(:)           !! (contact); of drives their factor alone
         real(wp), allocatable :: press(:, :, :)            !! what they feel (lane, n_press, contact) [N]
-        real(wp), allocatable :: amount(:, :)              !! friction over the speed of the surfaces (lane, contact) [N s/m]
+        real(wp), allocatable :: amount(:, :)              !! friction over the speed of the surfaces [N s/m]; of drives
+                                                           !! friction at the joint variable [N, N m] (lane, contact)
         real(wp), allocatable :: reaction(:, :, :)         !! (lane, n_component, n_joint) [N, N m]
     end type friction_space
 
 contains
 
-    subroutine prepare_friction(model, space)
+    subroutine prepare_friction(model, n, space)
         type(model_type), intent(in) :: model
+        integer, intent(in) :: n                           !! contacts and drives
         type(friction_space), intent(out) :: space
 
-        associate (n => size(model%contact))
-            allocate (space%at(n), space%press(lanes, n_press, n), space%amount(lanes, n), &
-                      space%reaction(lanes, model%n_component, model%n_joint))
-        end associate
+        allocate (space%at(n), space%press(lanes, n_press, n), space%amount(lanes, n), &
+                  space%reaction(lanes, model%n_component, model%n_joint))
         space%press = 0
         space%amount = 0
         space%reaction = 0
@@ -194,15 +194,15 @@ contains
     end subroutine set_end
 
     !> The forces that press.
-    pure subroutine pressing_forces(model, space, force)
-        type(model_type), intent(in) :: model
+    pure subroutine pressing_forces(contact, space, force)
+        type(contact_type), intent(in) :: contact(:)   !! those of the space
         type(friction_space), intent(in) :: space
         real(wp), intent(out) :: force(:, :)           !! (lane, contact) [N]
         integer :: i, lane
 
-        do i = 1, size(model%contact)
+        do i = 1, size(contact)
             do lane = 1, lanes
-                force(lane, i) = pressing(model%contact(i), space%press(lane, :, i))
+                force(lane, i) = pressing(contact(i), space%press(lane, :, i))
             end do
         end do
     end subroutine pressing_forces

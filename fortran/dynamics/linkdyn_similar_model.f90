@@ -11,7 +11,7 @@ module linkdyn_similar_model
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length
     use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
-        law_harmonic
+        law_harmonic, motor_spec, side_torque, side_voltage
     implicit none (type, external)
     private
     public :: make_similar, coordinate_scale, drive_scale, near_one
@@ -101,8 +101,9 @@ contains
             end associate
         end do
         do i = 1, model%n_actuator
-            call scale_drive(drive_scale(model, i, scale), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
+            call scale_drive(law_scale(model, i, scale), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
                              similar%scene%actuator(i)%drive)
+            call scale_motor(drive_scale(model, i, scale) == scale, scale, similar%scene%actuator(i)%motor)
         end do
         do i = 1, size(model%motor)
             associate (motor => similar%motor(i))
@@ -181,6 +182,37 @@ contains
             drive_scale = merge(scale, scale**2, is_slide(model%joint(actuator%joint)%told_kind, actuator%variable))
         end associate
     end function drive_scale
+
+    !> What the law of an actuator gives is multiplied by: a driving force, the torque of a motor, or a voltage.
+    pure real(wp) function law_scale(model, i, scale)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        real(wp), intent(in) :: scale
+
+        select case (model%scene%actuator(i)%drive%side)
+        case (side_torque)
+            law_scale = scale**2
+        case (side_voltage)
+            law_scale = scale
+        case default
+            law_scale = drive_scale(model, i, scale)
+        end select
+    end function law_scale
+
+    !> A motor turns as it did: of voltages and torque constants the torque is the product.
+    pure subroutine scale_motor(is_sliding, scale, motor)
+        logical, intent(in) :: is_sliding
+        real(wp), intent(in) :: scale                !! of lengths
+        type(motor_spec), intent(inout) :: motor
+
+        if (is_sliding) motor%ratio = motor%ratio/scale
+        motor%torque_constant = scale*motor%torque_constant
+        motor%largest_torque = scale**2*motor%largest_torque
+        motor%largest_power = scale**2*motor%largest_power
+        motor%largest_current = scale*motor%largest_current
+        if (allocated(motor%torque_curve%knot)) motor%torque_curve%knot = scale**2*motor%torque_curve%knot
+        motor%brake%torque = scale**2*motor%brake%torque
+    end subroutine scale_motor
 
     !> Does a spring turn a joint, so that its stiffness is a moment per angle?
     pure logical function is_angular(model, joint, variable)

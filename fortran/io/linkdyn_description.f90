@@ -299,7 +299,8 @@ contains
             text = "{"//pair("name", string(actuator%name))//","//pair("ratio", number(motor%ratio))//"," &
                    //pair("inertia", number(motor%inertia))//","//pair("efficiency", number(motor%efficiency))//"," &
                    //pair("back_efficiency", number(motor%back_efficiency))//"," &
-                   //pair("torque_constant", number(motor%torque_constant))//"}"
+                   //pair("torque_constant", number(motor%torque_constant))//"," &
+                   //pair("resistance", number(motor%resistance))//"}"
         end associate
     end function motor_object
 

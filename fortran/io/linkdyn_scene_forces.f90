@@ -5,10 +5,11 @@ module linkdyn_scene_forces
     use linkdyn_text, only: to_text, quoted
     use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
         joint_cylindrical, joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
-        drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over
+        drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over, side_joint, side_torque, &
+        side_voltage, has_limits
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
-        damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
+        damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance
     use linkdyn_scene_keys, only: scene_place, place_at, line_text, refuse, refuse_value, refuse_missing, allow_keys, counted, &
         get_quantity, get_name, get_word, get_text, require_table
     use linkdyn_scene_names, only: find_marker, find_joint, find_variable
@@ -23,8 +24,9 @@ module linkdyn_scene_forces
     private
     public :: read_actuators, read_loads, read_springs, read_stiffness
 
-    character(len=13), parameter :: drive_name(7) = [character(len=13) :: "inverse", "constant", "table", &
-        "spring-damper", "dc-motor", "pd", "formula"]
+    integer, parameter :: drive_voltage = 8        !! any law of the voltage at a motor; it is kept as the law that it is
+    character(len=13), parameter :: drive_name(8) = [character(len=13) :: "inverse", "constant", "table", &
+        "spring-damper", "dc-motor", "pd", "formula", "voltage"]
 
 contains
 
@@ -87,10 +89,12 @@ contains
         if (node%is_present()) call read_drive(place, node, scene%joint(actuator%joint)%kind, actuator, shelf, status)
         node = place%node%get("drive")
         if (status%is_ok() .and. node%is_present()) call read_motor_drive(place, node, scene%joint(actuator%joint)%kind, &
-            actuator%unit /= "N", actuator, status)
+            actuator%unit /= "N", shelf, actuator, status)
+        if (status%is_ok() .and. actuator%drive%side /= side_joint .and. .not. node%is_present()) call refuse_missing(place, &
+            "drive", "the motor that the law is about: { ratio = 50, .. }", status)
     end subroutine read_actuator
 
-    !> Currents are told of all motors or of none.
+    !> Currents and margins are told of all motors or of none.
     subroutine compare_motors(place, scene, i, status)
         type(scene_place), intent(in) :: place
         type(scene_type), intent(in) :: scene
@@ -101,9 +105,14 @@ contains
         if (.not. scene%actuator(i)%motor%is_given) return
         k = findloc(scene%actuator(:i - 1)%motor%is_given, .true., dim=1)
         if (k == 0) return
-        if ((scene%actuator(i)%motor%torque_constant > 0) .eqv. (scene%actuator(k)%motor%torque_constant > 0)) return
-        call refuse(place, "of its drive and that of actuator "//quoted(scene%actuator(k)%name)// &
-            " only one has a 'torque_constant' (expected all drives with one, or none)", status, scene%actuator(i)%motor%line)
+        if ((scene%actuator(i)%motor%torque_constant > 0) .neqv. (scene%actuator(k)%motor%torque_constant > 0)) then
+            call refuse(place, "of its drive and that of actuator "//quoted(scene%actuator(k)%name)// &
+                " only one has a 'torque_constant' (expected all drives with one, or none)", status, scene%actuator(i)%motor%line)
+        else if (has_limits(scene%actuator(i)%motor) .neqv. has_limits(scene%actuator(k)%motor)) then
+            call refuse(place, "of its drive and that of actuator "//quoted(scene%actuator(k)%name)// &
+                " only one has limits (expected all drives with one of 'torque_limit', 'current_limit', 'torque_curve', or "// &
+                "none)", status, scene%actuator(i)%motor%line)
+        end if
     end subroutine compare_motors
 
     !> Name and unit of an actuator follow from its joint variable.
@@ -137,17 +146,23 @@ contains
         effort = force_quantity(joint_kind, actuator%variable)
         is_angle = position%unit == "rad"
         associate (drive => actuator%drive)
+            call read_side(inner, drive, effort, status)
             select case (drive%kind)
             case (drive_inverse)
                 call allow_keys(inner, [character(len=4) :: "type"], status)
             case (drive_constant)
-                call allow_keys(inner, [character(len=5) :: "type", "value"], status)
+                call allow_keys(inner, [character(len=5) :: "type", "value", "at"], status)
                 call get_quantity(inner, "value", effort, drive%value(1), status)
             case (drive_table)
                 call read_driving_table(place, node, inner, effort, actuator%name, shelf, drive, status)
             case (drive_over)
-                call allow_keys(inner, [character(len=5) :: "type", "value"], status)
+                call allow_keys(inner, [character(len=5) :: "type", "value", "at"], status)
                 call read_driving_formula(inner, effort, shelf, drive, status)
+            case (drive_voltage)
+                call allow_keys(inner, [character(len=5) :: "type", "value"], status)
+                drive%kind = drive_over
+                drive%side = side_voltage
+                call read_driving_formula(inner, voltage, shelf, drive, status)
             case (drive_spring_damper)
                 call allow_keys(inner, [character(len=9) :: "type", "stiffness", "damping", "rest"], status)
                 call read_stiffness(inner, is_angle, drive%value(1:2), status)
@@ -163,6 +178,23 @@ contains
             end select
         end associate
     end subroutine read_drive
+
+    !> Does the law give the driving force, or the torque of the motor?
+    subroutine read_side(place, drive, effort, status)
+        type(scene_place), intent(in) :: place         !! of the law
+        type(drive_spec), intent(inout) :: drive
+        type(quantity_type), intent(inout) :: effort   !! what the law gives
+        type(status_type), intent(inout) :: status
+        integer :: choice
+        logical :: found
+
+        if (.not. any(drive%kind == [drive_constant, drive_table, drive_over])) return
+        choice = 1
+        call get_word(place, "at", [character(len=5) :: "joint", "motor"], choice, status, found)
+        if (choice == 1) return
+        drive%side = side_torque
+        effort = moment
+    end subroutine read_side
 
     !> A driving force from a table over time, or over the state.
     subroutine read_driving_table(place, node, inner, effort, usual_column, shelf, drive, status)
@@ -180,10 +212,10 @@ contains
         if (over%is_present()) then
             drive%kind = drive_over
             call allow_keys(inner, [character(len=13) :: "type", "table", "column", "over", "argument", "interpolation", &
-                "period"], status)
+                "period", "at"], status)
             call read_force_law(place, "law", node, effort, usual_column, shelf, drive%target, status)
         else
-            call allow_keys(inner, [character(len=13) :: "type", "table", "column", "time", "interpolation"], status)
+            call allow_keys(inner, [character(len=13) :: "type", "table", "column", "time", "interpolation", "at"], status)
             call read_force_table(inner, effort, usual_column, shelf, drive%target, status)
         end if
     end subroutine read_driving_table
@@ -199,7 +231,8 @@ contains
 
         if (.not. status%is_ok()) return
         node = place%node%get("value")
-        if (.not. node%is_present()) call refuse_missing(place, "value", "a formula of measures and laws", status)
+        if (.not. node%is_present()) call refuse_missing(place, "value", trim(effort%name)//" or a formula of measures and laws", &
+            status)
         if (.not. status%is_ok()) return
         call read_force_law(place, "value", node, effort, "", shelf, drive%target, status)
         if (.not. status%is_ok() .or. drive%target%kind == law_over) return

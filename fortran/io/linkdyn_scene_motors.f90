@@ -4,14 +4,16 @@ module linkdyn_scene_motors
     use linkdyn_joint_table, only: joint_screw
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, joint_kind_name, &
-        drive_dc_motor
+        drive_dc_motor, side_joint, side_voltage
+    use linkdyn_scene_brakes, only: read_brake
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
         require_table
-    use linkdyn_scene_laws, only: require_positive
+    use linkdyn_scene_laws, only: table_shelf, require_positive
+    use linkdyn_scene_motor_limits, only: read_motor_limits, read_positive
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
     use linkdyn_toml, only: toml_node
-    use linkdyn_units, only: quantity_type, plain_number, length, inertia, torque_per_current
+    use linkdyn_units, only: quantity_type, plain_number, length, inertia, torque_per_current, angular_rate, resistance
     implicit none (type, external)
     private
     public :: read_motor_drive
@@ -21,20 +23,23 @@ module linkdyn_scene_motors
 contains
 
     !> Motor and transmission.
-    subroutine read_motor_drive(place, node, joint_kind, is_angle, actuator, status)
+    subroutine read_motor_drive(place, node, joint_kind, is_angle, shelf, actuator, status)
         type(scene_place), intent(in) :: place         !! of the actuator
         type(toml_node), intent(in) :: node            !! the value of `drive`
         integer, intent(in) :: joint_kind
         logical, intent(in) :: is_angle                !! the driven variable turns
+        type(table_shelf), intent(inout) :: shelf
         type(actuator_spec), intent(inout) :: actuator
         type(status_type), intent(inout) :: status
         type(scene_place) :: inner
+        type(toml_node) :: brake
         logical :: has_lead, has_back
 
         inner = place_at(place, node, trim(place%what)//", drive")
         call require_table(inner, "a table, { ratio = .. }", status)
         call allow_keys(inner, [character(len=key_len) :: "ratio", "lead", "rotor_inertia", "screw_inertia", "efficiency", &
-            "back_efficiency", "torque_constant"], status)
+            "back_efficiency", "torque_constant", "resistance", "creep_speed", "torque_limit", "power_limit", &
+            "current_limit", "torque_curve", "brake"], status)
         associate (motor => actuator%motor)
             motor%is_given = .true.
             motor%line = inner%line
@@ -42,9 +47,39 @@ contains
             call read_inertia(inner, joint_kind, has_lead, motor%inertia, status)
             call read_efficiencies(inner, has_lead, motor, has_back, status)
             call read_positive(inner, "torque_constant", torque_per_current, "N m/A", motor%torque_constant, status)
-            if (status%is_ok() .and. actuator%drive%kind == drive_dc_motor) call compare_with_law(inner, actuator, has_back, status)
+            call read_positive(inner, "resistance", resistance, "ohm", motor%resistance, status)
+            call read_positive(inner, "creep_speed", angular_rate, "rad/s", motor%creep_speed, status)
+            call read_motor_limits(inner, shelf, motor, status)
+            brake = inner%node%get("brake")
+            if (status%is_ok() .and. brake%is_present()) call read_brake(inner, brake, motor%brake, status)
+            if (.not. status%is_ok()) return
+            if (actuator%drive%kind == drive_dc_motor) call compare_with_law(inner, actuator, has_back, status)
+            if (actuator%drive%side /= side_joint) call require_for_law(inner, actuator, status)
+            if (actuator%drive%side == side_joint .and. motor%brake%is_given) call refuse_value(inner, "brake", brake, &
+                "acts on the shaft of the motor in forward dynamics (expected a law at the motor beside it: "// &
+                "law = { .., at = ""motor"" })", status)
         end associate
     end subroutine read_motor_drive
+
+    !> What laws at the motor take for granted.
+    subroutine require_for_law(place, actuator, status)
+        type(scene_place), intent(in) :: place
+        type(actuator_spec), intent(in) :: actuator
+        type(status_type), intent(inout) :: status
+
+        associate (motor => actuator%motor)
+            if (actuator%drive%side == side_voltage .and. .not. motor%torque_constant > 0) then
+                call refuse_missing(place, "torque_constant", "that of the motor whose voltage the law gives, for example "// &
+                    "'0.08 N m/A'", status)
+            else if (actuator%drive%side == side_voltage .and. .not. motor%resistance > 0) then
+                call refuse_missing(place, "resistance", "that of the motor whose voltage the law gives, for example "// &
+                    "'0.5 ohm'", status)
+            else if (.not. (motor%back_efficiency > 0 .or. motor%inertia > 0)) then
+                call refuse(place, "it locks itself and has no inertia, so that nothing says how it comes to rest under a law "// &
+                    "at the motor (expected 'rotor_inertia', or a 'back_efficiency' above zero)", status)
+            end if
+        end associate
+    end subroutine require_for_law
 
     !> Motor angle over joint variable.
     subroutine read_ratio(place, is_angle, ratio, has_lead, status)
@@ -154,18 +189,6 @@ contains
                 to_text(efficiency)//" (expected an efficiency of at most 1)", status)
         end subroutine refuse_above_one
     end subroutine read_efficiencies
-
-    subroutine read_positive(place, key, quantity, unit, value, status)
-        type(scene_place), intent(in) :: place
-        character(len=*), intent(in) :: key, unit
-        type(quantity_type), intent(in) :: quantity
-        real(wp), intent(inout) :: value
-        type(status_type), intent(inout) :: status
-        logical :: found
-
-        call get_quantity(place, key, quantity, value, status, found)
-        if (found) call require_positive(place, key, value, unit, status)
-    end subroutine read_positive
 
     !> A law `dc-motor` knows of a gear, too: both are one, and it loses nothing that the other does not know of.
     subroutine compare_with_law(place, actuator, has_back, status)

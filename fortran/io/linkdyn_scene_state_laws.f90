@@ -27,8 +27,8 @@ module linkdyn_scene_state_laws
     private
     public :: read_measures, read_named_laws, read_force_law, read_spring_law, add_joint_measure
 
-    character(len=13), parameter :: over_key(8) = [character(len=13) :: "law", "table", "column", "over", "argument", &
-        "interpolation", "period", "type"]          ! the last one of actuators only
+    character(len=13), parameter :: over_key(9) = [character(len=13) :: "law", "table", "column", "over", "argument", &
+        "interpolation", "period", "type", "at"]    ! the last two of actuators only
 
 contains
 
@@ -498,8 +498,8 @@ contains
         logical :: has_column, has_argument, has_period
         integer :: n_key
 
-        n_key = size(over_key) - 1
-        if (present(usual_column)) n_key = n_key + merge(1, 0, usual_column /= "")
+        n_key = size(over_key) - 2
+        if (present(usual_column)) n_key = n_key + merge(2, 0, usual_column /= "")
         call allow_keys(place, over_key(:n_key), status)
         call find_over(place, symbol, status)
         call read_table_keys(place, straight_lines, shelf, reading, status)

@@ -2,7 +2,7 @@
 module linkdyn_scene_sweep
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, path_len, law_over
+    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, path_len, law_over, has_limits
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         table_list, get_quantity, quantity_of, direction_of, get_text, get_word, get_flag, get_integer
     use linkdyn_scene_names, only: find_marker
@@ -17,6 +17,7 @@ module linkdyn_scene_sweep
         axis_acceleration, axis_load, axis_parameter, axis_time, sampling_linspace, sampling_values, sampling_random, &
         sampling_sobol, sampling_name, set_value, operation_name, quantity_name, n_quantity, axis_name_len, &
         quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
+        quantity_torque_margin, &
         quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
         quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_force_amplification, &
         quantity_moment_amplification, quantity_swing, quantity_clearance
@@ -37,7 +38,8 @@ module linkdyn_scene_sweep
     integer, parameter :: usual_quantities(7) = [quantity_driving_force, quantity_driving_position, quantity_driving_speed, &
         quantity_driving_power, quantity_reaction, quantity_reaction_force, quantity_reaction_moment]
 
-    integer, parameter :: of_motors(4) = [quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current]
+    integer, parameter :: of_motors(5) = [quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
+                                          quantity_motor_current, quantity_torque_margin]
 
 contains
 
@@ -497,6 +499,7 @@ contains
             if (.not. found) spec%wants(usual_quantities) = .true.
             if (.not. found .and. any(scene%actuator%motor%is_given)) &
                 spec%wants([quantity_motor_torque, quantity_motor_speed, quantity_motor_power]) = .true.
+            if (.not. found .and. any(has_limits(scene%actuator%motor))) spec%wants(quantity_torque_margin) = .true.
             call read_quantities(place, "keep", spec%keeps, status, found)
             flag = .true.
             call get_flag(place, "moments", flag, status)
@@ -673,6 +676,9 @@ contains
                 "key 'drive')", status)
         else if (id == quantity_motor_current .and. .not. any(scene%actuator%motor%torque_constant > 0)) then
             call refuse(place, quoted(quantity_name(id))//" needs the 'torque_constant' of drives, which they do not have", status)
+        else if (id == quantity_torque_margin .and. .not. any(has_limits(scene%actuator%motor))) then
+            call refuse(place, quoted(quantity_name(id))//" needs limits of drives, which they do not have (expected "// &
+                "'torque_limit', 'current_limit' or 'torque_curve')", status)
         end if
     end subroutine refuse_without_motors
 

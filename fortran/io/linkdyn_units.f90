@@ -14,7 +14,7 @@ module linkdyn_units
     public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
-    public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, resistance
+    public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance, current
 
     integer, parameter :: n_dimension = 5          !! kg m s A rad
 
@@ -69,6 +69,10 @@ module linkdyn_units
         quantity_type("a gain in volts per metre", "100 V/m", "V/m", [1, 1, -3, -1, 0])
     type(quantity_type), parameter :: wattage = &
         quantity_type("a power", "2 kW", "W", [1, 2, -3, 0, 0])
+    type(quantity_type), parameter :: voltage = &
+        quantity_type("a voltage", "24 V", "V", [1, 2, -3, -1, 0])
+    type(quantity_type), parameter :: current = &
+        quantity_type("a current", "15 A", "A", [0, 0, 0, 1, 0])
     type(quantity_type), parameter :: resistance = &
         quantity_type("a resistance", "3 ohm", "ohm", [1, 2, -3, -2, 0])
 

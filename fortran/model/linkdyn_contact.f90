@@ -18,7 +18,7 @@ module linkdyn_contact
     private
     public :: contact_type, list_contacts, is_turning, friction_of_speed, n_press, pressing, pressing_slope, has_settled, &
         most_rounds
-    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate
+    public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive
 
     integer, parameter :: form_pin = 1       !! of a hinge, or one of both of a universal joint
     integer, parameter :: form_collar = 2    !! of such a pin: it takes the force along it
@@ -27,6 +27,7 @@ module linkdyn_contact
     integer, parameter :: form_bush = 5      !! turns and slides
     integer, parameter :: form_thread = 6
     integer, parameter :: form_plate = 7     !! on which a planar joint slides and turns
+    integer, parameter :: form_drive = 8     !! a gear or screw between motor and joint, on lanes only (`linkdyn_transmission_losses`)
 
     !> What a contact feels of a reaction: the forces at both ends (3 numbers each), and one along the axis.
     integer, parameter :: n_press = 7
@@ -38,7 +39,7 @@ module linkdyn_contact
         integer :: joint = 0
         integer :: form = 0                   !! one of `form_*`
         integer :: side = 1                   !! of the joint's marker whose axis it is
-        real(wp) :: coulomb = 0, static = 0   !! coefficients
+        real(wp) :: coulomb = 0, static = 0   !! coefficients; of a drive those while the motor drives and while the load does
         real(wp) :: stribeck_speed = 0, creep_speed = 0    !! [m/s]
         real(wp) :: radius = 0                !! [m]
         real(wp) :: length = 0                !! between the ends [m]; 0: it has one
@@ -170,11 +171,16 @@ contains
         type(contact_type), intent(in) :: contact
         real(wp), intent(in) :: press(n_press)    !! [N]
 
-        pressing = contact%preload + norm2(press(1:3)) + norm2(press(4:6)) + abs(press(7))
+        if (contact%form == form_drive) then
+            pressing = merge(contact%coulomb, -contact%static, press(7) > 0)*press(7)
+        else
+            pressing = contact%preload + norm2(press(1:3)) + norm2(press(4:6)) + abs(press(7))
+        end if
     end function pressing
 
     !> Its change with each of these numbers; none where one is zero.
-    pure function pressing_slope(press) result(slope)
+    pure function pressing_slope(contact, press) result(slope)
+        type(contact_type), intent(in) :: contact
         real(wp), intent(in) :: press(n_press)
         real(wp) :: slope(n_press)
 
@@ -182,5 +188,6 @@ contains
         slope(4:6) = press(4:6)/max(norm2(press(4:6)), tiny(1.0_wp))
         slope(7) = 0
         if (abs(press(7)) > 0) slope(7) = sign(1.0_wp, press(7))
+        if (contact%form == form_drive) slope(7) = merge(contact%coulomb, -contact%static, press(7) > 0)
     end function pressing_slope
 end module linkdyn_contact

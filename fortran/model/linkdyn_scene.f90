@@ -14,7 +14,7 @@ module linkdyn_scene
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, spring_spec, variable_spec, source_spec, source_shelf
-    public :: hold_spec
+    public :: hold_spec, brake_spec
     public :: base_spec, payload_spec, payload_changes, wants_instants
     public :: friction_spec
     public :: name_len, path_len, frame_link
@@ -31,6 +31,7 @@ module linkdyn_scene
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
     public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, drive_over
+    public :: side_joint, side_torque, side_voltage, has_limits
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
     integer, parameter :: path_len = 1024   !! longest file name
@@ -77,6 +78,11 @@ module linkdyn_scene
     integer, parameter :: drive_dc_motor = 5
     integer, parameter :: drive_pd = 6
     integer, parameter :: drive_over = 7           !! a law over the state of the mechanism
+
+    ! ---- what the law of an actuator gives
+    integer, parameter :: side_joint = 0           !! the driving force
+    integer, parameter :: side_torque = 1          !! the torque of the motor
+    integer, parameter :: side_voltage = 2         !! the voltage at the motor's terminals
 
     !> A point with an axis, fixed to a link. Its frame has z along `axis`.
     type :: marker_spec
@@ -187,9 +193,22 @@ module linkdyn_scene
     !> Parameters of a driving force in forward dynamics.
     type :: drive_spec
         integer :: kind = drive_inverse
+        integer :: side = side_joint              !! one of `side_*`
         real(wp) :: value(8) = 0                  !! constant: force. spring-damper: stiffness, damping, rest. dc-motor: n eta K_T K_E K_P R_a. pd: stiffness, damping
         type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table, over)
     end type drive_spec
+
+    !> A brake on the shaft of a motor, in forward dynamics.
+    type :: brake_spec
+        logical :: is_given = .false.
+        real(wp) :: torque = 0                    !! by which it holds, and brakes [N m]
+        logical :: begins_on = .true.
+        real(wp) :: from = huge(1.0_wp)           !! it is on from this instant [s]; huge: none
+        real(wp) :: until = huge(1.0_wp)          !! and off from this one [s]; huge: none
+        character(len=name_len) :: from_name = "", until_name = ""    !! events by which it comes on and off
+        integer :: from_event = 0, until_event = 0                    !! these; 0: none
+        integer :: line = 0
+    end type brake_spec
 
     !> A motor and the gear or screw behind which it drives a joint variable.
     type :: motor_spec
@@ -198,7 +217,15 @@ module linkdyn_scene
         real(wp) :: inertia = 0                   !! of all that turns with the motor [kg m2]
         real(wp) :: efficiency = 1                !! of the transmission while the motor drives
         real(wp) :: back_efficiency = 1           !! while the load does; zero or less: it cannot
-        real(wp) :: torque_constant = 0           !! [N m/A]; 0: not known
+        logical :: creeps = .false.               !! its loads are told of forward dynamics with its torque given
+        real(wp) :: creep_speed = 0.1_wp          !! of the motor, below which friction goes to zero in forward dynamics [rad/s]
+        real(wp) :: torque_constant = 0           !! [N m/A], and of the voltage that the turning rotor induces [V s]; 0: not known
+        real(wp) :: resistance = 0                !! of the winding [ohm]; 0: not known
+        real(wp) :: largest_torque = 0            !! of the motor [N m]; 0: not limited
+        real(wp) :: largest_power = 0             !! [W]; 0: not limited
+        real(wp) :: largest_current = 0           !! [A]; 0: not limited
+        type(law_spec) :: torque_curve            !! largest torque [N m] over speed [rad/s]; law_none: not limited
+        type(brake_spec) :: brake
         integer :: line = 0
     end type motor_spec
 
@@ -374,6 +401,14 @@ module linkdyn_scene
     end type scene_type
 
 contains
+
+    !> Is what a motor can give bounded?
+    elemental logical function has_limits(motor)
+        type(motor_spec), intent(in) :: motor
+
+        has_limits = motor%largest_torque > 0 .or. motor%largest_power > 0 .or. motor%largest_current > 0 &
+                     .or. motor%torque_curve%kind /= law_none
+    end function has_limits
 
     !> Does a payload's mass change with time?
     elemental logical function payload_changes(payload)

@@ -17,12 +17,13 @@ module linkdyn_recorded_rates
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
         free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
-    use linkdyn_scene, only: law_spec, law_over, drive_over, measure_time
+    use linkdyn_scene, only: law_spec, law_over, drive_over, side_torque, side_voltage, measure_time
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         goes_to, free_scene_program, free_program_space
     implicit none (type, external)
     private
-    public :: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, free_rate_samples, run_rates
+    public :: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, free_rate_samples, &
+        run_rates, apply_laws
 
     !> A scene's record. Constant once it is made: threads share it.
     type :: recorded_rates
@@ -143,11 +144,12 @@ contains
     subroutine apply_laws(recorded, n, samples)
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
-        type(rate_samples), intent(inout) :: samples
+        type(rate_samples), intent(inout), target :: samples
         type(output_target) :: to(1)
         real(wp) :: law(n, size(recorded%model%scene%laws%law)), scale
         integer :: first, count, i, k
 
+        if (.not. recorded%measures%is_made) return
         if (n == 1) then
             call run_one_sample(recorded%measures, samples%arrays, samples%one_measured, samples%measured(:, 1))
         else
@@ -185,7 +187,14 @@ contains
             do i = 1, model%n_actuator
                 associate (spec => model%scene%actuator(i))
                     if (spec%drive%kind /= drive_over) cycle
-                    scale = book%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
+                    select case (spec%drive%side)
+                    case (side_torque)
+                        scale = book%scale**2
+                    case (side_voltage)
+                        scale = book%scale
+                    case default
+                        scale = book%scale**merge(1, 2, is_slide(model%joint(spec%joint)%told_kind, spec%variable))
+                    end select
                     samples%effort(i, :n) = 0
                     call add(spec%drive%target, scale, samples%effort(i, :))
                 end associate
@@ -204,17 +213,20 @@ contains
     end subroutine apply_laws
 
     !> Run the first n samples, but those that are left already; says which others are.
-    subroutine run_rates(recorded, n, samples)
+    subroutine run_rates(recorded, n, samples, laws_are_there)
         type(recorded_rates), intent(in) :: recorded
         integer, intent(in) :: n
         type(rate_samples), intent(inout), target :: samples
+        logical, intent(in), optional :: laws_are_there    !! `apply_laws` has been called for these samples; absent: false
         type(sample_arrays) :: settled
         type(output_target) :: to(1)
-        logical :: is_left
+        logical :: is_left, has_laws
         integer :: first, count, i
 
         if (all(samples%is_left(:n))) return
-        if (recorded%measures%is_made) call apply_laws(recorded, n, samples)
+        has_laws = .false.
+        if (present(laws_are_there)) has_laws = laws_are_there
+        if (.not. has_laws) call apply_laws(recorded, n, samples)
         if (n == 1) then
             settled = samples%arrays
             if (recorded%friction%is_made) then

@@ -24,6 +24,7 @@ module linkdyn_catalogue
     public :: result_velocity, result_angular_velocity, result_driving_position
     public :: result_friction, result_friction_power
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
+    public :: result_transmission_loss, result_torque_margin, result_brake_torque
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -72,6 +73,9 @@ module linkdyn_catalogue
     integer, parameter :: result_motor_speed = 42
     integer, parameter :: result_motor_power = 43
     integer, parameter :: result_motor_current = 44
+    integer, parameter :: result_transmission_loss = 45
+    integer, parameter :: result_torque_margin = 46
+    integer, parameter :: result_brake_torque = 47
 
 contains
 

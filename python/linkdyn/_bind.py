@@ -38,8 +38,9 @@ _GROUPS = (
     ("growth",),
     ("assembly",),
     ("friction", "friction_power"),
-    ("transmission_force", "motor_torque", "motor_speed", "motor_power"),
+    ("transmission_force", "motor_torque", "motor_speed", "motor_power", "transmission_loss"),
     ("motor_current",),
+    ("torque_margin",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)

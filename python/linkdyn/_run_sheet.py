@@ -32,6 +32,8 @@ LOWEST_TRANSMISSION = np.radians(40.0)
 """VDI 2125 wants no smaller transmission angle of what turns at speed."""
 ROUNDING = 1e-12
 """Of the largest value: what is left of a sum that is zero."""
+ROUNDED = 1e-9
+"""Of a torque: what is saturated at its limit is not beyond it."""
 IMBALANCE = 1e-9
 """Of the power, as a part of its terms: rounding leaves some 1e-15."""
 
@@ -122,10 +124,28 @@ def _warnings(run: xr.Dataset, limits: xr.Dataset | None) -> Table | None:
         joints = list(dict.fromkeys(name.rpartition(".")[0] for name in shared.split(" ")))
         taken = {"stiffness": "the least elastic energy"}.get(str(run.attrs["redundancy"]), "the least sum of squares")
         rows.append((f"reactions of {len(joints)} joints are not determined by the equations: taken is {taken}", ", ".join(joints)))
+    rows += _overloads(run)
     rows += _beyond(limits) if limits is not None else []
     if not rows:
         return None
     return Table("Warnings", ["what", "where"], [[Cell(what, alarm=True), Cell(where)] for what, where in rows], wide=(0, 1))
+
+
+def _overloads(run: xr.Dataset) -> list[tuple[str, str]]:
+    """Motors of which more torque is asked than they have at their speed, each with the worst sample."""
+    if "torque_margin" not in run or not run.sizes["sample"]:
+        return []
+    rows = []
+    for k, name in enumerate(map(str, run.motor.values)):
+        torque, margin = np.abs(run.motor_torque.values[:, k]), np.nan_to_num(run.torque_margin.values[:, k], nan=np.inf)
+        short = margin < -ROUNDED * torque
+        if not short.any():
+            continue
+        worst = int(margin.argmin())
+        factor, word = readable("N m", float(torque[worst]))
+        rows.append((f"the motor of {name} is overloaded in {count_words(int(short.sum()))} of {count_words(len(short))} samples: {torque[worst] * factor:.4g} {word}, "
+                     f"available {max(0.0, torque[worst] + margin[worst]) * factor:.4g} {word}", f"most at {_place(run, worst)}, first at {_place(run, int(short.argmax()))}"))
+    return rows
 
 
 def _beyond(limits: xr.Dataset) -> list[tuple[str, str]]:
@@ -249,6 +269,8 @@ def _motors(run: xr.Dataset, scene: Scene | None) -> Table | None:
     if "motor_current" in run:
         current = run.motor_current.values
         add(["peak\ncurrent", "rms\ncurrent"], [_peak(np.abs(current), 1)[0], np.atleast_1d(rms(current, weights))], "A")
+    if "torque_margin" in run:
+        add(["least\nmargin"], [np.nanmin(run.torque_margin.values, axis=0, initial=np.inf)], "N m")
     names = [str(name) for name in run.motor.values]
     if scene is not None:
         locks = {motor["name"] for motor in scene.description["motors"] if motor["back_efficiency"] <= 0}

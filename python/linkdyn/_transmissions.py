@@ -39,7 +39,7 @@ def motor(
     """What an actuator's force or torque asks of the motor behind its gear or screw.
 
     Where the scene has a drive at the actuator, ``drive`` of its ``[[actuator]]``, it is that drive's motor, as the engine has found it, and no key
-    but resistance is given. Else the keys say what stands behind the actuator, and the rotor is not part of the mechanism that was run.
+    but resistance is given (by default the drive's own). Else the keys say what stands behind the actuator, and the rotor is not part of the mechanism that was run.
 
     The motor turns n rad for a unit of the joint variable: n is the ratio, or 2 pi/lead. It gives the load's share, F/n over the efficiency where it drives the
     load, F/n times the back efficiency where the load drives it, and what its own inertia takes. At a standstill the share is F/n.
@@ -72,7 +72,8 @@ def motor(
     -------
     xarray.Dataset
         Along the run ``motor_speed`` [rad/s], ``motor_torque`` [N m], ``motor_power`` [W], with a torque constant ``motor_current`` [A], with a resistance too
-        ``motor_voltage`` [V] and ``electric_power`` [W]. Of the whole ``rms_torque``, ``peak_torque`` [N m], ``peak_speed`` [rad/s], ``rms_current`` [A].
+        ``motor_voltage`` [V] and ``electric_power`` [W]; of the scene's drive ``transmission_loss`` [W], with limits ``torque_margin`` [N m], with a brake
+        ``brake_torque`` [N m]. Of the whole ``rms_torque``, ``peak_torque`` [N m], ``peak_speed`` [rad/s], ``rms_current`` [A].
         ``attrs["self_locking"]``: 1 where the load cannot drive the motor.
 
     Raises
@@ -201,7 +202,10 @@ def _drive_of(scene: Scene, actuator: str) -> dict[str, Any] | None:
 def _of_the_scene(run: xr.Dataset, actuator: str, drive: dict[str, Any], resistance: float | None) -> xr.Dataset:
     """As the engine has found it."""
     torque, speed = (need_result(run, name, "motor").sel(motor=actuator).values for name in ("motor_torque", "motor_speed"))
-    return _whole(run, actuator, torque, speed, drive["torque_constant"] or None, resistance, drive["back_efficiency"] <= 0)
+    known = drive["resistance"] if resistance is None else resistance
+    found = _whole(run, actuator, torque, speed, drive["torque_constant"] or None, known or None, drive["back_efficiency"] <= 0)
+    beside = [name for name in ("transmission_loss", "brake_torque", "torque_margin") if name in run]
+    return found.assign({name: run[name].sel(motor=actuator, drop=True) for name in beside})
 
 
 def _whole(

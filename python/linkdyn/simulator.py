@@ -25,7 +25,7 @@ class Simulator:
     """A mechanism under way, made by `Scene.simulator`.
 
     Whoever steps it gives the forces of the actuators, which stay as they are during a step, and reads the coordinates at its end.
-    Loads, springs and gravity act as the scene says; the laws of its actuators and the motions of its coordinates play no part.
+    Loads, springs, gravity, drives and brakes act as the scene says; the laws of its actuators and the motions of its coordinates play no part.
 
     Attributes
     ----------
@@ -63,7 +63,8 @@ class Simulator:
         dt
             [s], positive. As many steps of the integrator as its accuracy asks for lie within.
         force
-            (n_actuator,) Force or torque of each actuator [N, N m], in the order of ``scene.actuators``; default: as before, at first none.
+            (n_actuator,) Force or torque of each actuator [N, N m], in the order of ``scene.actuators``; of one whose law is at
+            its motor the motor's torque [N m], or voltage [V]. Default: as before, at first none.
 
         Raises
         ------

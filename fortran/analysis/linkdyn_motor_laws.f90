@@ -1,0 +1,102 @@
+!> From what the law of an actuator gives to the torque of its motor: the torque itself, or the voltage of a direct current motor, whose
+!> turning rotor induces a voltage against it; the largest torque that a motor has at a speed; and the brake on its shaft.
+module linkdyn_motor_laws
+    use linkdyn_kinds, only: wp
+    use linkdyn_scene, only: motor_spec, brake_spec, side_voltage, law_none
+    implicit none (type, external)
+    private
+    public :: torque_of_law, available_torque, brake_torque, is_braked
+
+contains
+
+    !> Torque of a motor: what its law asks for, as far as the motor has it.
+    elemental real(wp) function torque_of_law(motor, side, law, speed) result(torque)
+        type(motor_spec), intent(in) :: motor
+        integer, intent(in) :: side                    !! `side_torque` or `side_voltage`
+        real(wp), intent(in) :: law                    !! what it gives [N m, V]
+        real(wp), intent(in) :: speed                  !! of the motor [rad/s]
+        real(wp) :: largest
+
+        torque = law
+        if (side == side_voltage) torque = motor%torque_constant*(law - motor%torque_constant*speed)/motor%resistance
+        largest = available_torque(motor, speed)
+        ! what is no number stays none
+        if (torque > largest) torque = largest
+        if (torque < -largest) torque = -largest
+    end function torque_of_law
+
+    !> The largest torque of a motor at a speed, driving or braking, in either direction: what its limits leave of it.
+    elemental real(wp) function available_torque(motor, speed) result(torque)
+        type(motor_spec), intent(in) :: motor
+        real(wp), intent(in) :: speed                  !! [rad/s]
+
+        torque = huge(torque)
+        if (motor%largest_torque > 0) torque = motor%largest_torque
+        if (motor%largest_current > 0) torque = min(torque, motor%torque_constant*motor%largest_current)
+        if (motor%largest_power > 0) then
+            if (torque*abs(speed) > motor%largest_power) torque = motor%largest_power/abs(speed)
+        end if
+        if (motor%torque_curve%kind /= law_none) torque = min(torque, torque_on_curve(abs(speed)))
+
+    contains
+
+        !> Straight lines between its rows; beyond the last one none but for a steep slope, so that no law jumps there.
+        pure real(wp) function torque_on_curve(at)
+            real(wp), intent(in) :: at
+            real(wp), parameter :: slope_share = 0.01_wp    !! of the last speed
+            integer :: k, n
+            real(wp) :: part
+
+            associate (knot => motor%torque_curve%time, value => motor%torque_curve%knot)
+                n = size(knot)
+                if (at >= knot(n)) then
+                    torque_on_curve = value(n)*max(0.0_wp, 1 - (at - knot(n))/(slope_share*knot(n)))
+                    return
+                end if
+                k = 1
+                do while (at >= knot(k + 1))
+                    k = k + 1
+                end do
+                part = (at - knot(k))/(knot(k + 1) - knot(k))
+                torque_on_curve = (1 - part)*value(k) + part*value(k + 1)
+            end associate
+        end function torque_on_curve
+    end function available_torque
+
+    !> What a brake that is on takes of the motor's torque: against the motion, smooth near rest as friction is.
+    elemental real(wp) function brake_torque(motor, speed) result(torque)
+        type(motor_spec), intent(in) :: motor
+        real(wp), intent(in) :: speed                  !! [rad/s]
+
+        torque = motor%brake%torque*tanh(speed/motor%creep_speed)
+    end function brake_torque
+
+    !> Is a brake on? What has happened last counts: that it began so, an instant that has come, an event.
+    elemental logical function is_braked(brake, t, switched, was_on) result(is)
+        type(brake_spec), intent(in) :: brake
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: switched               !! instant of the last event that switched it, at most t; -huge: none did
+        logical, intent(in) :: was_on                  !! behind that event
+        real(wp) :: last
+
+        is = brake%begins_on
+        last = -huge(t)
+        if (switched > last) then
+            is = was_on
+            last = switched
+        end if
+        if (has_come(brake%from, t) .and. brake%from >= last) then
+            is = .true.
+            last = brake%from
+        end if
+        if (has_come(brake%until, t) .and. brake%until >= last) is = .false.
+    end function is_braked
+
+    !> An instant that is none never comes.
+    elemental logical function has_come(instant, t)
+        real(wp), intent(in) :: instant, t             !! [s]
+        real(wp), parameter :: close = 1.0e-14_wp       !! that is the instant, written in other digits
+
+        has_come = instant < huge(instant) .and. instant <= t + close*abs(t)
+    end function has_come
+end module linkdyn_motor_laws
