@@ -148,7 +148,7 @@ contains
         call read_chains(root, n_link + 1, n_joint + 1, scene, driven, status)
         call make_blocks(root, n_link + n_chain_link + 1, scene, status)
         call refuse_double_links(root, scene, status)
-        call read_joints(root, n_link + n_chain_link + 1, n_joint + n_chain_joint + 1, scene, status)
+        call read_joints(root, n_link + n_chain_link + 1, n_joint + n_chain_joint + 1, shelf, scene, status)
         call refuse_double_joints(root, scene, status)
         call read_coordinates(root, shelf, scene, status)
         call read_base(root, shelf, scene, status)

@@ -85,6 +85,7 @@ module linkdyn_model
         integer :: leg = 0                    !! the leg whose length is its slide
         integer :: attitude = 0               !! that its three angles give
         integer :: gear = 0                   !! number of a gear, rack or belt
+        integer :: cam = 0                    !! number of a cam
     end type joint_type
 
     !> Two wheels, or a wheel and a rack, whose joint variables are tied. See `linkdyn_gearing`.
@@ -179,6 +180,7 @@ module linkdyn_model
         integer :: n_actuator = 0
         integer :: n_load = 0
         integer :: n_variable = 0             !! joint variables
+        integer :: n_cam = 0                  !! joints that are cams
         integer :: n_orientation = 0
         integer :: n_attitude = 0             !! links turned by three angles: of a pose, or of a spherical joint
         integer :: n_leg = 0

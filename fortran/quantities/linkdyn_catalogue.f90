@@ -23,6 +23,7 @@ module linkdyn_catalogue
     public :: result_position, result_rotation, result_margin, result_margin_rate
     public :: result_velocity, result_angular_velocity, result_driving_position
     public :: result_friction, result_friction_power
+    public :: result_contact_force, result_pressure_angle
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
 
     integer, parameter :: result_time = 1
@@ -72,6 +73,9 @@ module linkdyn_catalogue
     integer, parameter :: result_motor_speed = 42
     integer, parameter :: result_motor_power = 43
     integer, parameter :: result_motor_current = 44
+    ! ---- of cams
+    integer, parameter :: result_contact_force = 45         ! with which follower and curve press
+    integer, parameter :: result_pressure_angle = 46
 
 contains
 

@@ -40,6 +40,8 @@ _GROUPS = (
     ("friction", "friction_power"),
     ("transmission_force", "motor_torque", "motor_speed", "motor_power"),
     ("motor_current",),
+    ("contact_force",),
+    ("pressure_angle",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)
