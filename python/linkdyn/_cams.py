@@ -61,18 +61,21 @@ class Curve:
         across = np.stack([-np.sin(u), np.cos(u)], axis=-1)
         return s * along, s1 * along + s * across, (s2 - s) * along + 2 * s1 * across
 
-    def settle(self, p: Points | None = None, direction: Points | None = None) -> tuple[Points, Points, Points]:
-        """(N, 2) points nearest to p, or farthest in a direction, with the outward normals and (N) curvatures there."""
+    def settle(self, given: Points, *, is_direction: bool) -> tuple[Points, Points, Points]:
+        """(N, 2) points nearest to points, or farthest in directions, with the outward normals and (N) curvatures there."""
         start = np.linspace(self.u[0], self.u[-1], 8 * len(self.u))
         places = self(start)[0]
-        best = ((places - p[:, np.newaxis]) ** 2).sum(axis=-1) if p is not None else -(places * direction[:, np.newaxis]).sum(axis=-1)  # type: ignore[index]
+        if is_direction:
+            best = -np.einsum("ij,nj->ni", places, given)
+        else:
+            best = ((places - given[:, np.newaxis]) ** 2).sum(axis=-1)
         u = start[np.argmin(best, axis=1)]
         for _ in range(STEPS):
             c, c1, c2 = self(u)
-            if p is not None:
-                slope, growth = ((c - p) * c1).sum(axis=-1), (c1 * c1 + (c - p) * c2).sum(axis=-1)
-            else:
-                slope, growth = (c1 * direction).sum(axis=-1), (c2 * direction).sum(axis=-1)
+            apart = given if is_direction else c - given
+            slope, growth = (c1 * apart).sum(axis=-1), (c2 * apart).sum(axis=-1)
+            if not is_direction:
+                growth = growth + (c1 * c1).sum(axis=-1)
             u = u - slope / growth
         c, c1, c2 = self(u)
         speed = np.linalg.norm(c1, axis=-1)
@@ -104,7 +107,7 @@ def contact_of(joint: dict[str, Any], place: Points, frame: Points, follower: Po
     curve = Curve.of(joint)
     flat = joint["follower"] == "flat"
     seen = np.einsum("nij,ni->nj", frame, -face if flat else follower - place)[:, :2]
-    at, normal, curvature = curve.settle(direction=seen) if flat else curve.settle(p=seen)
+    at, normal, curvature = curve.settle(seen, is_direction=flat)
     off = 0.0 if flat or joint["path"] else joint["side"] * joint["radius"]
     across = frame[:, :, :2]
     rounded = 1 / curvature if flat else curvature / (1 + off * curvature)
