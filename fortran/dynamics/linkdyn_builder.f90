@@ -197,6 +197,7 @@ contains
             if (model%joint(i)%kind /= joint_cam) cycle
             model%n_cam = model%n_cam + 1
             model%joint(i)%cam = model%n_cam
+            model%joint(i)%reach = maxval(norm2(scene%joint(i)%cam%curve%knot, dim=1))
         end do
         call take_payloads(model)
         call take_motors(model)

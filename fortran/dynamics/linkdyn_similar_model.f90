@@ -59,6 +59,7 @@ contains
         do i = 1, size(model%joint)
             similar%joint(i)%point = scale*model%joint(i)%point
             similar%joint(i)%pitch = scale*model%joint(i)%pitch
+            similar%joint(i)%reach = scale*model%joint(i)%reach
             similar%scene%joint(i)%lead = scale*model%scene%joint(i)%lead
             similar%scene%joint(i)%cam%radius = scale*model%scene%joint(i)%cam%radius
             call scale_curve(scale, similar%scene%joint(i)%cam%curve)

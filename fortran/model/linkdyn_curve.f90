@@ -176,7 +176,7 @@ contains
         integer :: nearest
 
         nearest = minloc((curve%knot(1, :) - p(1))**2 + (curve%knot(2, :) - p(2))**2, dim=1)
-        point = settled(curve, nearest, p, [0.0_wp, 0.0_wp])
+        point = settled(curve, max(1, nearest), p, [0.0_wp, 0.0_wp])     ! of what is no number none is the nearest
     end function foot_of
 
     !> Where it goes farthest in a direction: a straight line square to that touches it there.
@@ -186,7 +186,7 @@ contains
         integer :: farthest
 
         farthest = maxloc(curve%knot(1, :)*direction(1) + curve%knot(2, :)*direction(2), dim=1)
-        point = settled(curve, farthest, [0.0_wp, 0.0_wp], direction)
+        point = settled(curve, max(1, farthest), [0.0_wp, 0.0_wp], direction)
     end function touching_point
 
     !> From the best knot to the best point about it: the zero of what grows along the curve there. With a direction that is how

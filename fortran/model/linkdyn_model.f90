@@ -86,6 +86,7 @@ module linkdyn_model
         integer :: attitude = 0               !! that its three angles give
         integer :: gear = 0                   !! number of a gear, rack or belt
         integer :: cam = 0                    !! number of a cam
+        real(wp) :: reach = 0                 !! of a cam's curve from its marker, the farthest [m]
     end type joint_type
 
     !> Two wheels, or a wheel and a rack, whose joint variables are tied. See `linkdyn_gearing`.
@@ -359,7 +360,7 @@ contains
 
         scene_size = tiny(1.0_wp)
         do j = 1, model%n_joint
-            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)))
+            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)), model%joint(j)%reach)
         end do
     end function scene_size
 

@@ -332,6 +332,25 @@ def test_error_estimates() -> None:
         assert (run.driving_force_error / np.abs(run.driving_force).max()).max() < 1e-11
 
 
+def test_nothing_but_a_curve() -> None:
+    """All markers in one point: the size of the mechanism is that of the cam."""
+    cam = radial(360)
+    for link in cam["link"]:
+        link["markers"] = {name: {"at": [0, 0]} | ({"axis": [0, 1]} if name == "guide" else {}) for name in link["markers"]}
+    cam["joint"][1]["start"] = 0.03
+    run = linkdyn.Scene(cam).inverse(want="all")
+    np.testing.assert_allclose(run.joint_variable.sel(variable="guide.slide"), BASE + cycloid(-run.q.values[:, 0])[0], atol=2e-7)
+
+
+def test_states_that_are_none() -> None:
+    """They are refused or fail; they do not reach into the curve."""
+    found = linkdyn.Scene(CAMS["roller, turns"])
+    with pytest.raises(linkdyn.LinkdynError):
+        found.inverse(q=[[np.nan]], qd=[[0.0]], qdd=[[0.0]])
+    far = linkdyn.Scene(CAMS["face, slides"]).inverse(q=[[1e12]], qd=[[1e160]], qdd=[[0.0]])
+    assert far.status.item() != 0
+
+
 def test_no_code() -> None:
     with pytest.raises(linkdyn.LinkdynError, match="where cam 'C' is touched takes a search"):
         linkdyn.Scene(CAMS["groove"]).generate()
