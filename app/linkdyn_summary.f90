@@ -8,7 +8,8 @@ module linkdyn_summary
     use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_motor_torque, result_reaction, result_status, result_assembly, &
-        result_torque_margin, result_joint_variable, dimension_type, dim_motor, dim_variable, variable_index, samples_width, &
+        result_torque_margin, result_joint_variable, result_contact_force, dimension_type, dim_motor, dim_variable, dim_cam, &
+        variable_index, samples_width, &
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
@@ -64,6 +65,7 @@ module linkdyn_summary
         character(len=message_len) :: why = ""                  !! it failed; blank: its status says it all
         type(event_type) :: crossing                            !! of a change point
         type(event_type), allocatable :: beyond(:)              !! a stop that throws back (n_stop); not allocated: nobody has looked
+        type(event_type), allocatable :: lift(:)                !! of a follower off its cam (n_cam)
         type(event_type) :: anew                                !! the assembly was found from the start, after failures
         type(road_counts) :: roads
         logical :: has_force = .false., has_reaction = .false.
@@ -84,7 +86,7 @@ contains
         call start_range(layout%dimension(dim_actuator)%size, summary%drive)
         call start_range(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_motor_torque) > 0), summary%motor)
         allocate (summary%overload(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_torque_margin) > 0)))
-        allocate (summary%worst(0))
+        allocate (summary%worst(0), summary%lift(layout%dimension(dim_cam)%size))
         do i = 1, size(estimate_of)
             call add_worst(layout, variable_index(layout, estimated(i)), variable_index(layout, estimate_of(i)), summary%worst)
         end do
@@ -156,7 +158,8 @@ contains
         integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
         character(len=*), intent(in), optional :: why
         type(scene_type), intent(in), optional :: scene  !! whose motion is given: end stops may be passed
-        real(wp), pointer :: time(:), force(:, :), torque(:, :), margin(:, :), reaction(:, :, :)
+        real(wp), parameter :: rounding = 1.0e-9_wp  !! of a force that is none, by the largest of the sample
+        real(wp), pointer :: time(:), force(:, :), torque(:, :), margin(:, :), reaction(:, :, :), press(:, :)
         integer, pointer :: code(:), assembly(:)
         integer :: i, k, n_force
 
@@ -167,6 +170,7 @@ contains
         call view_values(layout, result_motor_torque, n, block, torque)
         call view_values(layout, result_torque_margin, n, block, margin)
         call view_values(layout, result_reaction, n, block, reaction)
+        call view_values(layout, result_contact_force, n, block, press)
         if (present(scene)) call look_at_stops(layout, scene, block, n, summary%beyond)
         summary%has_force = associated(force)
         summary%has_reaction = associated(reaction)
@@ -193,6 +197,9 @@ contains
                 call note_errors(layout, block, i, time(i), summary%worst(k))
             end do
             if (.not. summary%has_reaction) cycle
+            do k = 1, size(summary%lift)
+                if (press(k, i) < -rounding*maxval(abs(reaction(:n_force, :, i)))) call count_event(time(i), summary%lift(k))
+            end do
             do k = 1, size(reaction, 2)
                 call raise_peak(sum(reaction(:n_force, k, i)**2), time(i), k, summary%force)
                 call raise_peak(sum(reaction(n_force + 1:, k, i)**2), time(i), k, summary%moment)
@@ -332,6 +339,9 @@ contains
         call join_events(part%failure, whole%failure)
         call join_events(part%crossing, whole%crossing)
         call join_events(part%anew, whole%anew)
+        do k = 1, size(whole%lift)
+            call join_events(part%lift(k), whole%lift(k))
+        end do
         if (allocated(part%beyond) .and. .not. allocated(whole%beyond)) allocate (whole%beyond(size(part%beyond)))
         if (allocated(part%beyond)) then
             do k = 1, size(part%beyond)
@@ -421,6 +431,7 @@ contains
         if (passed_stops(model%scene, summary) /= "") write (unit, "(a)") "  end stops        passed: " &
             //passed_stops(model%scene, summary)
         if (overloads(layout, summary) /= "") write (unit, "(a)") "  overloaded       "//overloads(layout, summary)
+        call print_lifts()
         if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &
             //times_text(summary%crossing)
         if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &
@@ -440,6 +451,19 @@ contains
                 trim(merge("the least sum of squares ", "the least elastic energy ", &
                            model%scene%redundancy == share_by_least_norm))
         end subroutine print_shares
+
+        !> Followers that nothing but their joint holds on their cams.
+        subroutine print_lifts()
+            integer :: j, k
+
+            do j = 1, model%n_joint
+                k = model%joint(j)%cam
+                if (k == 0 .or. model%scene%joint(j)%cam%is_groove) cycle
+                if (summary%lift(k)%n > 0) write (unit, "(a)") "  lifts            "//quoted(model%joint(j)%name)// &
+                    ": the follower would leave its cam in "//significant(100*real(summary%lift(k)%n, wp)/n_solved)// &
+                    " % of the samples ("//times_text(summary%lift(k))//")"
+            end do
+        end subroutine print_lifts
 
         subroutine print_reaction(what, unit_name, peak)
             character(len=*), intent(in) :: what, unit_name

@@ -7,7 +7,7 @@ module linkdyn_forward_block
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
         result_closure, result_step, result_stand_in, result_assembly, result_friction, result_friction_power, &
-        result_transmission_force, result_brake_torque, view_motor_loads
+        result_transmission_force, result_brake_torque, result_contact_force, result_pressure_angle, view_motor_loads
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
@@ -59,6 +59,8 @@ contains
             call view_values(layout, result_growth, n, block, forces%growth)
             call view_values(layout, result_power_imbalance, n, block, forces%power_imbalance)
             call view_values(layout, result_transmission_angle, n, block, forces%transmission_angle)
+            call view_values(layout, result_contact_force, n, block, forces%contact_force)
+            call view_values(layout, result_pressure_angle, n, block, forces%pressure_angle)
             call view_values(layout, result_kinetic_energy, n, block, forces%kinetic_energy)
             call view_values(layout, result_potential_energy, n, block, forces%potential_energy)
             call view_values(layout, result_closure, n, block, forces%closure)

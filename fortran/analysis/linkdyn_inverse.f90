@@ -12,6 +12,7 @@ module linkdyn_inverse
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
     use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
+    use linkdyn_cam_measures, only: measure_presses, measure_pressure_angles
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, build_no_equations, &
         prepare_workspace, solve_block, &
@@ -446,12 +447,14 @@ contains
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap, distance
             real(wp), dimension(lanes, model%n_actuator) :: driven, driven_rate
             real(wp), allocatable :: of_own(:, :)
+            logical :: wants_reaction
 
             workspace%state%time = 0
             call gather(block, workspace)
             workspace%fell_back = .false.
             call solve_block(model, solver%equations, workspace)
-            if (associated(results%reaction)) &
+            wants_reaction = associated(results%reaction) .or. associated(results%contact_force)
+            if (wants_reaction) &
                 call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
             if (associated(results%friction) .or. associated(results%friction_power)) &
                 call measure_friction(model, workspace%friction, friction, friction_power)
@@ -524,6 +527,7 @@ contains
             real(wp), dimension(lanes), intent(in) :: imbalance, kinetic, potential, gap, distance
             real(wp) :: total(lanes)
             real(wp), allocatable :: transmission(:, :)
+            real(wp), dimension(lanes, model%n_cam) :: press, pressure
             integer :: lane, sample, i, outcome(lanes)
             logical :: failed
 
@@ -537,8 +541,12 @@ contains
                     end do
                 end if
             end if
+            if (associated(results%contact_force)) call measure_presses(model, workspace%state, reaction, press)
+            if (associated(results%pressure_angle)) call measure_pressure_angles(model, workspace%state, pressure)
             ! The last check: nothing that is not finite stands beside a good outcome.
             total = 0
+            if (associated(results%contact_force)) call add_sizes(press, total)
+            if (associated(results%pressure_angle)) call add_sizes(pressure, total)
             if (associated(results%driving_force)) call add_sizes(workspace%driving_force, total)
             if (associated(results%acceleration)) call add_sizes(workspace%acceleration, total)
             if (associated(results%joint_variable)) call add_sizes(variable, total)
@@ -604,6 +612,8 @@ contains
                 if (associated(results%transmission_angle)) then
                     results%transmission_angle(:, sample) = transmission(lane, :)
                 end if
+                if (associated(results%contact_force)) results%contact_force(:, sample) = press(lane, :)
+                if (associated(results%pressure_angle)) results%pressure_angle(:, sample) = pressure(lane, :)
                 if (associated(results%acceleration)) then
                     results%acceleration(:, sample) = workspace%acceleration(lane, :)
                 end if

@@ -33,6 +33,8 @@ module linkdyn_inverse_results
         real(wp), pointer, contiguous :: growth(:) => null()    !! (n) reciprocal pivot growth; NaN but for gauss-jordan
         real(wp), pointer, contiguous :: power_imbalance(:) => null() !! (n)
         real(wp), pointer, contiguous :: transmission_angle(:, :) => null() !! (n_dyad, n) [rad]
+        real(wp), pointer, contiguous :: contact_force(:, :) => null() !! (n_cam, n) with which follower and curve press [N]
+        real(wp), pointer, contiguous :: pressure_angle(:, :) => null() !! (n_cam, n) [rad]
         real(wp), pointer, contiguous :: acceleration(:, :) => null() !! (n_q, n) of the coordinates, found or given
         real(wp), pointer, contiguous :: kinetic_energy(:) => null() !! (n) [J]
         real(wp), pointer, contiguous :: potential_energy(:) => null() !! (n) of gravity and springs [J]
@@ -71,6 +73,8 @@ contains
         if (associated(whole%growth)) part%growth => whole%growth(first:last)
         if (associated(whole%power_imbalance)) part%power_imbalance => whole%power_imbalance(first:last)
         if (associated(whole%transmission_angle)) part%transmission_angle => whole%transmission_angle(:, first:last)
+        if (associated(whole%contact_force)) part%contact_force => whole%contact_force(:, first:last)
+        if (associated(whole%pressure_angle)) part%pressure_angle => whole%pressure_angle(:, first:last)
         if (associated(whole%acceleration)) part%acceleration => whole%acceleration(:, first:last)
         if (associated(whole%kinetic_energy)) part%kinetic_energy => whole%kinetic_energy(first:last)
         if (associated(whole%potential_energy)) part%potential_energy => whole%potential_energy(first:last)
@@ -101,6 +105,8 @@ contains
         if (associated(results%driving_speed)) results%driving_speed(:, sample) = nan
         if (associated(results%power_imbalance)) results%power_imbalance(sample) = nan
         if (associated(results%transmission_angle)) results%transmission_angle(:, sample) = nan
+        if (associated(results%contact_force)) results%contact_force(:, sample) = nan
+        if (associated(results%pressure_angle)) results%pressure_angle(:, sample) = nan
         if (associated(results%acceleration)) results%acceleration(:, sample) = nan
         if (associated(results%kinetic_energy)) results%kinetic_energy(sample) = nan
         if (associated(results%potential_energy)) results%potential_energy(sample) = nan

@@ -13,7 +13,7 @@ module linkdyn_results
         result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly, result_q_error, &
         result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power, &
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
-        result_transmission_loss, result_torque_margin, result_brake_torque
+        result_transmission_loss, result_torque_margin, result_brake_torque, result_contact_force, result_pressure_angle
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
@@ -21,7 +21,7 @@ module linkdyn_results
     use linkdyn_motor_laws, only: available_torque
     use linkdyn_motor_loads, only: motor_torque, transmission_friction
     use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding, &
-        side_joint, has_limits
+        side_joint, has_limits, joint_cam, guide_of
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     implicit none (type, external)
     private
@@ -29,7 +29,8 @@ module linkdyn_results
     public :: describe_results, choose_wanted, all_wanted, add_free, prepare_block, view_values, find_driving_power, flag_unsound
     public :: find_motor_loads, view_motor_loads, margin_of
     public :: variable_index, samples_width, label_len, wanted_name
-    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, n_dimension
+    public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
+        dim_cam, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
@@ -38,6 +39,7 @@ module linkdyn_results
     public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_friction, result_friction_power
+    public :: result_contact_force, result_pressure_angle
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: estimated, estimate_of, label_of_value
@@ -55,7 +57,8 @@ module linkdyn_results
     integer, parameter :: dim_variable = 6
     integer, parameter :: dim_dyad = 7
     integer, parameter :: dim_motor = 8
-    integer, parameter :: n_dimension = 8
+    integer, parameter :: dim_cam = 9
+    integer, parameter :: n_dimension = 9
 
     ! ---- variables: the numbers of the catalogue
     integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
@@ -250,7 +253,7 @@ contains
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
-            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor"]
+            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor", "cam"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         if (present(is_forward)) layout%motor%creeps = is_forward &
@@ -267,6 +270,7 @@ contains
             if (size(scene%friction) > 0) call describe_friction(layout)
         end if
         if (wanted%motor) call describe_motors(is_run, layout)
+        call describe_cams(scene, wanted, layout)
         if (present(follows_assembly)) then
             if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
                 "how the assembly of the sample was found", "1", flag=reached_name)
@@ -430,6 +434,29 @@ contains
             call add(layout, result_brake_torque, "brake_torque", "what the brake takes of the motor's torque", "N m", &
                 of=[dim_motor])
     end subroutine describe_motors
+
+    !> What scenes with cams have; pressure angles, if all followers have a guide.
+    subroutine describe_cams(scene, wanted, layout)
+        type(scene_type), intent(in) :: scene
+        type(wanted_type), intent(in) :: wanted
+        type(layout_type), intent(inout) :: layout
+        integer :: j
+
+        associate (cam => layout%dimension(dim_cam))
+            cam%label = pack(layout%dimension(dim_joint)%label, scene%joint(:n_holding(scene))%kind == joint_cam)
+            cam%size = size(cam%label)
+            if (cam%size == 0) return
+        end associate
+        if (wanted%reaction) call add(layout, result_contact_force, "contact_force", &
+            "normal force with which follower and cam press; below zero the follower would lift", "N", of=[dim_cam])
+        if (.not. wanted%joint_variable) return
+        do j = 1, n_holding(scene)
+            if (scene%joint(j)%kind /= joint_cam) cycle
+            if (guide_of(scene, j) == 0) return
+        end do
+        call add(layout, result_pressure_angle, "pressure_angle", &
+            "angle between the normal and the way of the follower in its guide, 0 to pi/2", "rad", of=[dim_cam])
+    end subroutine describe_cams
 
     !> What scenes with friction have.
     subroutine describe_friction(layout)

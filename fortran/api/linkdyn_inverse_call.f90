@@ -15,10 +15,10 @@ module linkdyn_inverse_call
         result_singularity_distance, result_error, result_driving_force_error, result_reaction_error, &
         result_transmission_angle, result_growth, result_assembly, result_friction, result_friction_power, &
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
-        result_transmission_loss, result_torque_margin, margin_of, &
+        result_transmission_loss, result_torque_margin, margin_of, result_contact_force, result_pressure_angle, &
         find_motor_loads
     use linkdyn_roads, only: road_counts
-    use linkdyn_scene, only: scene_type, takes_time, payload_changes, has_limits
+    use linkdyn_scene, only: scene_type, takes_time, payload_changes, has_limits, guide_of
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_undefined, message_len
     use linkdyn_text, only: to_text, quoted
     use linkdyn_turns, only: turn_count
@@ -28,17 +28,18 @@ module linkdyn_inverse_call
         check_count
 
     !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
-    integer, parameter :: n_room = 24
+    integer, parameter :: n_room = 26
     integer, parameter :: room_id(n_room) = [result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, result_singularity_distance, &
         result_error, result_driving_force_error, result_reaction_error, result_transmission_angle, result_growth, &
         result_assembly, result_friction, result_friction_power, result_transmission_force, result_motor_torque, &
-        result_motor_speed, result_motor_power, result_transmission_loss, result_motor_current, result_torque_margin]
+        result_motor_speed, result_motor_power, result_transmission_loss, result_motor_current, result_torque_margin, &
+        result_contact_force, result_pressure_angle]
     character(len=20), parameter :: room_name(n_room) = [character(len=20) :: "driving_force", "driving_speed", "driving_power", &
         "reaction", "joint_variable", "joint_rate", "power_imbalance", "rcond", "singularity_distance", "error", &
         "driving_force_error", "reaction_error", "transmission_angle", "growth", "assembly", &
         "friction", "friction_power", "transmission_force", "motor_torque", "motor_speed", "motor_power", &
-        "transmission_loss", "motor_current", "torque_margin"]
+        "transmission_loss", "motor_current", "torque_margin", "contact_force", "pressure_angle"]
 
     !> Where a result goes; null: it is not wanted.
     type :: room_type
@@ -79,10 +80,25 @@ contains
             width = merge(model%n_joint, 0, size(model%contact) > 0)
         case (result_transmission_angle)
             width = model%n_dyad
+        case (result_contact_force)
+            width = model%n_cam
+        case (result_pressure_angle)
+            width = merge(model%n_cam, 0, has_guides(model))
         case default
             width = 1
         end select
     end function room_width
+
+    !> Is every follower of a cam guided?
+    pure logical function has_guides(model)
+        type(model_type), intent(in) :: model
+        integer :: j
+
+        has_guides = .true.
+        do j = 1, model%n_joint
+            if (model%joint(j)%cam > 0) has_guides = has_guides .and. guide_of(model%scene, j) > 0
+        end do
+    end function has_guides
 
     !> A batch. A sample that fails has its status, and NaN for results.
     !>
@@ -114,7 +130,8 @@ contains
         own%wants_distance = is_wanted(result_singularity_distance)
         call hold_texts()
         call check_count(n, status)
-        if (status%is_ok()) call find_solver(scene, own, is_wanted(result_reaction), solver, status)
+        if (status%is_ok()) call find_solver(scene, own, is_wanted(result_reaction) .or. is_wanted(result_contact_force), &
+                                               solver, status)
         if (status%is_ok()) call check_arrays(scene%model, n, q, qd, qdd, load, room, sample_status, status)
         if (status%is_ok()) call check_input(scene%model, first, n, q, qd, qdd, load, status)
         if (status%is_ok() .and. .not. present(t)) call require_no_instants(scene%model%scene, status)
@@ -261,6 +278,10 @@ contains
                 results%reaction_error(1:model%n_component, 1:model%n_joint, 1:n) => room(i)%real
             case (result_transmission_angle)
                 results%transmission_angle(1:model%n_dyad, 1:n) => room(i)%real
+            case (result_contact_force)
+                results%contact_force(1:model%n_cam, 1:n) => room(i)%real
+            case (result_pressure_angle)
+                if (has_guides(model)) results%pressure_angle(1:model%n_cam, 1:n) => room(i)%real
             case (result_transmission_force)
                 results%transmission_force(1:size(model%motor), 1:n) => room(i)%real
             case (result_friction)

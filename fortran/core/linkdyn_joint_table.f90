@@ -8,7 +8,7 @@ module linkdyn_joint_table
     private
     public :: joint_groove, joint_plate, joint_loose, is_partial
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_fixed, &
-        joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, pose_position, pose_attitude
+        joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_cam, pose_position, pose_attitude
     public :: n_joint_kind, joint_kind_name, joint_n_variable, variable_name, variable_is_slide, joint_in_plane
     public :: along_nothing, along_normal, along_x_and_y, along_axes, along_z, force_directions, moment_directions
     public :: is_threaded, is_geared
@@ -25,17 +25,18 @@ module linkdyn_joint_table
     integer, parameter :: joint_gear = 9         !! two wheels that mesh
     integer, parameter :: joint_rack = 10        !! a wheel and a rack
     integer, parameter :: joint_belt = 11        !! two wheels with a belt or chain round both
-    integer, parameter :: n_joint_kind = 11      !! that a scene may name
+    integer, parameter :: joint_cam = 12         !! a point, roller or straight face on a curve (see `linkdyn_curve`)
+    integer, parameter :: n_joint_kind = 12      !! that a scene may name
 
     ! ---- where a link is, seen from another: variables that hold nothing, by which coordinates can lead it
-    integer, parameter :: pose_position = 12     !! of a point, along the axes of the first link
-    integer, parameter :: pose_attitude = 13     !! three angles
+    integer, parameter :: pose_position = 13     !! of a point, along the axes of the first link
+    integer, parameter :: pose_attitude = 14     !! three angles
 
     ! ---- what is left of a joint that lets go of what others hold (see `linkdyn_release`); their axes are the first marker's
-    integer, parameter :: joint_groove = 14      !! a point on a line
-    integer, parameter :: joint_plate = 15       !! a point in a plane, in the plane on a line
-    integer, parameter :: joint_loose = 16       !! nothing
-    integer, parameter :: n_kind = 16
+    integer, parameter :: joint_groove = 15      !! a point on a line
+    integer, parameter :: joint_plate = 16       !! a point in a plane, in the plane on a line
+    integer, parameter :: joint_loose = 17       !! nothing
+    integer, parameter :: n_kind = 17
 
     ! ---- directions of the forces or moments that a joint transmits
     integer, parameter :: along_nothing = 0    !! none
@@ -48,8 +49,8 @@ module linkdyn_joint_table
     integer, parameter :: variable_len = 7
     character(len=11), parameter :: joint_kind_name(n_kind) = [character(len=11) :: &
         "revolute", "prismatic", "cylindrical", "universal", "spherical", "fixed", "planar", "screw", "gear", "rack", "belt", &
-        "position", "attitude", "groove", "plate", "nothing"]
-    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0, 3, 3, 0, 0, 0]
+        "cam", "position", "attitude", "groove", "plate", "nothing"]
+    integer, parameter :: joint_n_variable(n_kind) = [1, 1, 2, 2, 3, 0, 3, 1, 0, 0, 0, 0, 3, 3, 0, 0, 0]
     character(len=variable_len), parameter :: variable_name(3, n_kind) = reshape([character(len=variable_len) :: &
         "angle", "", "", &
         "slide", "", "", &
@@ -59,6 +60,7 @@ module linkdyn_joint_table
         "", "", "", &
         "x", "y", "angle", &
         "angle", "", "", &
+        "", "", "", &
         "", "", "", &
         "", "", "", &
         "", "", "", &
@@ -76,13 +78,15 @@ module linkdyn_joint_table
     !> Along which axes of the first marker the second moves away from it; 0: no more.
     integer, parameter :: slide_axis(most_slides, n_kind) = &
         reshape([0, 0, 3, 0, 3, 0, 0, 0, 0, 0, 0, 0, 1, 2, 3, 0, &
-                 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_kind])
+                 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0], [most_slides, n_kind])
     integer, parameter :: force_directions(n_kind) = &
         [along_axes, along_x_and_y, along_x_and_y, along_axes, along_axes, along_axes, along_z, along_x_and_y, &
-         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_x_and_y, along_z, along_nothing]
+         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_x_and_y, along_z, &
+         along_nothing]
     integer, parameter :: moment_directions(n_kind) = &
         [along_x_and_y, along_axes, along_x_and_y, along_normal, along_nothing, along_axes, along_x_and_y, along_x_and_y, &
-         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing]
+         along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, along_nothing, &
+         along_nothing]
     !> A thread ties slide and angle: besides the directions above it transmits a force along the axis, and with it a moment.
     logical, parameter :: is_threaded(n_kind) = joint_kind_name == "screw"
     !> Holds no marker, but ties the angles of two wheels that other joints hold (see `linkdyn_gearing`): it transmits one force,
@@ -91,7 +95,7 @@ module linkdyn_joint_table
         joint_kind_name == "gear" .or. joint_kind_name == "rack" .or. joint_kind_name == "belt"
     !> Exists in planar scenes.
     logical, parameter :: joint_in_plane(n_joint_kind) = &
-        [.true., .true., .false., .false., .false., .true., .false., .false., .true., .true., .true.]
+        [.true., .true., .false., .false., .false., .true., .false., .false., .true., .true., .true., .true.]
 
 contains
 
@@ -130,14 +134,15 @@ contains
         is_partial = kind > pose_attitude
     end function is_partial
 
-    !> How many forces and how many moments a kind transmits: as many as it takes freedoms away.
+    !> How many forces and how many moments a kind transmits: as many as it takes freedoms away. The force of a cam is along the
+    !> normal where it is touched, which the table does not know.
     pure function n_transmitted(kind, is_planar) result(n)
         integer, intent(in) :: kind
         logical, intent(in) :: is_planar           !! those that act in a plane
         integer :: n(2)
 
         n = [n_along(force_directions(kind)) + merge(1, 0, is_threaded(kind)), n_along(moment_directions(kind))]
-        if (is_geared(kind)) then
+        if (is_geared(kind) .or. kind == joint_cam) then
             n = [1, 0]
         else if (is_planar .and. .not. is_partial(kind)) then
             n = max(n - [1, 2], 0)

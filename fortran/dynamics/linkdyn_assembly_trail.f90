@@ -297,7 +297,9 @@ contains
         logical :: is_closed(lanes), is_closed_given(lanes)
         integer :: i, k, n_compared, n_alike
 
+        agrees = .false.
         call begin_trail(model, trail)
+        if (.not. trail%is_needed) return              ! nobody will ask for margins
         do i = 1, lanes
             at(:, i) = pose(:, min(i, size(pose, 2)))
             way(:, i) = [(modulo((i*model%n_q + k)*golden, 1.0_wp) - 0.5_wp, k=1, model%n_q)]

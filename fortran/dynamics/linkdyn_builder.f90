@@ -7,7 +7,7 @@ module linkdyn_builder
     use linkdyn_cross, only: cross
     use linkdyn_gearing, only: plan_gears
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
-    use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack
+    use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -194,6 +194,10 @@ contains
             call take_joint(scene, i, model%joint(i))
             model%joint(i)%first_variable = model%n_variable
             if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
+            if (model%joint(i)%kind /= joint_cam) cycle
+            model%n_cam = model%n_cam + 1
+            model%joint(i)%cam = model%n_cam
+            model%joint(i)%reach = maxval(norm2(scene%joint(i)%cam%curve%knot, dim=1))
         end do
         call take_payloads(model)
         call take_motors(model)
@@ -377,7 +381,8 @@ contains
                     marker = scene%link(spec%link(side))%marker(spec%marker(side))
                 end if
                 if (scene%planar) &
-                    call lay_in_plane(spec%kind == joint_prismatic .or. (spec%kind == joint_rack .and. side == 2), marker)
+                    call lay_in_plane(spec%kind == joint_prismatic &
+                                      .or. (any(spec%kind == [joint_rack, joint_cam]) .and. side == 2), marker)
                 call take_marker(marker, joint%point(:, side), joint%frame(:, :, side))
                 joint%told_frame(:, :, side) = joint%frame(:, :, side)
             end do

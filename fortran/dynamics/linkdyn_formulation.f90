@@ -41,6 +41,7 @@ module linkdyn_formulation
         integer :: orientation = 0             !! axes in which `direction` is fixed; 0: world
         real(wp) :: direction(3) = 0
         integer :: unit_axis = 0               !! k if `direction` is axis k itself
+        integer :: cam = 0                     !! the cam along whose normal it is; `direction` is not used, in a plane alone
         real(wp) :: couple(3, 2) = 0           !! moment with a unit force about the link's marker; reversed on the first [m]
     end type wrench_column
 
@@ -67,7 +68,7 @@ module linkdyn_formulation
     type :: incidence_type
         integer :: joint = 0, link = 0
         real(wp) :: sign = 1                   !! the reaction acts on the second link, its opposite on the first
-        real(wp) :: arm(3) = 0                 !! from the moment point to the joint point, link axes
+        real(wp) :: arm(3) = 0                 !! from the moment point to the joint point, link axes; of a cam not used
         integer :: n_slide = 0                 !! of the joint that this link feels
         real(wp) :: arm_slide(3, most_slides) = 0   !! what a unit of each adds to the arm
         logical :: has_arm = .false., is_active = .false.
@@ -224,6 +225,7 @@ contains
         call add_columns(force_directions(model%joint(j)%kind), formulation%force_axes(j), .false.)
         if (is_threaded(model%joint(j)%kind)) call add_thread()
         if (is_geared(model%joint(j)%kind)) call add_tooth(model%gear(model%joint(j)%gear))
+        if (model%joint(j)%cam > 0) call add_column(wrench_column(joint=j, cam=model%joint(j)%cam), .false.)
         call add_columns(moment_directions(model%joint(j)%kind), formulation%moment_axes(j), .true.)
 
     contains
@@ -379,7 +381,7 @@ contains
             do i = 1, incidence%n_slide
                 incidence%arm_slide(:, i) = joint%frame(:, slide_axis(i, joint%kind), 1)
             end do
-            incidence%has_arm = incidence%n_slide > 0 .or. any(incidence%arm /= 0)
+            incidence%has_arm = incidence%n_slide > 0 .or. any(incidence%arm /= 0) .or. joint%cam > 0
         end associate
 
         n = formulation%first_column(j + 1) - formulation%first_column(j)
@@ -437,7 +439,7 @@ contains
         associate (column => formulation%column(c), link => model%link(incidence%link))
             rows = merge(link%orientation, 0, formulation%row_in_link(incidence%link))
             rows_turn = rows /= link%orientation         ! arms turn against the rows
-            is_fixed = .not. column%is_normal .and. column%orientation == rows
+            is_fixed = .not. column%is_normal .and. column%cam == 0 .and. column%orientation == rows
             ! The z axis is the same for all that moves in a plane.
             is_fixed = is_fixed .or. (model%is_planar .and. column%is_moment)
             if (column%is_moment) then
@@ -454,7 +456,7 @@ contains
 
             if (is_fixed) then
                 value(1:3) = incidence%sign*column%direction
-            else if (any(column%direction /= 0) .or. column%is_normal) then
+            else if (any(column%direction /= 0) .or. column%is_normal .or. column%cam > 0) then
                 group%force_slot = 1
                 group%needs_direction = .true.
             end if
@@ -636,7 +638,8 @@ contains
 
         kept = [formulation%force_axes(j), formulation%moment_axes(j)]
         best = joint_cost(model, formulation, j)
-        if (is_partial(model%joint(j)%kind)) return        ! its axes are the first link's
+        ! its axes are the first link's, or nobody's
+        if (is_partial(model%joint(j)%kind) .or. model%joint(j)%cam > 0) return
         do force = merge(0, 1, force_directions(model%joint(j)%kind) == along_axes), 2
             do moment = merge(0, 1, moment_directions(model%joint(j)%kind) == along_axes), 2
                 formulation%force_axes(j) = force

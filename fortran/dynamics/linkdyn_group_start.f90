@@ -184,7 +184,7 @@ contains
         do round = 1, size(group%link)
             do i = 1, size(group%joint)
                 j = group%joint(i)
-                if (is_pose_part(model%joint(j)%kind)) cycle
+                if (is_pose_part(model%joint(j)%kind) .or. model%joint(j)%cam > 0) cycle
                 associate (link => model%joint(j)%link)
                     if (is_placed(link(1)) .eqv. is_placed(link(2))) cycle
                     from = merge(1, 2, is_placed(link(1)))

@@ -82,7 +82,11 @@ contains
 
         gap = 0
         do j = 1, model%n_joint
-            if (.not. is_geared(model%joint(j)%kind)) gap = max(gap, gap_of_joint(model, state, j))
+            if (model%joint(j)%cam > 0) then
+                gap = max(gap, abs(state%plane%contact(model%joint(j)%cam)%gap))
+            else if (.not. is_geared(model%joint(j)%kind)) then
+                gap = max(gap, gap_of_joint(model, state, j))
+            end if
         end do
     end subroutine measure_closure
 

@@ -2,7 +2,7 @@
 !>
 !> Rows stand in world axes; only arms and the directions of slides turn.
 module linkdyn_planar_assembly
-    use linkdyn_formulation, only: formulation_type, wrench_column
+    use linkdyn_formulation, only: formulation_type, incidence_type, wrench_column
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -34,7 +34,9 @@ contains
                 if (incidence%needs_arm) then
                     arm = vec2_of(incidence%arm(:2))
                     if (incidence%n_slide > 0) arm = arm + state%slide(:, 1, incidence%joint)*vec2_of(incidence%arm_slide(:2, 1))
-                    arm = incidence%sign*(state%plane%rotation(model%link(incidence%link)%orientation).rotate.arm)
+                    arm = state%plane%rotation(model%link(incidence%link)%orientation).rotate.arm
+                    if (model%joint(incidence%joint)%cam > 0) arm = contact_arm(model, formulation, incidence, state%plane)
+                    arm = incidence%sign*arm
                 end if
                 do g = 1, size(incidence%group)
                     associate (group => incidence%group(g))
@@ -42,7 +44,9 @@ contains
                             + group%slide_rate(3, 1)*state%slide(:, 1, incidence%joint)
                         if (.not. group%needs_direction) cycle
                         associate (column => formulation%column(group%column))
-                            if (column%orientation == 0) then
+                            if (column%cam > 0) then
+                                direction = state%plane%contact(column%cam)%normal
+                            else if (column%orientation == 0) then
                                 direction = vec2_of(column%direction(:2))
                             else
                                 direction = state%plane%rotation(column%orientation).rotate.column%direction(:2)
@@ -59,6 +63,20 @@ contains
             end associate
         end do
     end subroutine assemble_planar_matrix
+
+    !> From the moment point of one of a cam's links to where the force acts.
+    pure function contact_arm(model, formulation, incidence, plane) result(arm)
+        type(model_type), intent(in) :: model
+        type(formulation_type), intent(in) :: formulation
+        type(incidence_type), intent(in) :: incidence
+        type(planar_motion), intent(in) :: plane
+        type(vec2) :: arm
+
+        associate (l => incidence%link)
+            arm = plane%contact(model%joint(incidence%joint)%cam)%point - plane%position(l) &
+                  - (plane%rotation(model%link(l)%orientation).rotate.formulation%moment_point(:2, l))
+        end associate
+    end function contact_arm
 
     !> Fill the right-hand sides: slot(:, first + row) for every row that is not zero by rule.
     subroutine assemble_planar_right(model, formulation, state, load, first, slot)

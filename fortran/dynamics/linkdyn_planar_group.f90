@@ -4,17 +4,18 @@
 !> gaps and the angle; a joint whose variable is a coordinate one more, and so does each coordinate at a part of a pose.
 !> Velocities and accelerations obey the Jacobian of the same gaps.
 module linkdyn_planar_group
+    use linkdyn_cam_contact, only: locate_contacts
     use linkdyn_given, only: given_position, given_rate, given_acceleration, given_column
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
     use linkdyn_group_motion, only: size_of_rows
-    use linkdyn_joint_table, only: most_slides, is_pose_part, is_partial, joint_plate, joint_loose, n_transmitted
+    use linkdyn_joint_table, only: most_slides, is_pose_part, is_partial, joint_plate, joint_loose, joint_cam, n_transmitted
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, group_type, orientation_of, scene_size
-    use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
+    use linkdyn_planar_motion, only: planar_motion, planar_contact, level_velocity, level_given
     use linkdyn_planar_point, only: carried
-    use linkdyn_scene, only: joint_prismatic, joint_fixed, pose_position, pose_attitude
+    use linkdyn_scene, only: joint_prismatic, joint_fixed, pose_position, pose_attitude, follower_flat
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), perp, rot2, rot2_by_angle, zero_vec2, vec2_of
     implicit none (type, external)
@@ -26,11 +27,14 @@ module linkdyn_planar_group
         logical :: slides = .false.
         logical :: is_line = .false.       !! a point of the second link on a line of the first
         logical :: is_fixed = .false.
+        logical :: is_cam = .false.        !! on a line, too, which turns as the contact goes along the curve
+        integer :: sees = 1                !! side of the link from which the line or slide is seen to stand still
+        real(wp) :: round(lanes) = 0       !! of a cam: curvature of the path on which a roller's centre goes; of a face zero
         logical :: is_position = .false., is_attitude = .false.    !! parts of a pose: nothing but coordinates
         integer :: link(2) = 0, o(2) = 0
         integer :: place(2) = 0            !! of its links among the group's; 0: known
         type(vec2) :: arm(2)               !! origins to where the gap is measured
-        type(vec2) :: gap                  !! second less first marker
+        type(vec2) :: gap                  !! second less first marker; of a cam as far as it is off the curve
         type(vec2) :: u                    !! along the slide; of a part of a pose: x of the first marker
         real(wp) :: turn(lanes)            !! second less first marker's direction [rad]
     end type joint_view
@@ -50,6 +54,7 @@ contains
                 if (group%turns(i)) state%plane%rotation(orientation_of(model, l)) = rot2_by_angle(place(:, 3, l))
             end associate
         end do
+        call locate_contacts(model, group%joint, state%plane)
     end subroutine put_planar_links
 
     ! ---------------------------------------------------------------- gaps and their Jacobian
@@ -69,6 +74,7 @@ contains
             view%is_line = joint%kind == joint_plate
             view%is_position = joint%kind == pose_position
             view%is_attitude = joint%kind == pose_attitude
+            view%is_cam = joint%kind == joint_cam
             axis = merge(3, 1, view%slides .or. view%is_line)
             do side = 1, 2
                 view%link(side) = joint%link(side)
@@ -82,8 +88,34 @@ contains
         view%gap = point(2) - point(1)
         view%u = direction(1)
         view%turn = atan2(direction(1).cross.direction(2), direction(1).dot.direction(2))
+        if (view%is_cam) call see_contact()
         ! Across a slide the first link is felt at the second's marker.
-        if (view%slides .or. view%is_position .or. view%is_line) view%arm(1) = view%arm(1) + view%gap
+        if (view%slides .or. view%is_position .or. (view%is_line .and. .not. view%is_cam)) view%arm(1) = view%arm(1) + view%gap
+
+    contains
+
+        !> A roller's centre on a path fixed in the cam; or, seen from the follower, the centre of the outline's curvature on a line
+        !> beside the face.
+        subroutine see_contact()
+            type(vec2) :: meets
+            integer :: s
+
+            associate (contact => plane%contact(model%joint(j)%cam))
+                view%is_line = .true.
+                view%u = contact%normal
+                meets = point(2)
+                if (model%scene%joint(j)%cam%follower == follower_flat) then
+                    view%sees = 2
+                    meets = contact%point - contact%round*contact%normal
+                else
+                    view%round = contact%round
+                end if
+                do s = 1, 2
+                    view%arm(s) = meets - plane%position(view%link(s))
+                end do
+                view%gap = contact%gap*contact%normal
+            end associate
+        end subroutine see_contact
     end function view_of
 
     !> Gaps at the iterate and how the links close them.
@@ -191,7 +223,7 @@ contains
                 end do
                 cycle
             end if
-            if (is_partial(model%joint(group%joint(i))%kind)) then
+            if (is_partial(model%joint(group%joint(i))%kind) .or. model%joint(group%joint(i))%cam > 0) then
                 k = sum(n_transmitted(model%joint(group%joint(i))%kind, model%is_planar))
                 is_length(row + 1:row + k) = .true.
                 row = row + k
@@ -219,6 +251,7 @@ contains
         real(wp), intent(out) :: matrix(:, :, :), right(:, :)
         type(rot2) :: rotation(0:model%n_orientation)
         type(vec2) :: position(0:model%n_link)
+        type(planar_contact) :: contact(model%n_cam)
         real(wp) :: slide(lanes, most_slides, size(model%joint)), turn(lanes)
         integer :: o, l
 
@@ -226,6 +259,7 @@ contains
             rotation = plane%rotation
             position = plane%position
             slide = state%slide
+            contact = plane%contact
             do o = 0, model%n_orientation
                 turn = step*plane%angular(:, level_velocity, o)
                 plane%rotation(o) = rot2(rotation(o)%c - turn*rotation(o)%s, rotation(o)%s + turn*rotation(o)%c)
@@ -233,7 +267,9 @@ contains
             do l = 0, model%n_link
                 plane%position(l) = position(l) + step*plane%linear(level_velocity, l)
             end do
+            call locate_contacts(model, group%joint, plane)
             call assemble_gaps(model, group, state, matrix, right)
+            plane%contact = contact
             plane%rotation = rotation
             plane%position = position
             state%slide = slide
@@ -363,7 +399,7 @@ contains
             view = view_of(model, group, group%joint(i), state%plane)
             opening = opening_of(state%plane, view, level)
             if ((view%slides .or. view%is_position .or. view%is_line) .and. level == level_given) opening = opening &
-                - (2*state%plane%angular(:, level_velocity, view%o(1)))*perp(opening_of(state%plane, view, level_velocity))
+                - (2*state%plane%angular(:, level_velocity, view%o(view%sees)))*perp(opening_of(state%plane, view, level_velocity))
             turning = state%plane%angular(:, level, view%o(2)) - state%plane%angular(:, level, view%o(1))
             if (view%is_position .or. view%is_attitude) then
                 do k = 1, 3
@@ -379,6 +415,11 @@ contains
             if (view%is_line) then
                 row = row + 1
                 right(:, row) = view%u.dot.opening
+                if (view%is_cam .and. level == level_given) then
+                    associate (along => view%u.cross.opening_of(state%plane, view, level_velocity))
+                        right(:, row) = right(:, row) + view%round*along**2
+                    end associate
+                end if
                 cycle
             end if
             if (view%slides) then

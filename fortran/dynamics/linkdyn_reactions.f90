@@ -6,7 +6,7 @@ module linkdyn_reactions
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, holds_spin
-    use linkdyn_vec2, only: vec2, operator(.rotate.)
+    use linkdyn_vec2, only: vec2, operator(*), operator(.rotate.)
     use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.), zero_vec3, vec3_of
     implicit none (type, external)
     private
@@ -104,6 +104,8 @@ contains
                 end if
                 if (part%orientation > 0) force = state%plane%rotation(part%orientation).rotate.force
             end associate
+            if (model%joint(j)%cam > 0) &
+                force = unknown(solution, formulation%first_column(j) + 1)*state%plane%contact(model%joint(j)%cam)%normal
             reaction(:, 1, j) = force%x
             reaction(:, 2, j) = force%y
             associate (part => formulation%part(2, j))
@@ -111,6 +113,8 @@ contains
                 if (part%couple_column > 0) reaction(:, 3, j) = reaction(:, 3, j) &
                     + formulation%column(part%couple_column)%couple(3, 2)*unknown(solution, part%couple_column)
             end associate
+            if (model%joint(j)%cam > 0) &
+                reaction(:, 3, j) = unknown(solution, formulation%first_column(j) + 1)*state%plane%contact(model%joint(j)%cam)%arm
         end do
     end subroutine collect_planar_reactions
 

@@ -7,6 +7,7 @@
 module linkdyn_similar_model
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_contact, only: list_contacts, is_turning
+    use linkdyn_curve, only: scale_curve
     use linkdyn_joint_table, only: is_slide, joint_rack, joint_belt
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length
@@ -58,7 +59,10 @@ contains
         do i = 1, size(model%joint)
             similar%joint(i)%point = scale*model%joint(i)%point
             similar%joint(i)%pitch = scale*model%joint(i)%pitch
+            similar%joint(i)%reach = scale*model%joint(i)%reach
             similar%scene%joint(i)%lead = scale*model%scene%joint(i)%lead
+            similar%scene%joint(i)%cam%radius = scale*model%scene%joint(i)%cam%radius
+            call scale_curve(scale, similar%scene%joint(i)%cam%curve)
             similar%joint(i)%frame = other_rounding(copy, model%joint(i)%frame)
             do k = 1, size(model%scene%joint(i)%start)
                 if (is_slide(model%joint(i)%told_kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)

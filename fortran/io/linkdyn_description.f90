@@ -6,7 +6,7 @@ module linkdyn_description
     use linkdyn_model, only: model_type, gear_type, shared_reactions
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, load_spec, &
-        marker_spec, stop_spec, &
+        marker_spec, stop_spec, cam_spec, follower_name, &
         n_event, n_stop, law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
     implicit none (type, external)
@@ -200,6 +200,7 @@ contains
                 string(marker_name(scene, joint%link(2), joint%marker(2)))//"]"
             if (joint%kind == joint_screw) text = text//","//pair("lead", number(joint%lead))
             if (model%joint(j)%gear > 0) text = text//gear_members(model, model%gear(model%joint(j)%gear))
+            if (model%joint(j)%cam > 0) text = text//cam_members(joint%cam)
             text = text//"}"
         end associate
     end function joint_object
@@ -242,6 +243,20 @@ contains
         end do
         text = text//"]"
     end function gear_members
+
+    !> What cams have besides: the follower, and the curve as the spline that it is.
+    function cam_members(cam) result(text)
+        type(cam_spec), intent(in) :: cam
+        character(len=:), allocatable :: text
+
+        associate (curve => cam%curve)
+            text = ","//pair("follower", string(follower_name(cam%follower)))//","//pair("radius", number(cam%radius))//","// &
+                pair("side", integer_value(cam%side))//","//pair("groove", logical_value(cam%is_groove))//","// &
+                pair("path", logical_value(cam%is_path))//',"curve":{'//pair("polar", logical_value(curve%is_polar))//","// &
+                pair("u", numbers(curve%u))//","//pair("value", numbers([curve%value]))//","// &
+                pair("second", numbers([curve%second]))//"}"
+        end associate
+    end function cam_members
 
     function load_object(scene, load) result(text)
         type(scene_type), intent(in) :: scene

@@ -1,7 +1,7 @@
 !> The tables [[friction]] of a scene file.
 module linkdyn_scene_friction
     use linkdyn_contact, only: is_turning
-    use linkdyn_joint_table, only: joint_fixed, joint_planar, is_geared
+    use linkdyn_joint_table, only: joint_fixed, joint_cam, joint_planar, is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, joint_spherical, &
         joint_kind_name
@@ -55,8 +55,9 @@ contains
         if (.not. status%is_ok()) return
         associate (joint => scene%joint(friction%joint))
             place%what = "friction at joint "//quoted(joint%name)
-            if (joint%kind == joint_fixed .or. is_geared(joint%kind)) call refuse_value(place, "joint", place%node%get("joint"), &
-                "is a "//trim(joint_kind_name(joint%kind))//" joint, in which nothing rubs (expected one that turns or slides)", &
+            if (any(joint%kind == [joint_fixed, joint_cam]) .or. is_geared(joint%kind)) call refuse_value(place, "joint", &
+                place%node%get("joint"), "is a "//trim(joint_kind_name(joint%kind))//" joint, in which nothing rubs " &
+                //"(expected one that turns or slides)", &
                 status)
             call allow_keys(place, [character(len=key_len) :: "joint", "coulomb", "static", "stribeck_speed", "creep_speed", &
                 "viscous", "radius", "length", "collar", "preload"], status)

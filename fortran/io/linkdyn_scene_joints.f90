@@ -1,6 +1,6 @@
 !> Joints of a scene file.
 module linkdyn_scene_joints
-    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded
+    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded, joint_prismatic, joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
@@ -10,9 +10,12 @@ module linkdyn_scene_joints
     use linkdyn_units, only: quantity_type, length, angle, stiffness, angular_stiffness
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, &
         get_quantity, quantity_of, get_name, get_word, get_integer
+    use linkdyn_scene_cams, only: read_cam, cam_key
     use linkdyn_scene_gears, only: read_wheels, gear_key
+    use linkdyn_scene_laws, only: table_shelf
     use linkdyn_scene_names, only: find_marker
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
+    use linkdyn_scene_slots, only: joint_word, slot_word, split_slot
     implicit none (type, external)
     private
     public :: read_joints, require_two_links, variable_quantity
@@ -20,26 +23,36 @@ module linkdyn_scene_joints
 contains
 
     !> The tables [[joint]] into the first places of `scene%joint`.
-    subroutine read_joints(root, scene, status)
+    subroutine read_joints(root, first_block, first_pin, shelf, scene, status)
         type(scene_place), intent(in) :: root
-        type(scene_type), intent(inout) :: scene       !! %joint allocated for these and for the chains
+        integer, intent(in) :: first_block             !! among the links, of the blocks that slots have
+        integer, intent(in) :: first_pin               !! among the joints, of their hinges
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene       !! %joint allocated for these, for the chains and the slots
         type(status_type), intent(inout) :: status
         type(repeated_tables) :: tables
         type(scene_place) :: place
-        integer :: i
+        logical :: is_slot
+        integer :: i, n_slot
 
         call list_repeated(root, "joint", scene%planar, .false., tables, status)
+        n_slot = 0
         do i = 1, size(tables%table)
             place = repeated_at(root, tables, i, "joint")
-            call read_joint(place, scene, scene%joint(i), status)
+            call read_joint(place, scene, shelf, scene%joint(i), is_slot, status)
             if (.not. status%is_ok()) return
+            if (.not. is_slot) cycle
+            call split_slot(first_block + n_slot, scene%joint(i), scene%joint(first_pin + n_slot))
+            n_slot = n_slot + 1
         end do
     end subroutine read_joints
 
-    subroutine read_joint(place, scene, joint, status)
+    subroutine read_joint(place, scene, shelf, joint, is_slot, status)
         type(scene_place), intent(inout) :: place
         type(scene_type), intent(in) :: scene
+        type(table_shelf), intent(inout) :: shelf
         type(joint_spec), intent(out) :: joint
+        logical, intent(out) :: is_slot                !! read as a slide, its block left out
         type(status_type), intent(inout) :: status
         character(len=*), parameter :: expected = "two markers, [""link1.marker"", ""link2.marker""]"
         type(toml_node) :: between
@@ -51,17 +64,27 @@ contains
         if (.not. status%is_ok()) return
         place%what = "joint "//quoted(joint%name)
         call allow_keys(place, [character(len=9) :: "name", "type", "between", "start", "branch", "lead", &
-                                "stiffness", gear_key], status)
-        call get_word(place, "type", joint_kind_name(:n_joint_kind), joint%kind, status)
+                                "stiffness", gear_key, cam_key], status)
+        call get_word(place, "type", joint_word, joint%kind, status)
+        is_slot = joint%kind == slot_word
         if (.not. status%is_ok()) return
-        if (scene%planar .and. .not. joint_in_plane(joint%kind)) then
+        if (is_slot) then
+            joint%kind = joint_prismatic
+            call allow_keys(place, [character(len=7) :: "name", "type", "between", "start", "branch"], status)
+            if (.not. scene%planar) call refuse_value(place, "type", place%node%get("type"), "= ""slot"" exists in a plane only " &
+                //"(expected a block with a revolute and a prismatic joint)", status)
+        else if (joint%kind == joint_cam .and. .not. scene%planar) then
+            call refuse_value(place, "type", place%node%get("type"), "= ""cam"" exists in a plane only " &
+                //"(expected space = 'planar')", status)
+        else if (scene%planar .and. .not. joint_in_plane(joint%kind)) then
             call refuse_value(place, "type", place%node%get("type"), "= "//quoted(joint_kind_name(joint%kind))// &
                 " does not exist in a plane (expected one of "// &
-                join(pack(joint_kind_name(:n_joint_kind), joint_in_plane))//")", status)
-            return
+                join([pack(joint_kind_name(:n_joint_kind), joint_in_plane), joint_word(slot_word:)])//")", status)
         end if
+        if (.not. status%is_ok()) return
         call read_lead(place, joint, status)
         call read_wheels(place, joint, status)
+        call read_cam(place, shelf, joint, status)
         between = place%node%get("between")
         if (.not. between%is_present()) then
             call refuse_missing(place, "between", expected, status)

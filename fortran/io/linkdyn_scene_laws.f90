@@ -5,7 +5,7 @@ module linkdyn_scene_laws
     use linkdyn_text, only: to_text, quoted
     use linkdyn_scene, only: law_spec, table_spec, law_book, path_len, law_constant, law_constant_rate, &
         law_cycloidal_start, law_cycloidal, law_polynomial_345, law_harmonic, law_table
-    use linkdyn_table, only: fit_spline
+    use linkdyn_spline, only: fit_spline
     use linkdyn_toml, only: toml_node, toml_table
     use linkdyn_units, only: quantity_type, per_second, unit_factor, time_span, angle, angular_rate
     use linkdyn_input, only: path_in_folder
@@ -16,7 +16,7 @@ module linkdyn_scene_laws
     implicit none (type, external)
     private
     public :: table_shelf, files_of, read_law, law_of_column, column_in_si, table_law, constant_law
-    public :: spline, straight_lines, table_reading, read_table_keys, has_column, require_positive
+    public :: spline, straight_lines, table_reading, read_table_keys, take_table, has_column, require_positive
 
     integer, parameter :: spline = 1           !! between rows: cubic spline with continuous acceleration
     integer, parameter :: straight_lines = 2   !! between rows: straight lines

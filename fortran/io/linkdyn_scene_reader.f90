@@ -19,6 +19,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
     use linkdyn_scene_joints, only: read_joints
     use linkdyn_scene_chain, only: count_chain_parts, read_chains
+    use linkdyn_scene_slots, only: count_slots, make_blocks
     use linkdyn_scene_laws, only: table_shelf, files_of
     use linkdyn_scene_motion, only: read_coordinates, read_base
     use linkdyn_scene_state_laws, only: read_measures, read_named_laws
@@ -129,24 +130,26 @@ contains
         type(table_shelf) :: shelf
         type(repeated_tables) :: links, joints
         integer, allocatable :: driven(:)
-        integer :: n_link, n_joint, n_chain_link, n_chain_joint
+        integer :: n_link, n_joint, n_chain_link, n_chain_joint, n_slot
 
         shelf%folder = folder
         call read_head(root, scene, status)
         call list_repeated(root, "link", scene%planar, .true., links, status)
         call list_repeated(root, "joint", scene%planar, .false., joints, status)
         call count_chain_parts(root, scene%planar, n_chain_link, n_chain_joint, status)
+        n_slot = count_slots(root, scene%planar, status)
         n_link = size(links%table)
         n_joint = size(joints%table)
         if (status%is_ok() .and. n_link == 0) &
             call refuse(root, "the scene has no links (expected at least one [[link]])", status)
         if (.not. status%is_ok()) return
-        allocate (scene%link(n_link + n_chain_link), scene%joint(n_joint + n_chain_joint))
+        allocate (scene%link(n_link + n_chain_link + n_slot), scene%joint(n_joint + n_chain_joint + n_slot))
         call read_frame(root, scene, status)
         call read_links(root, scene, status)
         call read_chains(root, n_link + 1, n_joint + 1, scene, driven, status)
+        call make_blocks(root, n_link + n_chain_link + 1, scene, status)
         call refuse_double_links(root, scene, status)
-        call read_joints(root, scene, status)
+        call read_joints(root, n_link + n_chain_link + 1, n_joint + n_chain_joint + 1, shelf, scene, status)
         call refuse_double_joints(root, scene, status)
         call read_coordinates(root, shelf, scene, status)
         call read_base(root, shelf, scene, status)

@@ -18,7 +18,7 @@ module linkdyn_scene_state_laws
     use linkdyn_scene_names, only: find_marker, find_joint, find_variable
     use linkdyn_status, only: status_type, status_bad_input, fail
     use linkdyn_suggest, only: suggestion
-    use linkdyn_table, only: fit_spline, fit_periodic_spline
+    use linkdyn_spline, only: fit_spline, fit_periodic_spline
     use linkdyn_text, only: quoted, to_text
     use linkdyn_toml, only: toml_node, toml_table, toml_string
     use linkdyn_units, only: quantity_type, n_dimension, dimension_text, si_unit_text, read_value, length, angle, time_span

@@ -4,7 +4,7 @@ module linkdyn_joint_kinds
     use linkdyn_fixed, only: fixed
     use linkdyn_joint_kind, only: joint_kind
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, pose_position, &
+        joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_cam, pose_position, &
         joint_groove, joint_plate, joint_loose
     use linkdyn_pose_parts, only: position_part, attitude_part
     use linkdyn_partial_joints, only: groove, plate, loose
@@ -55,7 +55,7 @@ contains
             allocate (groove :: box%is)
         case (joint_plate)
             allocate (plate :: box%is)
-        case (joint_loose)
+        case (joint_loose, joint_cam)                  ! where a cam is touched no record knows: such scenes have none
             allocate (loose :: box%is)
         case default
             allocate (attitude_part :: box%is)

@@ -85,6 +85,8 @@ module linkdyn_model
         integer :: leg = 0                    !! the leg whose length is its slide
         integer :: attitude = 0               !! that its three angles give
         integer :: gear = 0                   !! number of a gear, rack or belt
+        integer :: cam = 0                    !! number of a cam
+        real(wp) :: reach = 0                 !! of a cam's curve from its marker, the farthest [m]
     end type joint_type
 
     !> Two wheels, or a wheel and a rack, whose joint variables are tied. See `linkdyn_gearing`.
@@ -179,6 +181,7 @@ module linkdyn_model
         integer :: n_actuator = 0
         integer :: n_load = 0
         integer :: n_variable = 0             !! joint variables
+        integer :: n_cam = 0                  !! joints that are cams
         integer :: n_orientation = 0
         integer :: n_attitude = 0             !! links turned by three angles: of a pose, or of a spherical joint
         integer :: n_leg = 0
@@ -357,7 +360,7 @@ contains
 
         scene_size = tiny(1.0_wp)
         do j = 1, model%n_joint
-            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)))
+            scene_size = max(scene_size, maxval(abs(model%joint(j)%point)), model%joint(j)%reach)
         end do
     end function scene_size
 

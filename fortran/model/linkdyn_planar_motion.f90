@@ -11,9 +11,18 @@ module linkdyn_planar_motion
     use linkdyn_vec2, only: vec2, rot2, zero_vec2, identity_rot2
     implicit none (type, external)
     private
-    public :: planar_motion, prepare_planar_motion, level_velocity, level_given
+    public :: planar_motion, planar_contact, prepare_planar_motion, level_velocity, level_given
 
     integer, parameter :: level_velocity = -1, level_given = 0
+
+    !> Where a follower touches its cam, world axes. See `linkdyn_cam_contact`.
+    type :: planar_contact
+        type(vec2) :: point                              !! on the line of the force: the roller's centre, or where a face is touched [m]
+        type(vec2) :: normal                             !! from the cam to what is outside of it
+        real(wp) :: gap(lanes) = 0                       !! between follower and curve [m]
+        real(wp) :: round(lanes) = 0                     !! curvature of the roller centre's path [1/m]; of a face the outline's radius [m]
+        real(wp) :: arm(lanes) = 0                       !! moment of a unit force about the follower's marker [m]
+    end type planar_contact
 
     type :: planar_motion
         type(rot2), allocatable :: rotation(:)           !! link axes to world               (0:n_orientation)
@@ -24,6 +33,7 @@ module linkdyn_planar_motion
         real(wp), allocatable :: drift(:, :)             !! rate of the map's determinant    (lane, n_dyad)
         real(wp), allocatable :: rate(:, :, :, :)        !! found by the map, of velocity and column 0 (lane, 2, -1:0, n_dyad)
         type(vec2), allocatable :: applied_force(:)      !! of springs and given drives [N]  (n_link)
+        type(planar_contact), allocatable :: contact(:)  !!                                  (n_cam)
         real(wp), allocatable :: applied_moment(:, :)    !! about the origin [N m]           (lane, n_link)
     end type planar_motion
 
@@ -40,6 +50,7 @@ contains
                       motion%linear(-1:n_column, 0:n_link))
             allocate (motion%dyad(model%n_dyad), motion%drift(lanes, model%n_dyad), motion%rate(lanes, 2, -1:0, model%n_dyad))
             allocate (motion%applied_force(n_link), motion%applied_moment(lanes, n_link))
+            allocate (motion%contact(model%n_cam))
             motion%angular = 0
             do i = 0, n_o
                 motion%rotation(i) = identity_rot2()

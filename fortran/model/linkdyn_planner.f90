@@ -294,7 +294,7 @@ contains
             j = model%joint_at(i)
             associate (joint => model%joint(j))
                 n = joint_n_variable(joint%kind)
-                if (is_partial(joint%kind)) cycle
+                if (is_partial(joint%kind) .or. joint%cam > 0) cycle
                 if (any(plan%given(:n, j) == 0) .or. .not. plan%known(joint%link(3 - side_of(joint, link)))) cycle
                 step = step_type(kind=step_joint, n_link=1, link=[link, 0], joint=[j, 0, 0])
                 step%from_second = side_of(joint, link) == 1
@@ -351,7 +351,8 @@ contains
 
         step = step_type(n_link=2, link=member, joint=joints_of_pair(model, member, plan))
         if (any(step%joint == 0)) return
-        if (any(plan%given(1, step%joint) > 0) .or. any(is_partial(model%joint(step%joint)%kind))) return
+        if (any(plan%given(1, step%joint) > 0) .or. any(is_partial(model%joint(step%joint)%kind)) &
+            .or. any(model%joint(step%joint)%cam > 0)) return
         if (model%joint(step%joint(2))%link(1) /= member(1)) call turn_round(step)
         signature = signature_of(model, step)
         if (signature == "PRR" .or. signature == "RPP") then

@@ -5,8 +5,9 @@
 !> is SI and radians here. Planar scenes use the x, y components and leave z zero.
 module linkdyn_scene
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, &
-        joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_kind_name, joint_n_variable, &
+        joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_cam, joint_kind_name, joint_n_variable, &
         variable_name, is_pose_part, pose_position, pose_attitude
+    use linkdyn_curve, only: curve_type
     use linkdyn_formula, only: formula_type, node_symbol
     use linkdyn_kinds, only: wp
     use linkdyn_sweep_spec, only: sweep_spec
@@ -19,7 +20,8 @@ module linkdyn_scene
     public :: friction_spec
     public :: name_len, path_len, frame_link
     public :: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical
-    public :: joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt
+    public :: joint_fixed, joint_planar, joint_screw, joint_gear, joint_rack, joint_belt, joint_cam
+    public :: cam_spec, guide_of, follower_name, follower_point, follower_roller, follower_flat
     public :: joint_kind_name, joint_n_variable, variable_name
     public :: coordinate_joint, coordinate_pose, pose_component_name
     public :: law_none, law_constant, law_constant_rate, law_cycloidal_start, law_cycloidal
@@ -36,6 +38,12 @@ module linkdyn_scene
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
     integer, parameter :: path_len = 1024   !! longest file name
     integer, parameter :: frame_link = 0    !! index of the fixed link
+
+    ! ---- followers of cams
+    integer, parameter :: follower_point = 1       !! a knife edge
+    integer, parameter :: follower_roller = 2
+    integer, parameter :: follower_flat = 3        !! a straight face
+    character(len=6), parameter :: follower_name(3) = [character(len=6) :: "point", "roller", "flat"]
 
     ! ---- kinds of coordinates
     integer, parameter :: coordinate_joint = 1   !! a variable of a joint
@@ -109,6 +117,16 @@ module linkdyn_scene
         integer :: line = 0
     end type link_spec
 
+    !> What touches what, where a joint is a cam.
+    type :: cam_spec
+        integer :: follower = 0                   !! one of `follower_*`
+        real(wp) :: radius = 0                    !! of the roller [m]
+        integer :: side = 1                       !! of the curve on which it is: +1 outside, -1 inside
+        logical :: is_groove = .false.            !! held from both sides
+        logical :: is_path = .false.              !! the curve is that of the roller's centre
+        type(curve_type) :: curve                 !! in the axes of the first marker: its point, its x
+    end type cam_spec
+
     !> Two markers held together.
     type :: joint_spec
         character(len=name_len) :: name = ""
@@ -123,6 +141,7 @@ module linkdyn_scene
         real(wp) :: phase = 0                     !! of a gear, rack or belt: variable of the second where the first is at zero [m, rad]
         real(wp) :: stiffness(4) = 0              !! radial, axial [N/m], tilt, torsion [N m/rad]; 0: rigid
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
+        type(cam_spec) :: cam                     !! of a cam
         integer :: line = 0
     end type joint_spec
 
@@ -504,4 +523,30 @@ contains
         end if
         message = trim(file)//": "//trim(message)
     end subroutine put_file_first
+
+    !> The hinge or slide in which the follower of a cam is guided: the one on the frame, else the only one; 0: there is none, or
+    !> more than one.
+    pure integer function guide_of(scene, cam) result(guide)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: cam                !! the joint
+        integer :: n(2), found(2), i, k
+
+        n = 0
+        found = 0
+        do i = 1, n_holding(scene)
+            associate (joint => scene%joint(i), follower => scene%joint(cam)%link(2))
+                if (.not. any(joint%kind == [joint_revolute, joint_prismatic]) .or. .not. any(joint%link == follower)) cycle
+                if (follower == frame_link) cycle
+                k = merge(1, 2, any(joint%link == frame_link))
+                n(k) = n(k) + 1
+                found(k) = i
+            end associate
+        end do
+        guide = 0
+        if (n(1) == 1) then
+            guide = found(1)
+        else if (n(1) == 0 .and. n(2) == 1) then
+            guide = found(2)
+        end if
+    end function guide_of
 end module linkdyn_scene

@@ -23,6 +23,7 @@ module linkdyn_catalogue
     public :: result_position, result_rotation, result_margin, result_margin_rate
     public :: result_velocity, result_angular_velocity, result_driving_position
     public :: result_friction, result_friction_power
+    public :: result_contact_force, result_pressure_angle
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
 
@@ -76,6 +77,9 @@ module linkdyn_catalogue
     integer, parameter :: result_transmission_loss = 45
     integer, parameter :: result_torque_margin = 46
     integer, parameter :: result_brake_torque = 47
+    ! ---- of cams
+    integer, parameter :: result_contact_force = 48         ! with which follower and curve press
+    integer, parameter :: result_pressure_angle = 49
 
 contains
 

@@ -41,6 +41,8 @@ _GROUPS = (
     ("transmission_force", "motor_torque", "motor_speed", "motor_power", "transmission_loss"),
     ("motor_current",),
     ("torque_margin",),
+    ("contact_force",),
+    ("pressure_angle",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)

@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ._averages import good_samples
+from ._cams import contact_of
 from ._postures import poses_of
 from ._wheels import is_geared
 from .errors import InputError
@@ -222,6 +223,8 @@ def _of_joint(motion: LinkMotion, joint: dict[str, Any]) -> list[Rows]:
             return [pair.apart(pair.axes[0])] + [pair.turning(e) for e in across]
         case "screw":
             return [*(pair.apart(e) for e in across), *(pair.turning(e) for e in across), pair.advance(joint["lead"])]
+        case "cam":
+            return [pair.touching(motion, joint)]
     raise AssertionError(joint["type"])
 
 
@@ -235,10 +238,10 @@ class _Pair:
             for link, name in zip(joint["links"], joint["markers"])
         ]
         self.arms = [motion.rotation[:, link] @ np.array(marker["at"]) for link, marker in zip(joint["links"], markers)]
-        in_plane = motion.scene.planar and joint["type"] == "revolute"
+        upright = {"revolute": (0, 1), "cam": (0,)}.get(joint["type"], ()) if motion.scene.planar else ()
         self.axes = [
-            np.broadcast_to([0.0, 0.0, 1.0], self.arms[0].shape) if in_plane else motion.rotation[:, link] @ _unit(marker["axis"])
-            for link, marker in zip(joint["links"], markers)
+            np.broadcast_to([0.0, 0.0, 1.0], self.arms[0].shape) if side in upright else motion.rotation[:, link] @ _unit(marker["axis"])
+            for side, (link, marker) in enumerate(zip(joint["links"], markers))
         ]
         self.x = motion.rotation[:, self.first] @ _unit(markers[0]["x"])
         self.spins = [motion.spin[:, link] for link in joint["links"]]
@@ -273,6 +276,24 @@ class _Pair:
         part = lead / (2 * np.pi)
         factors = (gap.factors[0] - part * turn.factors[0], gap.factors[1] - part * turn.factors[1])
         return Rows(gap.links, factors, gap.drift - part * turn.drift)
+
+    def touching(self, motion: LinkMotion, cam: dict[str, Any]) -> Rows:
+        """Rate of the gap between follower and cam. To second order a roller's centre goes on a circle fixed in the cam, and
+        a face is touched by one."""
+        frame = np.stack([self.x, np.cross(self.axes[0], self.x), self.axes[0]], axis=2)
+        places = [motion.position[:, link] + arm for link, arm in zip((self.first, self.second), self.arms)]
+        contact = contact_of(cam, places[0], frame, places[1], self.axes[1])
+        e, flat = contact.normal, cam["follower"] == "flat"
+        meets = contact.point - (contact.round[:, np.newaxis] * e if flat else 0.0)
+        arms = [meets - motion.position[:, link] for link in (self.first, self.second)]
+        first, second = self.spins
+        speed = motion.velocity[:, self.second] + np.cross(second, arms[1]) - motion.velocity[:, self.first] - np.cross(first, arms[0])
+        inward = np.cross(second, np.cross(second, arms[1])) - np.cross(first, np.cross(first, arms[0]))
+        drift = _dot(inward, e) - 2 * _dot(np.cross(second if flat else first, speed), e)
+        if not flat:
+            along = speed - _dot(speed, e)[:, np.newaxis] * e
+            drift = drift + contact.round * _dot(along, along)
+        return Rows((self.first, self.second), (np.hstack([-e, -np.cross(arms[0], e)]), np.hstack([e, np.cross(arms[1], e)])), drift)
 
     def turning_between(self) -> Rows:
         """Relative spin about what is square to both axes."""

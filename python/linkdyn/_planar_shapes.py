@@ -11,6 +11,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
+from ._cams import is_cam, roller, silhouettes
 from ._style import COLOURS, FRAME_COLOUR
 from ._wheels import belt_runs, frame_of, is_geared, pitch_point, rim, wheels
 
@@ -57,6 +58,7 @@ def draw_planar(ax: Axes, posture: Posture, slides: dict[str, tuple[float, float
     for cylinder in cylinders:
         _draw_cylinder(ax, cylinder, unit)
     _draw_wheels(ax, posture, unit)
+    _draw_cams(ax, posture, unit)
     told = [cylinder.joint["name"] for cylinder in cylinders]
     for joint in joints:
         if joint["type"] == "prismatic" and joint["name"] not in told:
@@ -148,6 +150,27 @@ def _draw_wheels(ax: Axes, posture: Posture, unit: float) -> None:
             ends = np.array([posture.markers[link][marker][:2], pitch_point(posture, joint)[:2]])
             places = np.sort((ends - ends[0]) @ along) + joint["radii"][0] * np.array([-1.0, 1.0])
             ax.plot(*(ends[0] + places[:, np.newaxis] * along).T, color=link_colour(link), zorder=2.4, **dash)
+
+
+def _draw_cams(ax: Axes, posture: Posture, unit: float) -> None:
+    """Outlines of cams, rollers with a spoke that turns with the follower, flat faces."""
+    for joint in posture.scene.description["joints"]:
+        if not is_cam(joint):
+            continue
+        first, second = (link_colour(link) for link in joint["links"])
+        for line in silhouettes(posture, joint):
+            if not joint["groove"] and joint["side"] > 0:
+                ax.add_patch(Polygon(line[:, :2], facecolor=lighter(first, 0.18), edgecolor="none", zorder=1.2))
+            ax.plot(*line[:, :2].T, color=tuple(0.8 * c for c in to_rgb(first)), linewidth=1.8, zorder=2.4)
+        point = posture.markers[joint["links"][1]][joint["markers"][1]][:2]
+        if joint["radius"] > 0:
+            circle = roller(posture, joint)[:, :2]
+            ax.add_patch(Polygon(circle, facecolor=lighter(second, 0.35), edgecolor=second, linewidth=1.3, zorder=3.2))
+            ax.plot(*point, "o", markersize=5.0, markerfacecolor="white", markeredgecolor="0.1", zorder=6)
+        if joint["follower"] == "flat":
+            along = posture.axes[joint["links"][1]][joint["markers"][1]][:2]
+            half = 0.5 * min(np.ptp(line[:, :2], axis=0)) * np.array([-along[1], along[0]])
+            ax.plot(*np.array([point - half, point + half]).T, color=second, linewidth=3.0, solid_capstyle="butt", zorder=3.2)
 
 
 def unit_of(ax: Axes) -> float:

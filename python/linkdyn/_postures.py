@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ._cams import room_for_cams
 from ._wheels import rims
 from .errors import InputError, SceneError
 from .results import FOLDER
@@ -53,9 +54,9 @@ class Postures:
 
     @property
     def points(self) -> Points:
-        """(N, points, 3) of all markers, and round all wheels."""
+        """(N, points, 3) of all markers, round all wheels and cams."""
         markers = np.stack([points for link in self.markers for points in link.values()], axis=1)
-        return np.concatenate([markers, *rims(self)], axis=1)
+        return np.concatenate([markers, *rims(self), *room_for_cams(self)], axis=1)
 
     def travel(self, joint: dict[str, Any], held: NDArray[np.intp] | slice = slice(None)) -> tuple[float, float]:
         """Lowest and highest slide of a joint whose markers lie on a line, at some samples."""

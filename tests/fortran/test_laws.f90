@@ -7,7 +7,8 @@ module test_laws
     use linkdyn_scene, only: law_spec, law_none, law_constant, law_constant_rate, law_cycloidal_start, &
         law_cycloidal, law_polynomial_345, law_harmonic, law_table
     use linkdyn_laws, only: evaluate_law, law_instants, most_instants, set_instants, evaluate_at_instants, law_end, law_kinks
-    use linkdyn_table, only: fit_spline, interval_of
+    use linkdyn_spline, only: fit_spline
+    use linkdyn_table, only: interval_of
     implicit none (type, external)
     private
     public :: collect_laws

@@ -5,7 +5,7 @@ module test_state_laws
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws, is_outside
     use linkdyn_scene, only: law_book, state_law, measure_spec, law_table
-    use linkdyn_table, only: fit_periodic_spline
+    use linkdyn_spline, only: fit_periodic_spline
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_variables, only: variable_table, variable_entry, symbol_entry, formula_of_text
     use linkdyn_expression, only: measured_value

@@ -40,6 +40,22 @@ export class Mechanism {
       .filter((end, i, own) => own.findIndex((other) => isSameWheel(other, end, this.extent)) === i);
   }
 
+  /** Cams of a link: their outlines, and whether the body is inside of them. */
+  cams(link) {
+    return this.joints
+      .filter(({ type, links }) => type === "cam" && links[0] === link)
+      .flatMap(({ outlines, side, groove }) =>
+        outlines.map((line) => ({ line: line.map(vector), isBody: side > 0 && !groove })),
+      );
+  }
+
+  /** What rides on cams: markers of a link with a roller's radius, or with a flat face across their axis. */
+  followers(link) {
+    return this.joints
+      .filter(({ type, links }) => type === "cam" && links[1] === link)
+      .map(({ ends, radius, follower }) => ({ ...ends[1], radius, isFlat: follower === "flat" }));
+  }
+
   /** Straight runs of the belts whose wheels a link carries: pairs of points. */
   belts(link) {
     return this.gears

@@ -16,6 +16,7 @@ export function drawPlanar(mechanism, palette) {
     if (k === 0) drawGround(group, mechanism, palette, unit, layer);
     else drawLink(group, mechanism, k, palette, unit, layer);
     drawWheels(group, mechanism, k, palette, unit, layer);
+    drawCams(group, mechanism, k, palette, unit, layer);
     return group;
   });
 }
@@ -85,6 +86,38 @@ function drawWheels(group, mechanism, k, palette, unit, layer) {
   }
   const front = 2 * layer * mechanism.links.length;
   for (const [from, to] of mechanism.belts(k)) group.add(flat(bar(from, to, 0.22 * unit, 0), palette.edge, front));
+}
+
+/** Outlines of cams; rollers and faces that ride on them. */
+function drawCams(group, mechanism, k, palette, unit, layer) {
+  const colours = palette.link(k);
+  const z = (2 * k - 0.9) * layer;
+  for (const { line, isBody } of mechanism.cams(k)) {
+    if (isBody) group.add(flat(loop(line, 0), colours.pale, z));
+    const ring = loop(line, 0.14 * unit);
+    ring.holes.push(loop(line, -0.14 * unit));
+    group.add(flat(ring, colours.solid, z + 0.2 * layer));
+  }
+  for (const { at, axis, radius, isFlat } of mechanism.followers(k)) {
+    if (radius > 0) {
+      edged(group, (width) => roundHull([at], width), radius - 0.1 * unit, 0.1 * unit, colours.fill, colours.edge, z, 0.1 * layer);
+    }
+    if (isFlat) {
+      const along = vector([-axis.y, axis.x, 0]).multiplyScalar(0.2 * mechanism.extent);
+      group.add(flat(bar(at.clone().sub(along), at.clone().add(along), 0.3 * unit), colours.solid, z));
+    }
+  }
+}
+
+/** A closed line as a shape, a little outwards of it. */
+function loop(line, off) {
+  const points = line.map((point, i) => {
+    const next = line[(i + 1) % line.length],
+      before = line[(i + line.length - 1) % line.length];
+    const outward = new THREE.Vector2(next.y - before.y, before.x - next.x).normalize();
+    return new THREE.Vector2(point.x, point.y).addScaledVector(outward, off);
+  });
+  return new THREE.Shape(points);
 }
 
 function drawPivot(group, at, palette, unit, z) {
