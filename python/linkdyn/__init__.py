@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, SceneError, UnavailableError
 
 if TYPE_CHECKING:
-    from . import cycle, lecture, plot, widget
+    from . import cycle, efforts, laws, lecture, plot, widget
     from ._bind import code_in_use, use_code
+    from ._builder import Builder
     from ._code import GeneratedCode
     from ._new import new
     from ._sheet import sheet
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from .simulator import Simulator
 
 __all__ = [
+    "Builder",
     "ClosedSceneError",
     "FileError",
     "GeneratedCode",
@@ -38,6 +40,8 @@ __all__ = [
     "UnavailableError",
     "code_in_use",
     "cycle",
+    "efforts",
+    "laws",
     "lecture",
     "load",
     "new",
@@ -49,8 +53,9 @@ __all__ = [
     "widget",
 ]
 
-_MODULES = ("cycle", "lecture", "plot", "widget")
+_MODULES = ("cycle", "efforts", "laws", "lecture", "plot", "widget")
 _HOMES = {
+    "Builder": "_builder",
     "GeneratedCode": "_code",
     "Poses": "scene",
     "Scene": "scene",
