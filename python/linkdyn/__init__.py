@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ._bind import code_in_use, use_code
     from ._builder import Builder
     from ._code import GeneratedCode
+    from ._convert import Conversion, convert
     from ._new import new
     from ._sheet import sheet
     from ._view import view
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Builder",
+    "Conversion",
     "ClosedSceneError",
     "FileError",
     "GeneratedCode",
@@ -39,6 +41,7 @@ __all__ = [
     "Simulator",
     "UnavailableError",
     "code_in_use",
+    "convert",
     "cycle",
     "efforts",
     "laws",
@@ -56,6 +59,8 @@ __all__ = [
 _MODULES = ("cycle", "efforts", "laws", "lecture", "plot", "widget")
 _HOMES = {
     "Builder": "_builder",
+    "Conversion": "_convert",
+    "convert": "_convert",
     "GeneratedCode": "_code",
     "Poses": "scene",
     "Scene": "scene",
