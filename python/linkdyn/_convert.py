@@ -9,7 +9,7 @@ from typing import Literal
 
 from ._arguments import as_known, as_path
 from ._builder import Builder
-from .errors import InputError
+from .errors import InputError, SceneError
 from .scene import Scene
 
 __all__ = ["Conversion", "convert"]
@@ -29,7 +29,7 @@ class Conversion:
     """The scene, to be gone on with; None where the text is MJCF."""
 
     def scene(self) -> Scene:
-        """The scene, read and checked.
+        """The scene, read and checked; ``builder.scene(folder)`` finds its meshes elsewhere than in the current folder.
 
         Raises
         ------
@@ -104,4 +104,8 @@ def convert(
     else:
         raise InputError(f"{file.path}: root element {file.root.tag[:60]!r} (expected 'mujoco' or 'robot')")
     builder = as_builder(robot)
+    try:
+        builder.scene(folder)
+    except SceneError as error:
+        robot.left_out.append(f"as it is, the scene is refused: {error}")
     return Conversion(builder.to_toml(), tuple(robot.left_out), builder)

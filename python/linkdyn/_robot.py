@@ -29,8 +29,8 @@ ROUND = 0.02
 EXACT = 1e-14
 """Directions and places [m] that differ by less are one: rounding."""
 NAME_LENGTH = 64
-MOST = 1000
-"""Bodies of a robot."""
+MOST, LARGEST = 1000, 1e15
+"""Bodies of a robot, and its numbers, at most."""
 
 
 def zeros() -> Array:
@@ -496,11 +496,30 @@ def as_builder(robot: Robot) -> Builder:
     Raises
     ------
     InputError
-        It has too many bodies.
+        It has too many bodies, or a number that is none.
     """
     if len(robot.bodies) > MOST:
         raise InputError(f"convert: the robot has {len(robot.bodies)} bodies (expected {MOST} at most)")
+    _require_numbers(robot)
     return _SceneMaker(robot).made()
+
+
+def _require_numbers(robot: Robot) -> None:
+    """What overflows, or is none, is no robot."""
+    def check(what: str, *values: Any) -> None:
+        for value in values:
+            if not np.all(np.abs(value) < LARGEST):      # nor is what is not a number
+                raise InputError(f"convert: {what} has a number that is none, or above {LARGEST:g}")
+
+    check("gravity", robot.gravity, *([] if robot.start is None else [robot.start]))
+    for body in robot.bodies:
+        check(f"body '{body.name[:NAME_LENGTH]}'", body.position, body.rotation, body.mass, body.cog, body.inertia, *body.markers.values())
+        for joint in body.joints:
+            check(f"joint '{joint.name[:NAME_LENGTH]}'", joint.at, joint.axis, joint.reference, joint.armature, joint.stiffness, joint.damping, joint.rest)
+            if joint.kind in ("hinge", "slide") and abs(np.linalg.norm(joint.axis) - 1) > ALIGNED:
+                raise InputError(f"convert: joint '{joint.name[:NAME_LENGTH]}': its axis has no direction")
+    for loop in robot.loops:
+        check(f"loop '{loop.name[:NAME_LENGTH]}'", *loop.at, *loop.frames)
 
 
 class _SceneMaker:

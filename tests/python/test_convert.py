@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib.util
 import math
 import os
+import random
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -562,6 +564,32 @@ def test_mujoco_refuses_in_one_line(tmp_path):
     with pytest.raises(linkdyn.InputError, match="MuJoCo refuses it: ") as caught:
         linkdyn.convert(path)
     assert "\n" not in str(caught.value)
+
+
+WORDS = ("0", "-1", "1e308", "nan", "1e-320", "", "revolute", "prismatic", "floating", "planar", "fixed", "crank", "coupler", "base", "closing_C_1", "A", "&amp;", "\u00e9" * 70)
+
+
+@pytest.mark.parametrize("first", range(0, 200, 50))
+def test_mutated_files(first, tmp_path):
+    """A scene, or a line: no robot of a stranger ends in anything else."""
+    path = tmp_path / "robot.urdf"
+    for seed in range(first, first + 50):
+        draw = random.Random(seed)
+        text = FOURBAR.replace("CLOSING", draw.choice([BY_FRAMES, BY_JOINT]))
+        for _ in range(draw.choice([1, 1, 2, 4])):
+            spans = [found.span(1) for found in re.finditer(r'"([^"]*)"', text)]
+            elements = [found.span() for found in re.finditer(r"<[a-z][^<>]*/>", text)]
+            (a, b), (c, d) = draw.choice(spans if draw.random() < 0.7 else elements), draw.choice(elements)
+            text = text[:a] + (draw.choice(WORDS) if (a, b) in spans else text[c:d]) + text[b:]
+        path.write_text(text)
+        try:
+            conversion = linkdyn.convert(path)
+        except linkdyn.LinkdynError as error:
+            assert "\n" not in str(error), seed
+        else:
+            told = [line for line in conversion.left_out if line.startswith("as it is, the scene is refused: ")]
+            if not told:
+                conversion.scene()
 
 
 # ------------------------------------------------------------------------------------------------------------ the command
