@@ -204,6 +204,8 @@ class _Reader:
                         ("plugin", m.nplugin), ("flex", m.nflex), ("skin", m.nskin)):
             if n:
                 self.left_out.append(f"{n} {word}(s)")
+        if np.any(m.body_gravcomp):
+            self.left_out.append("gravcomp: gravity acts on all bodies")
         if m.opt.density or m.opt.viscosity:
             self.left_out.append("density and viscosity of the fluid around it")
 

@@ -514,6 +514,8 @@ def _require_numbers(robot: Robot) -> None:
     check("gravity", robot.gravity, *([] if robot.start is None else [robot.start]))
     for body in robot.bodies:
         check(f"body '{body.name[:NAME_LENGTH]}'", body.position, body.rotation, body.mass, body.cog, body.inertia, *body.markers.values())
+        if np.abs(body.rotation.T @ body.rotation - np.eye(3)).max() > ALIGNED:
+            raise InputError(f"convert: body '{body.name[:NAME_LENGTH]}': its attitude is no rotation")
         for joint in body.joints:
             check(f"joint '{joint.name[:NAME_LENGTH]}'", joint.at, joint.axis, joint.reference, joint.armature, joint.stiffness, joint.damping, joint.rest)
             if joint.kind in ("hinge", "slide") and abs(np.linalg.norm(joint.axis) - 1) > ALIGNED:

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from linkdyn import _mjcf_reader, _robot
 from linkdyn._kinematics import link_motion, variable_acceleration, variable_of
 
 import linkdyn
@@ -261,6 +262,88 @@ def compare(scene, other, run, motion):
     assert (again.status == 0).all()
     expected = run.driving_force.sel(actuator=list(other.actuators)).values
     np.testing.assert_allclose(again.driving_force.values, expected, atol=2e-6 * max(1.0, float(np.abs(expected).max())))
+
+
+WELDS = """
+<mujoco><worldbody>
+  <body name="a" pos="0.1 0.2 0.3" euler="10 20 30"><joint name="A" axis="1 2 3"/><geom size="0.1"/><site name="sa" pos="0.3 0.1 0" euler="0 40 0"/></body>
+  <body name="b" pos="0.5 -0.2 0.1" euler="-30 15 5"><joint name="B" type="slide" axis="0 1 1"/><joint name="C" axis="1 0 0" pos="0 0.1 0"/><geom size="0.2"/>SITE</body>
+</worldbody><equality>WELD</equality></mujoco>
+"""
+
+
+@pytest.mark.parametrize(("weld", "kind"), [
+    ('<weld body1="a" body2="b"/>', "fixed"),
+    ('<weld body1="a" body2="b" anchor="0.1 0.2 -0.3"/>', "fixed"),
+    ('<weld body1="b" anchor="0.1 0.2 -0.3"/>', "fixed"),
+    ('<connect body1="a" body2="b" anchor="0.1 0.2 -0.3"/>', "spherical"),
+    ('<connect body1="b" anchor="0.1 0.2 -0.3"/>', "spherical"),
+    ('<connect body1="a" body2="b" anchor="0 0 1"/><connect body1="a" body2="b" anchor="0.5 0 1"/>', "revolute"),
+    ('<connect body1="a" body2="b" anchor="0 0 1"/><connect body1="a" body2="b" anchor="0.5 0 1"/><connect body1="a" body2="b" anchor="1 0 1"/>', "revolute"),
+    ('<connect body1="a" body2="b" anchor="0 0 1"/><connect body1="a" body2="b" anchor="0.5 0 1"/><connect body1="a" body2="b" anchor="1 1 1"/>', "fixed"),
+    ('<weld site1="sa" site2="sb"/>', "fixed"),
+    ('<connect site1="sa" site2="sb"/>', "spherical"),
+])
+def test_constraints_are_those_of_mujoco(weld, kind, tmp_path):
+    """Where MuJoCo's constraints are met, so are the loops; and their rates have the same null space, there and elsewhere."""
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'linkdyn[mujoco]')")
+    path = tmp_path / "robot.xml"
+    path.write_text(WELDS.replace("WELD", weld).replace("SITE", '<site name="sb"/>'))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    a, b = model.site("sa").id, model.site("sb").id     # the second site is put where the first one is
+    r = data.xmat[2].reshape(3, 3)
+    at = r.T @ (data.site_xpos[a] - data.xpos[2])
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, (r.T @ data.site_xmat[a].reshape(3, 3)).reshape(-1))
+    path.write_text(path.read_text().replace('<site name="sb"/>', f'<site name="sb" pos="{words(at)}" quat="{words(quaternion)}"/>'))
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    robot = _robot.without_welds(_mjcf_reader.read_mjcf(path))
+    assert [loop.kind for loop in robot.loops] == [kind]
+    values, _ = _robot.gaps(robot, _robot.pose_of(robot, np.zeros(3)), 1.0)
+    assert np.abs(values).max() < 1e-12
+    for moved in (np.zeros(3), np.array([0.1, -0.2, 0.3])):
+        data.qpos[:] = moved
+        mujoco.mj_forward(model, data)
+        rates = np.array(data.efc_J).reshape(data.nefc, model.nv)
+        pose = _robot.pose_of(robot, moved)
+        np.testing.assert_allclose(pose.position[1:], data.xpos[1:], atol=1e-12)
+        values, own = _robot.gaps(robot, pose, 1.0)
+        if not moved.any():      # where it is closed, the same rates are free
+            np.testing.assert_allclose(projector(own), projector(rates), atol=1e-7)
+        steps = [(_robot.gaps(robot, _robot.pose_of(robot, moved + 1e-6 * e), 1.0)[0] - _robot.gaps(robot, _robot.pose_of(robot, moved - 1e-6 * e), 1.0)[0]) / 2e-6 for e in np.eye(3)]
+        if not moved.any():
+            np.testing.assert_allclose(own, np.transpose(steps), atol=1e-8)
+
+
+def projector(rows):
+    return np.linalg.pinv(rows, rcond=1e-9) @ rows
+
+
+def test_a_platform_that_floats(tmp_path):
+    """A hexapod as people write it for MuJoCo: the platform floats, six balls hold it."""
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'linkdyn[mujoco]')")
+    scene = machine("hexapod")
+    root = ElementTree.fromstring(linkdyn.convert(scene).text)
+    world = root.find("worldbody")
+    parent = next(body for body in root.iter("body") if body.find("body[@name='platform']") is not None)
+    platform = parent.find("body[@name='platform']")
+    ball = platform.find("joint")
+    parent.remove(platform)
+    platform.remove(ball)
+    platform.insert(0, ElementTree.Element("freejoint"))
+    start = scene.poses(scene.motion(0.0)[0])
+    assert np.abs(start.rotation[0, scene.links.index("platform")] - np.eye(3)).max() < 1e-12
+    platform.set("pos", words(start.position[0, scene.links.index("platform")]))
+    platform.set("quat", "1 0 0 0")
+    world.append(platform)
+    ElementTree.SubElement(root.find("equality"), "connect", body1="platform", body2=parent.get("name"), anchor=ball.get("pos"))
+    path = tmp_path / "robot.xml"
+    path.write_text(ElementTree.tostring(root, encoding="unicode"))
+    run = scene.inverse(want="all").isel(sample=slice(0, 40, 10))
+    compare(scene, linkdyn.convert(path).scene(), run, link_motion(scene, run))
 
 
 # --------------------------------------------------------------------------------------------------------- a public model
