@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,8 @@ class _Reader:
     def __init__(self, mujoco: Any, model: Any, path: Path) -> None:
         self.mujoco, self.model, self.path = mujoco, model, path
         self.left_out: list[str] = []
+        self.threads: dict[str, str] = {}
+        """Of each screw the name of its hinge."""
 
     def robot(self) -> Robot:
         m = self.model
@@ -47,7 +50,7 @@ class _Reader:
             bodies[m.site_bodyid[i]].markers[self._name("SITE", i, f"site{i}")] = np.array(m.site_pos[i])
         self._motors(bodies)
         robot = Robot(self._title(), np.array(m.opt.gravity), bodies)
-        robot.loops = self._loops()
+        robot.loops = self._loops(bodies)
         if m.nkey:
             robot.start = self._keyframe(robot)
         self._tell_the_rest()
@@ -81,10 +84,13 @@ class _Reader:
             self.left_out.append(f"body '{body.name}': moved by hand (mocap); it stands still")
         return body
 
+    def _joint_name(self, j: int) -> str:
+        return self._name("JOINT", j, f"{self._name('BODY', int(self.model.jnt_bodyid[j]), 'body')}_{j}")
+
     def _joint(self, j: int, body: Body) -> TreeJoint:
         m = self.model
         kind = {0: "free", 1: "ball", 2: "slide", 3: "hinge"}[int(m.jnt_type[j])]
-        joint = TreeJoint(self._name("JOINT", j, body.name), kind, np.array(m.jnt_pos[j]), np.array(m.jnt_axis[j]))  # type: ignore[arg-type]
+        joint = TreeJoint(self._joint_name(j), kind, np.array(m.jnt_pos[j]), np.array(m.jnt_axis[j]))  # type: ignore[arg-type]
         dof, place = int(m.jnt_dofadr[j]), int(m.jnt_qposadr[j])
         if kind in ("hinge", "slide"):
             joint.reference = float(m.qpos0[place])
@@ -106,19 +112,21 @@ class _Reader:
         """The first keyframe, from the reference pose on."""
         m = self.model
         self.left_out.append(f"keyframe '{self._name('KEY', 0, 'key0')}' is the start" + (f"; {m.nkey - 1} more" if m.nkey > 1 else ""))
-        key, steps = np.array(m.key_qpos[0]), []
+        key = np.array(m.key_qpos[0])
+        steps: dict[str, list[float]] = {}
         for j in range(m.njnt):
-            at = int(m.jnt_qposadr[j])
+            at, name = int(m.jnt_qposadr[j]), self._joint_name(j)
             if m.jnt_type[j] == 0:
                 reference = self._rotation(m.qpos0[at + 3 : at + 7])
                 turned = np.zeros(4)
                 self.mujoco.mju_mat2Quat(turned, (self._rotation(key[at + 3 : at + 7]) @ reference.T).reshape(-1))
-                steps += [*(key[at : at + 3] - m.qpos0[at : at + 3]), *self._vector(turned)]
+                steps[name] = [*(key[at : at + 3] - m.qpos0[at : at + 3]), *self._vector(turned)]
             elif m.jnt_type[j] == 1:
-                steps += list(self._vector(key[at : at + 4]))
+                steps[name] = list(self._vector(key[at : at + 4]))
             else:
-                steps.append(key[at] - m.qpos0[at])
-        return np.array(steps, dtype=float)
+                steps[name] = [key[at] - m.qpos0[at]]
+        joints = [joint for body in robot.bodies for joint in body.joints]
+        return np.array([step for joint in joints for step in steps[self.threads.get(joint.name, joint.name)]], dtype=float)
 
     def _vector(self, quaternion: Array) -> Array:
         """Axis times angle of a rotation."""
@@ -134,8 +142,7 @@ class _Reader:
             joint = None
             if int(m.actuator_trntype[i]) in (int(kinds.mjTRN_JOINT), int(kinds.mjTRN_JOINTINPARENT)):
                 j = int(m.actuator_trnid[i][0])
-                owner = bodies[m.jnt_bodyid[j]]
-                joint = joints.get(self._name("JOINT", j, owner.name))
+                joint = joints.get(self._joint_name(j))
             if joint is None or joint.kind not in ("hinge", "slide"):
                 self.left_out.append(f"actuator '{name}': it drives no hinge or slide")
                 continue
@@ -144,7 +151,7 @@ class _Reader:
             if gear != 1 or m.actuator_biastype[i] or m.actuator_dyntype[i] or m.actuator_gainprm[i][0] != 1:
                 self.left_out.append(f"actuator '{name}': its gear {gear:g}, gains and limits; the joint is driven, by a force that inverse dynamics finds")
 
-    def _loops(self) -> list[Loop]:
+    def _loops(self, bodies: list[Body]) -> list[Loop]:
         m, kinds = self.model, self.mujoco.mjtEq
         loops: list[Loop] = []
         points: dict[tuple[int, int], list[tuple[str, Array, Array]]] = {}
@@ -159,10 +166,32 @@ class _Reader:
             elif kind == int(kinds.mjEQ_WELD):
                 first, second, at, frames = self._ends(i, is_weld=True)
                 loops.append(Loop(name, "fixed", (first, second), at, frames))
-            else:
+            elif kind != int(kinds.mjEQ_JOINT) or not self._is_thread(i, bodies):
                 words = {int(kinds.mjEQ_JOINT): "couples joints", int(kinds.mjEQ_TENDON): "couples tendons"}
                 self.left_out.append(f"equality '{name}': {words.get(kind, 'neither connect nor weld')}")
         return self._by_points(points) + loops
+
+    def _is_thread(self, i: int, bodies: list[Body]) -> bool:
+        """Couples a hinge and a slide along it, which become a screw."""
+        m = self.model
+        numbers = int(m.eq_obj1id[i]), int(m.eq_obj2id[i])
+        factors = np.array(m.eq_data[i][:5])
+        if min(numbers) < 0 or factors[1] == 0 or np.any(factors[[0, 2, 3, 4]]) or m.jnt_bodyid[numbers[0]] != m.jnt_bodyid[numbers[1]]:
+            return False
+        body = bodies[m.jnt_bodyid[numbers[0]]]
+        pair = [next((joint for joint in body.joints if joint.name == self._joint_name(j)), None) for j in numbers]
+        slide, hinge = sorted((joint for joint in pair if joint is not None), key=lambda joint: joint.kind, reverse=True) if None not in pair else (None, None)
+        if slide is None or hinge is None or (slide.kind, hinge.kind) != ("slide", "hinge") or slide.is_driven:
+            return False
+        order = [body.joints.index(slide), body.joints.index(hinge)]
+        if np.linalg.norm(slide.axis - hinge.axis) > 1e-9 or abs(order[0] - order[1]) != 1 or slide.stiffness or slide.damping or slide.armature:
+            return False
+        name = hinge.name.removesuffix(".angle")
+        self.threads[name] = hinge.name
+        pitch = float(factors[1] if pair[0] is slide else 1 / factors[1])
+        body.joints[min(order)] = replace(hinge, name=name, kind="screw", pitch=pitch)
+        del body.joints[max(order)]
+        return True
 
     def _ends(self, i: int, is_weld: bool) -> tuple[int, int, tuple[Array, Array], tuple[Array, Array]]:
         """Bodies, points and axes of what a connect or weld holds together."""

@@ -27,6 +27,8 @@ DOFS = {
 VARIABLES = {"cylindrical": ("angle", "slide"), "universal": ("angle1", "angle2"), "planar": ("x", "y", "angle"), "screw": ("angle", "slide")}
 LAST = ("fixed", "revolute", "spherical")
 """What the tree takes after all others, so that loops are cut there: MuJoCo has constraints for these."""
+SPRING = {"stiffness": "stiffness", "damping": "damping", "rest": "springref"}
+"""Keys of a spring at a joint variable, and MuJoCo's words for them."""
 TELL = {
     "load": "load(s)", "spring": "spring(s)", "friction": "friction of {} joint(s)", "event": "event(s)", "stop": "stop(s)", "sweep": "the sweep", "time": None,
     "measures": None, "laws": None, "variables": None, "include": None,
@@ -56,8 +58,11 @@ class _Writer:
         self.size = max(float(np.abs(self.position).max()), *(abs(x) for link in self.links for m in link["markers"] for x in m["at"]), 1e-6)
         self.driven = {actuator["name"] for actuator in scene.description["actuators"]}
         self.joint_names = {joint["name"] for joint in self.joints}
-        self.named: dict[str, str] = {}
-        """Name in the file of each joint variable that has one."""
+        self.named: set[str] = set()
+        """Joint variables that the file has."""
+        self.content = tomllib.loads(scene.text)
+        self.leads, self.springs = self._read_numbers()
+        self.n_springs = len(self.springs)
 
     def written(self) -> tuple[str, list[str]]:
         root = Element("mujoco", model=self.scene.title or "linkdyn")
@@ -144,8 +149,9 @@ class _Writer:
             keys = {"name": name, "type": kind, "pos": _text(place[1].T @ (at - place[0]))}
             if kind != "ball":
                 keys |= {"axis": _text(place[1].T @ axis * (-1 if is_reversed else 1)), "ref": repr(float(value))}
-                self.named[name] = name
-                if (motor := self._rotor(name)) > 0:
+                self.named.add(name)
+                keys |= self.springs.pop(name, {})
+                if (motor := self._rotor(joint["name"] if joint["type"] == "screw" and kind == "hinge" else name)) > 0:
                     keys["armature"] = repr(motor)
             add(body, "joint", **keys)
         if joint["type"] == "screw":
@@ -176,12 +182,31 @@ class _Writer:
 
     def _add_thread(self, joint: dict[str, Any], values: list[float]) -> None:
         """A screw's slide follows its angle."""
-        lead = next((part.get("lead") for part in tomllib.loads(self.scene.text).get("joint", []) if part.get("name") == joint["name"]), None)
-        if not isinstance(lead, (int, float)):
-            self.left_out.append(f"joint '{joint['name']}': its lead {lead!r}, since it is no number in m")
+        if joint["name"] not in self.leads:
+            self.left_out.append(f"joint '{joint['name']}': its thread, which is one of several")
             return
         add(self.equality, "joint", name=f"{joint['name']}_thread", joint1=f"{joint['name']}.slide", joint2=f"{joint['name']}.angle",
-                   polycoef=_text([0.0, lead / (2 * math.pi), 0, 0, 0]))
+            polycoef=_text([0.0, self.leads[joint["name"]] / (2 * math.pi), 0, 0, 0]))
+
+    def _read_numbers(self) -> tuple[dict[str, float], dict[str, dict[str, str]]]:
+        """Leads of screws, and attributes of springs at joint variables, by their names: numbers in SI, which the reader has for variables."""
+        leads = {part["name"]: part["lead"] for part in self.content.get("joint", []) if part["type"] == "screw" and "repeat" not in part}
+        kinds = {joint["name"]: joint["type"] for joint in self.joints}
+        springs: dict[str, dict[str, Any]] = {}
+        for spring in self.content.get("spring", []):
+            name = f"{spring['joint']}.{spring['variable']}" if "variable" in spring else spring.get("joint", "")
+            if kinds.get(name) in VARIABLES and kinds[name] == "screw":
+                name += ".angle"
+            if name and name not in springs and not {"repeat", "force"} & set(spring):
+                springs[name] = {word: spring[key] for key, word in SPRING.items() if key in spring}
+        wanted = [*leads.values(), *(value for keys in springs.values() for value in keys.values())]
+        names = [f"linkdyn_{k}" for k in range(len(wanted))]
+        found: dict[str, float] = {}
+        if wanted:
+            told = Scene(self.content | {"variables": self.content.get("variables", {}) | dict(zip(names, wanted))}, self.scene.folder)
+            found = {variable["name"]: float(variable["value"]) for variable in told.description["variables"]}
+        numbers = iter([found[name] for name in names])
+        return ({name: next(numbers) for name in leads}, {name: {word: repr(next(numbers)) for word in keys} for name, keys in springs.items()})
 
     # ---------------------------------------------------------------------------------------------------------------- loops
     def _cut(self, joint: dict[str, Any]) -> None:
@@ -260,18 +285,20 @@ class _Writer:
     def _add_motors(self, root: Element) -> None:
         motors = Element("actuator")
         for actuator in self.scene.description["actuators"]:
-            if actuator["name"] in self.named:
-                add(motors, "motor", name=actuator["name"], joint=self.named[actuator["name"]])
+            name = next((name for name in (actuator["name"], f"{actuator['name']}.angle") if name in self.named), None)     # that of a screw
+            if name:
+                add(motors, "motor", name=actuator["name"], joint=name)
             else:
                 self.left_out.append(f"actuator '{actuator['name']}': its joint closes a loop")
         if len(motors):
             root.append(motors)
 
     def _tell(self) -> None:
-        content = tomllib.loads(self.scene.text)
+        content = self.content
+        written = self.n_springs - len(self.springs)
         for key, words in TELL.items():
-            if content.get(key) and words:
-                n = len(content[key])
+            n = len(content.get(key, [])) - (written if key == "spring" else 0)
+            if n > 0 and words:
                 self.left_out.append(words.format(n) if "{}" in words or key == "sweep" else f"{n} {words}")
         if any("motion" in part for part in content.get("coordinate", [])):
             self.left_out.append("the motion: the file has the pose of the start, and motors without a controller")

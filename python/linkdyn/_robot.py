@@ -42,13 +42,15 @@ class TreeJoint:
     """How a body moves against its parent."""
 
     name: str
-    kind: Literal["hinge", "slide", "ball", "free"]
+    kind: Literal["hinge", "slide", "screw", "ball", "free"]
     at: Array = field(default_factory=zeros)
     """A point of its axis, in the body's axes [m]."""
     axis: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     """In the body's axes."""
     reference: float = 0.0
-    """Its variable in the reference pose [m, rad]."""
+    """Its variable in the reference pose [m, rad]; of a screw its angle."""
+    pitch: float = 0.0
+    """Of a screw: way over angle [m/rad]."""
     is_driven: bool = False
     armature: float = 0.0
     stiffness: float = 0.0
@@ -57,7 +59,7 @@ class TreeJoint:
 
     @property
     def n_dof(self) -> int:
-        return {"hinge": 1, "slide": 1, "ball": 3, "free": 6}[self.kind]
+        return {"ball": 3, "free": 6}.get(self.kind, 1)
 
 
 @dataclass
@@ -162,8 +164,8 @@ class Pose:
 
     position: list[Array]
     rotation: list[Array]
-    lines: list[tuple[int, bool, Array, Array]]
-    """Body, does it turn, direction and point, for each freedom."""
+    lines: list[tuple[int, float, float, Array, Array]]
+    """Body, how much it turns and goes, direction and point, for each freedom."""
 
 
 def pose_of(robot: Robot, moved: Array) -> Pose:
@@ -175,23 +177,24 @@ def pose_of(robot: Robot, moved: Array) -> Pose:
         r = rotations[body.parent] @ body.rotation
         for joint in body.joints:
             point, axis = p + r @ joint.at, r @ joint.axis
-            if joint.kind == "hinge":
-                r = turn(axis, next(steps)) @ r
-                p = point - r @ joint.at
-                lines.append((i, True, axis, point))
+            if joint.kind in ("hinge", "screw"):
+                angle = next(steps)
+                r = turn(axis, angle) @ r
+                p = point - r @ joint.at + joint.pitch * angle * axis
+                lines.append((i, 1.0, joint.pitch, axis, point))
             elif joint.kind == "slide":
                 p = p + axis * next(steps)
-                lines.append((i, False, axis, point))
+                lines.append((i, 0.0, 1.0, axis, point))
             else:
                 if joint.kind == "free":
-                    lines += [(i, False, np.eye(3)[k], point) for k in range(3)]
+                    lines += [(i, 0.0, 1.0, np.eye(3)[k], point) for k in range(3)]
                     p = p + np.array([next(steps) for _ in range(3)])
                     point = p + r @ joint.at
                 axes = np.eye(3) if joint.kind == "free" else r
                 r = turn_by(axes @ np.array([next(steps) for _ in range(3)])) @ r
                 p = point - r @ joint.at
                 axes = np.eye(3) if joint.kind == "free" else r      # a rod's line stays one of them
-                lines += [(i, True, axes[:, k], point) for k in range(3)]
+                lines += [(i, 1.0, 0.0, axes[:, k], point) for k in range(3)]
         positions.append(p)
         rotations.append(r)
     return Pose(positions, rotations, lines)
@@ -208,13 +211,13 @@ def gaps(robot: Robot, pose: Pose, size: float) -> tuple[Array, Array]:
         frame = [pose.rotation[i] @ axes for i, axes in zip(loop.bodies, loop.frames)]
         way, turning = np.zeros((3, len(pose.lines))), np.zeros((3, len(pose.lines)))
         along = np.zeros((3, len(pose.lines)))      # the way that the first body's own turning takes its axes
-        for k, (body, turns, axis, at) in enumerate(pose.lines):
+        for k, (body, turns, goes, axis, at) in enumerate(pose.lines):
             for sign, end in ((-1, 0), (1, 1)):
                 if body in carriers[loop.bodies[end]]:
-                    way[:, k] += sign * (np.cross(axis, point[end] - at) if turns else axis)
-                    turning[:, k] += sign * axis * turns
+                    way[:, k] += sign * (turns * np.cross(axis, point[end] - at) + goes * axis)
+                    turning[:, k] += sign * turns * axis
                     if end == 0:
-                        along[:, k] = axis * turns
+                        along[:, k] = turns * axis
         apart, (first, second) = point[1] - point[0], frame
         if loop.kind == "prismatic":
             for c in (0, 1):
@@ -270,7 +273,7 @@ def leading(robot: Robot, moved: Array, size: float) -> list[int]:
 
     def last_to_lead(k: int) -> tuple[bool, bool, int]:
         _, joint, _ = dofs[k]
-        return joint.is_driven, joint.kind in ("hinge", "slide"), -k
+        return joint.is_driven, joint.n_dof == 1, -k
 
     led: set[int] = set()
     columns = rows / (float(np.abs(rows).max()) or 1.0)
@@ -308,10 +311,10 @@ def idle_spins(robot: Robot, moved: Array, size: float, lead: list[int]) -> list
         twists = []
         for i in range(len(robot.bodies)):
             spin, way = np.zeros(3), np.zeros(3)     # of the point that lies in the world's origin
-            for rate, (body, turns, axis, at) in zip(rates, pose.lines):
+            for rate, (body, turns, goes, axis, at) in zip(rates, pose.lines):
                 if body in carriers[i]:
-                    spin = spin + rate * axis * turns
-                    way = way + rate * (np.cross(at, axis) if turns else axis)
+                    spin = spin + rate * turns * axis
+                    way = way + rate * (turns * np.cross(at, axis) + goes * axis)
             twists.append(np.concatenate([spin, way / size]))
         scale = max(float(np.abs(twist).max()) for twist in twists)
         moving = [i for i, twist in enumerate(twists) if np.abs(twist).max() > 1e-6 * scale]
@@ -460,8 +463,8 @@ def _single(joint: TreeJoint) -> Group:
     if joint.kind == "ball":
         return Group("spherical", joint.at, (np.eye(3), np.eye(3)), [joint], ["roll", "pitch", "yaw"])
     axes = axes_about(joint.axis)
-    if joint.kind == "hinge":
-        return Group("revolute", joint.at, (axes, turn(joint.axis, joint.reference) @ axes), [joint], ["angle"])
+    if joint.kind in ("hinge", "screw"):
+        return Group("revolute" if joint.kind == "hinge" else "screw", joint.at, (axes, turn(joint.axis, joint.reference) @ axes), [joint], ["angle"])
     return Group("prismatic", joint.at, (axes, axes), [joint], ["slide"])
 
 
@@ -517,8 +520,8 @@ def _require_numbers(robot: Robot) -> None:
         if np.abs(body.rotation.T @ body.rotation - np.eye(3)).max() > ALIGNED:
             raise InputError(f"convert: body '{body.name[:NAME_LENGTH]}': its attitude is no rotation")
         for joint in body.joints:
-            check(f"joint '{joint.name[:NAME_LENGTH]}'", joint.at, joint.axis, joint.reference, joint.armature, joint.stiffness, joint.damping, joint.rest)
-            if joint.kind in ("hinge", "slide") and abs(np.linalg.norm(joint.axis) - 1) > ALIGNED:
+            check(f"joint '{joint.name[:NAME_LENGTH]}'", joint.at, joint.axis, joint.reference, joint.pitch, joint.armature, joint.stiffness, joint.damping, joint.rest)
+            if joint.n_dof == 1 and abs(np.linalg.norm(joint.axis) - 1) > ALIGNED:
                 raise InputError(f"convert: joint '{joint.name[:NAME_LENGTH]}': its axis has no direction")
     for loop in robot.loops:
         check(f"loop '{loop.name[:NAME_LENGTH]}'", *loop.at, *loop.frames)
@@ -610,7 +613,7 @@ class _SceneMaker:
     def _add_joint(self, name: str, group: Group, parent: Link, child: Link, in_parent: tuple[Array, Array], moved: Array) -> None:
         """Markers on both links, and the joint between them; a slide's zero is moved along the axis by its reference."""
         p, r = in_parent
-        slide = next((joint.reference for joint in group.joints if joint.kind == "slide"), 0.0)
+        slide = sum({"slide": 1.0, "screw": joint.pitch}.get(joint.kind, 0.0) * joint.reference for joint in group.joints)
         at = group.at - slide * group.axes[0][:, 2]
         first = self._marker(parent, name, p + r @ at, r @ group.axes[0])
         second = self._marker(child, name, group.at, group.axes[1])
@@ -619,7 +622,10 @@ class _SceneMaker:
         start: Any = None
         if any(values) and group.kind != "spherical":
             start = values[0] if len(values) == 1 else dict(zip(group.variables, values))
-        getattr(self.b, group.kind)(name, first, second, **({} if start is None else {"start": start}))
+        keys: dict[str, Any] = {} if start is None else {"start": start}
+        if group.kind == "screw":
+            keys["lead"] = 2 * math.pi * group.joints[0].pitch
+        getattr(self.b, group.kind)(name, first, second, **keys)
         self.dof_names += [(name, variable if len(group.variables) > 1 else None) for variable in group.variables]
 
     def _add_spring(self, name: str, group: Group) -> None:
@@ -677,9 +683,9 @@ class _SceneMaker:
         for k, (_, joint, _) in enumerate(dofs):
             name, variable = self.dof_names[k]
             drive: Any = {"ratio": 1, "rotor_inertia": joint.armature} if joint.armature else None
-            if joint.kind in ("hinge", "slide") and (joint.is_driven or (k in lead and not some)):
+            if joint.n_dof == 1 and (joint.is_driven or (k in lead and not some)):
                 self.b.actuator(name, variable=variable, drive=drive)
-            elif joint.kind in ("hinge", "slide") and k in lead:
+            elif joint.n_dof == 1 and k in lead:
                 self.b.actuator(name, variable=variable, law={"type": "constant", "value": 0}, drive=drive)
                 self.left_out.append(f"joint '{joint.name}': has no motor and leads: an actuator of no force, of which inverse dynamics says what would hold it")
             else:
@@ -693,4 +699,4 @@ class _SceneMaker:
 
 def _numbers(values: Any, least: float = EXACT) -> list[float]:
     """Numbers of a file, without what rounding has left of zeros."""
-    return [float(f"{value:.15g}") if abs(value) > least else 0.0 for value in np.asarray(values, dtype=float)]
+    return [float(f"{value:.14g}") if abs(value) > least else 0.0 for value in np.asarray(values, dtype=float)]
