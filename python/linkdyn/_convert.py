@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ._arguments import as_known, as_path
+from ._arguments import as_flag, as_known, as_path
 from ._builder import Builder
 from .errors import InputError, SceneError
 from .scene import Scene
@@ -51,8 +51,9 @@ class Conversion:
 
 
 def convert(
-    source: Scene | str | os.PathLike[str], closing: Literal["revolute", "spherical", "fixed"] = "revolute", folder: str | os.PathLike[str] | None = None
-) -> Conversion:
+    source: Scene | str | os.PathLike[str], closing: Literal["revolute", "spherical", "fixed"] = "revolute", folder: str | os.PathLike[str] | None = None,
+    *, hold: bool = False,
+) -> Conversion:  # fmt: skip
     """Make a scene of a robot in MJCF or URDF, or MJCF of a scene.
 
     Parameters
@@ -61,6 +62,8 @@ def convert(
         A file of MJCF (read by MuJoCo, which must be installed) or URDF; or a `Scene`, or the file of one.
     closing
         The joint that pairs of frames ``closing_NAME_1``, ``closing_NAME_2`` of a URDF stand for.
+    hold
+        Bodies that float become parts of the frame where they start.
     folder
         Where the scene is to lie: names of meshes start there; default: the current folder.
 
@@ -89,7 +92,7 @@ def convert(
 
         text, left_out = as_mjcf(source if isinstance(source, Scene) else Scene(Path(source)))
         return Conversion(text, tuple(left_out), None)
-    from ._robot import as_builder
+    from ._robot import as_builder, held
     from ._xml import XmlFile
 
     file = XmlFile(Path(as_path("source", source)))
@@ -103,6 +106,8 @@ def convert(
         robot = read_mjcf(file.path)
     else:
         raise InputError(f"{file.path}: root element {file.root.tag[:60]!r} (expected 'mujoco' or 'robot')")
+    if as_flag("hold", hold):
+        robot = held(robot)
     builder = as_builder(robot)
     try:
         builder.scene(folder)

@@ -21,6 +21,7 @@ def parser() -> Parser:
     add("source", metavar="ROBOT|SCENE", help="robot.xml or robot.urdf, of which a scene is made; or scene.toml, of which MJCF is made")
     add("-o", "--output", metavar="FILE", required=True, help="what is written: a scene ends in .toml, MJCF in .xml; - writes it to the terminal")
     add("--closing", metavar="NAME", default="revolute", help="joint that a URDF's frames closing_X_1, closing_X_2 stand for: revolute (default), spherical or fixed")
+    add("--hold", action="store_true", help="bodies that float become parts of the frame where they start")
     add("--force", action="store_true", help="replace FILE if it is there")
     command.add_last()
     return command
@@ -37,7 +38,7 @@ def convert_command(arguments: Sequence[str]) -> int:
     from .errors import LinkdynError
 
     try:
-        found = convert(Path(options.source), options.closing, None if options.output == "-" else Path(options.output).parent)
+        found = convert(Path(options.source), options.closing, None if options.output == "-" else Path(options.output).parent, hold=options.hold)
     except LinkdynError as error:
         return refuse(str(error))
     except FileNotFoundError:

@@ -353,6 +353,18 @@ def round_about(robot: Robot, moved: Array, body: int, axis: Array, point: Array
 
 
 # ---------------------------------------------------------------------------------------------------------- bodies that are one
+def held(robot: Robot) -> Robot:
+    """Bodies that float stand still where they start."""
+    dofs = list(robot.dofs())
+    moved = np.zeros(len(dofs)) if robot.start is None else robot.start
+    floats = {i for i, joint, _ in dofs if joint.kind == "free"}
+    pose = pose_of(robot, moved)
+    bodies = [replace(body, parent=0, position=pose.position[i], rotation=pose.rotation[i], joints=[]) if i in floats else body
+              for i, body in enumerate(robot.bodies)]
+    left_out = [*robot.left_out, *(f"body '{robot.bodies[i].name}': it would float, and is a part of the frame" for i in sorted(floats))]
+    return replace(robot, bodies=bodies, start=moved[[joint.kind != "free" for _, joint, _ in dofs]], left_out=left_out)
+
+
 def without_welds(robot: Robot) -> Robot:
     """Bodies that do not move against their parents become parts of them."""
     home = [0]
@@ -694,7 +706,7 @@ class _SceneMaker:
                 if k in lead and joint.kind == "ball" and dofs[k - 1][1] is not joint:
                     self.left_out.append(f"joint '{joint.name}': a ball that nothing drives leads: inverse dynamics will ask for its motors")
                 if k in lead and joint.kind == "free" and dofs[k - 1][1] is not joint:
-                    self.left_out.append(f"joint '{joint.name}': a body that floats: inverse dynamics will ask for its motors")
+                    self.left_out.append(f"joint '{joint.name}': a body that floats: inverse dynamics will ask for its motors (--hold makes it a part of the frame)")
 
 
 def _numbers(values: Any, least: float = EXACT) -> list[float]:

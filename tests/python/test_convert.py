@@ -381,6 +381,19 @@ def public_models():
     return folders
 
 
+def without_floats(mujoco, path):
+    """The model with what floats held at its first keyframe."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    key = np.array(spec.keys[0].qpos) if spec.keys else None
+    for body in spec.bodies[1:]:
+        if body.joints and body.joints[0].type == mujoco.mjtJoint.mjJNT_FREE:
+            body.pos, body.quat = key[:3], key[3:7]
+            spec.delete(body.joints[0])
+            for one in list(spec.keys):
+                spec.delete(one)
+    return spec.compile()
+
+
 @pytest.mark.parametrize("model", ["robotiq_2f85/2f85.xml", "universal_robots_ur5e/ur5e.xml", "agility_cassie/cassie.xml"])
 def test_public_models(model, tmp_path):
     """A gripper with two loops, an arm, a walking robot with four: the forces of MuJoCo, there and, written anew, back."""
@@ -388,17 +401,13 @@ def test_public_models(model, tmp_path):
     path = next((folder / model for folder in public_models() if (folder / model).exists()), None)
     if path is None:
         pytest.skip(f"{model} is not on this machine (LINKDYN_MENAGERIE names a copy of MuJoCo's menagerie)")
-    conversion = linkdyn.convert(path)
-    b = conversion.builder
-    if any("link" in table for table in b.to_dict()["coordinate"]):
-        b = held(b)
-    scene = b.scene()
+    scene = linkdyn.convert(path, hold=True).scene()
     waves = np.linspace(0, 1, 5)[:, np.newaxis] + 0.2 * np.arange(len(scene.coordinates))
     start = scene.motion(0.0)[0][0]
     q, qd, qdd = start + 0.005 * waves, 0.5 + 0.1 * waves, 1 - 0.1 * waves
     run = scene.inverse(q, qd, qdd, want="all")
     assert (run.status == 0).all()
-    own = mujoco.MjModel.from_xml_path(str(path))
+    own = without_floats(mujoco, path)
     for i in range(own.neq):
         own.eq_active0[i] = own.eq_type[i] in (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
     driven = {own.actuator_trnid[i][0] for i in range(own.nu) if own.actuator_trntype[i] == int(mujoco.mjtTrn.mjTRN_JOINT)}
@@ -409,25 +418,6 @@ def test_public_models(model, tmp_path):
         if own.jnt_type[j] == int(mujoco.mjtJoint.mjJNT_BALL):
             own.dof_damping[own.jnt_dofadr[j] : own.jnt_dofadr[j] + 3] = 0
     compare_with_mujoco(mujoco, own, scene, run, link_motion(scene, run), tolerance=1e-5 if "cassie" in model else 1e-9)
-
-
-def held(b):
-    """A robot that floats, its first body welded to the frame where it is."""
-    content = b.to_dict()
-    link = next(table["link"] for table in content["coordinate"] if "link" in table)
-    start = next(table["start"] for table in content["link"] if table["name"] == link)
-    content["coordinate"] = [table for table in content["coordinate"] if "link" not in table]
-    b = Builder.of(content)
-    r = rotation_of(start["angles"])
-    b.frame.marker("HELD", start["position"], axis=r[:, 2], x=r[:, 0])
-    next(table for table in b._content["link"] if table["name"] == link)["markers"]["HELD"] = [0, 0, 0]
-    b.fixed("held", "frame.HELD", f"{link}.HELD")
-    return b
-
-
-def rotation_of(angles):
-    x, y, z = np.eye(3)
-    return turn(x, angles[0]) @ turn(y, angles[1]) @ turn(z, angles[2])
 
 
 # ------------------------------------------------------------------------------------------------------------------- URDF
@@ -596,6 +586,38 @@ def test_what_urdf_leaves_out_is_told(tmp_path):
     crank = next(table for table in found.builder.to_dict()["link"] if table["name"] == "crank")
     assert (crank["mesh"], crank["mesh_unit"]) == ("meshes/crank.STL", "mm")
     assert repr(found).startswith("<linkdyn.Conversion to a scene: ")
+
+
+FLOATING = """
+<robot name="boat and crane"><link name="sea"/>
+  <link name="boat"><inertial><mass value="9"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="mast"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <link name="crane"><inertial><origin xyz="0.5 0 0"/><mass value="2"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+  <joint name="F" type="floating"><parent link="sea"/><child link="boat"/><origin xyz="1 2 3" rpy="0.1 0.2 0.3"/></joint>
+  <joint name="W" type="fixed"><parent link="boat"/><child link="mast"/><origin xyz="0 0 2"/></joint>
+  <joint name="P" type="prismatic"><parent link="mast"/><child link="crane"/><axis xyz="0 0 1"/></joint>
+</robot>
+"""
+
+
+def test_what_floats(tmp_path):
+    """It is led by its pose; held, it is the frame, and a fixed body's mass is where it hung."""
+    path = tmp_path / "boat.urdf"
+    path.write_text(FLOATING)
+    scene = linkdyn.convert(path).scene()
+    assert scene.coordinates == ("boat.x", "boat.y", "boat.z", "boat.roll", "boat.pitch", "boat.yaw", "P") and scene.actuators == ("P",)
+    links = {link["name"]: link for link in scene.description["links"]}
+    assert links["boat"]["mass"] == 10 and np.allclose(links["boat"]["cog"], [0, 0, 0.2])
+    assert np.allclose(links["boat"]["inertia"], [2 + 0.9 * 4, 2 + 0.9 * 4, 2, 0, 0, 0])
+    x, y, z = np.eye(3)
+    pose = turn(z, 0.3) @ turn(y, 0.2) @ turn(x, 0.1)
+    poses = scene.poses(scene.motion(0.0)[0])
+    np.testing.assert_allclose(poses.position[0], [[1, 2, 3], np.array([1, 2, 3]) + 2 * pose[:, 2]], atol=1e-12)
+    np.testing.assert_allclose(poses.rotation[0], [pose, pose], atol=1e-12)
+    found = linkdyn.convert(path, hold=True)
+    assert "body 'boat': it would float, and is a part of the frame" in found.left_out
+    run = found.scene().inverse(np.zeros((1, 1)))
+    np.testing.assert_allclose(run.driving_force, 2 * 9.80665 * pose[2, 2], rtol=1e-12)
 
 
 # ------------------------------------------------------------------------------------------------------------ strangers' XML
