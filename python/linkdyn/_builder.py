@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from ._arguments import as_known
 from ._toml import as_toml
 from ._words import Drive, Law, LegLink, Marker, Named, Quantity, Stiffness, Table, Vector, plain, table_of
 from .errors import SceneError
@@ -138,6 +139,7 @@ class Builder:
     ) -> None:  # fmt: skip
         self._content: Table = {key: plain(value) for key, value in locals().items() if key != "self" and value is not None}
         self._places: dict[tuple[str, int], str] = {}
+        self._folder: str | os.PathLike[str] | None = None
         self.frame = Frame("frame", {})
 
     @classmethod
@@ -147,15 +149,30 @@ class Builder:
         Parameters
         ----------
         source
-            A `Scene`, the path of a scene file, or a dict as `to_dict` gives.
+            A `Scene`, the path of a scene file, or a dict as `to_dict` gives. ``b["crank"]`` is a link of it.
         """
         from .scene import Scene
 
-        content = source if isinstance(source, Mapping) else tomllib.loads((source if isinstance(source, Scene) else Scene(source)).text)
         builder = cls()
-        builder._content = plain(content)
+        if isinstance(source, Mapping):
+            builder._content = plain(source)
+        else:
+            scene = source if isinstance(source, Scene) else Scene(source)
+            builder._content, builder._folder = tomllib.loads(scene.text), scene.folder
         builder.frame = Frame("frame", builder._content.pop("frame", {}))
         return builder
+
+    def __getitem__(self, name: str) -> Link:
+        """A link that is there, by its name: ``b["crank"]["A"]`` is its marker A.
+
+        Raises
+        ------
+        InputError
+            There is none of that name.
+        """
+        links = {"frame": self.frame} | {str(table.get("name")): table for table in self._content.get("link", [])}
+        name = as_known("link", name, links, "link")
+        return self.frame if name == "frame" else Link(name, links[name])
 
     def __repr__(self) -> str:
         counted = ", ".join(f"{len(value)} {key}" for key, value in self._content.items() if isinstance(value, list) and value and isinstance(value[0], dict))
@@ -168,7 +185,7 @@ class Builder:
         Parameters
         ----------
         folder
-            Where its tables are looked up; default: the current one.
+            Where its tables are looked up; default: that of the scene that it goes on from, or the current one.
 
         Raises
         ------
@@ -178,7 +195,7 @@ class Builder:
         from .scene import Scene
 
         try:
-            return Scene(self.to_dict(), folder)
+            return Scene(self.to_dict(), self._folder if folder is None else folder)
         except SceneError as error:
             if (place := PLACE.match(str(error))) and place[2] and (line := self._places.get((place[1], int(place[2])))):
                 error.add_note(f"built at {line}")

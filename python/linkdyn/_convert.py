@@ -29,7 +29,7 @@ class Conversion:
     """The scene, to be gone on with; None where the text is MJCF."""
 
     def scene(self) -> Scene:
-        """The scene, read and checked; ``builder.scene(folder)`` finds its meshes elsewhere than in the current folder.
+        """The scene, read and checked.
 
         Raises
         ------
@@ -109,8 +109,9 @@ def convert(
     if as_flag("hold", hold):
         robot = held(robot)
     builder = as_builder(robot)
+    builder._folder = folder
     try:
-        builder.scene(folder)
+        builder.scene()
     except SceneError as error:
         robot.left_out.append(f"as it is, the scene is refused: {error}")
     return Conversion(builder.to_toml(), tuple(robot.left_out), builder)

@@ -305,10 +305,16 @@ def test_a_dict_is_a_copy():
 
 def test_going_on_from_a_scene():
     b = Builder.of(linkdyn.new("four-bar"))
-    b.frame.marker("extra", (1, 2))
-    b.payload("coupler.P" if "P" in b.to_dict()["link"][1]["markers"] else f"coupler.{list(b.to_dict()['link'][1]['markers'])[0]}", mass="0.5 kg")
-    assert (b.scene().inverse().status == 0).all()
-    assert Builder.of(ROOT / "examples" / "fourbar" / "scene.toml").to_dict() == tomllib.loads((ROOT / "examples" / "fourbar" / "scene.toml").read_text())
+    b.payload(b["coupler"].marker("bag", ("100 mm", 0)), mass="0.5 kg")
+    more = b.scene().inverse().driving_force - linkdyn.new("four-bar").inverse().driving_force
+    assert float(abs(more).max()) > 0.1
+    assert b["frame"] is b.frame and repr(b["crank"]).startswith("<linkdyn link 'crank': markers A")
+    with pytest.raises(linkdyn.InputError, match="link: 'cranck': unknown link .* did you mean 'crank'"):
+        b["cranck"]
+    path = ROOT / "examples" / "fourbar" / "scene.toml"
+    with_table = Builder.of(ROOT / "examples" / "four_stroke" / "scene.toml")     # found where it lies
+    assert with_table.scene().links == Builder.of(with_table.scene()).scene().links
+    assert Builder.of(path).to_dict() == tomllib.loads(path.read_text())
 
 
 def test_files_are_as_people_write_them():
