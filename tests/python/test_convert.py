@@ -212,7 +212,8 @@ def compare_with_mujoco(mujoco, model, scene, run, motion, tolerance):
     data = mujoco.MjData(model)
     links = [link["name"] for link in scene.description["links"]]
     names = [actuator["name"] for actuator in scene.description["actuators"]]
-    dofs = [model.jnt_dofadr[j] for name in names if (j := mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)) >= 0]
+    numbers_of = [max(mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, word) for word in (name, f"{name}.angle")) for name in names]     # a screw's hinge
+    dofs = [model.jnt_dofadr[j] for j in numbers_of if j >= 0]
     if len(dofs) < len(names):
         pytest.skip("a motor closes a loop")
     pushes = np.eye(model.nv)[:, dofs]
@@ -241,10 +242,15 @@ def set_joint(mujoco, model, data, j, scene, run, motion, links, k):
     at, dof = model.jnt_qposadr[j], model.jnt_dofadr[j]
     if model.jnt_type[j] in (2, 3):
         joint, variable = variable_of(scene, name)
+        factor, offset = 1.0, 0.0
+        if joint["type"] == "screw" and variable == "slide":      # follows the angle
+            i = next(i for i in range(model.neq) if model.eq_type[i] == int(mujoco.mjtEq.mjEQ_JOINT) and model.eq_obj1id[i] == j)
+            factor, variable = model.eq_data[i][1], "angle"
+            offset = model.qpos0[at] - factor * model.qpos0[model.jnt_qposadr[model.eq_obj2id[i]]]
         column = run.joint_variable.sel(variable=f"{joint['name']}.{variable}").values
-        data.qpos[at] = column[k]
-        data.qvel[dof] = run.joint_rate.sel(variable=f"{joint['name']}.{variable}").values[k]
-        data.qacc[dof] = variable_acceleration(motion, joint, variable)[k]
+        data.qpos[at] = offset + factor * column[k]
+        data.qvel[dof] = factor * run.joint_rate.sel(variable=f"{joint['name']}.{variable}").values[k]
+        data.qacc[dof] = factor * variable_acceleration(motion, joint, variable)[k]
         return
     body = int(model.jnt_bodyid[j])
     b = links.index(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body))
