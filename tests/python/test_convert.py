@@ -196,15 +196,20 @@ def test_masses_take_the_power_of_the_motors(told):
     given = (run.driving_force * run.driving_speed).sum("actuator").values
     scale = np.abs(run.driving_force * run.driving_speed).sum("actuator").values.max()
     assert scale > 0
-    np.testing.assert_allclose(power, given, atol=2e-6 * scale)     # bodies without mass have a billionth of a kilogram
+    np.testing.assert_allclose(power, given, rtol=0, atol=near(conversion) * scale)
 
 
 # ------------------------------------------------------------------------------------------------------------- by MuJoCo
 def test_inverse_dynamics_by_mujoco(told):
     """mj_inverse for the tree, its equality constraints' Jacobian for the loops: the same driving forces."""
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'linkdyn[mujoco]')")
-    scene, _, path, run, motion = told
-    compare_with_mujoco(mujoco, mujoco.MjModel.from_xml_path(str(path)), scene, run, motion, tolerance=2e-6)
+    scene, conversion, path, run, motion = told
+    compare_with_mujoco(mujoco, mujoco.MjModel.from_xml_path(str(path)), scene, run, motion, near(conversion))
+
+
+def near(conversion):
+    """Rounding of forces, as a part of the largest; where MuJoCo asks for more inertia than thin rods and massless links have, that."""
+    return 1e-7 if any("moments of inertia of zero" in line or "no mass" in line for line in conversion.left_out) else 1e-10
 
 
 def compare_with_mujoco(mujoco, model, scene, run, motion, tolerance):
@@ -233,7 +238,7 @@ def compare_with_mujoco(mujoco, model, scene, run, motion, tolerance):
             rows = np.array(data.efc_J).reshape(data.nefc, model.nv)
         found = np.linalg.lstsq(np.hstack([pushes, rows.T]), asked, rcond=1e-11)[0][: len(names)]
         expected = run.driving_force.values[k]
-        np.testing.assert_allclose(found, expected, atol=tolerance * max(1.0, float(np.abs(run.driving_force).max())))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=tolerance * max(1.0, float(np.abs(run.driving_force).max())))
 
 
 def set_joint(mujoco, model, data, j, scene, run, motion, links, k):
@@ -275,11 +280,11 @@ def set_joint(mujoco, model, data, j, scene, run, motion, links, k):
 def test_round_trip_by_mujoco(told):
     """The scene that comes back asks for the same driving forces."""
     pytest.importorskip("mujoco", reason="MuJoCo is not installed (pip install 'linkdyn[mujoco]')")
-    scene, _, path, run, motion = told
-    compare(scene, linkdyn.convert(path).scene(), run, motion)
+    scene, conversion, path, run, motion = told
+    compare(scene, linkdyn.convert(path).scene(), run, motion, near(conversion))
 
 
-def compare(scene, other, run, motion):
+def compare(scene, other, run, motion, tolerance=1e-10):
     """Driving forces of a scene and of what came back, led by what leads that."""
     if set(other.actuators) != set(scene.actuators):
         pytest.skip("a motor closes a loop")
@@ -293,7 +298,7 @@ def compare(scene, other, run, motion):
     again = other.inverse(q, qd, qdd)
     assert (again.status == 0).all()
     expected = run.driving_force.sel(actuator=list(other.actuators)).values
-    np.testing.assert_allclose(again.driving_force.values, expected, atol=2e-6 * max(1.0, float(np.abs(expected).max())))
+    np.testing.assert_allclose(again.driving_force.values, expected, rtol=0, atol=tolerance * max(1.0, float(np.abs(expected).max())))
 
 
 WELDS = """
@@ -423,7 +428,7 @@ def test_public_models(model, tmp_path):
             own.dof_armature[own.jnt_dofadr[j]] = 0     # as it is told
         if own.jnt_type[j] == int(mujoco.mjtJoint.mjJNT_BALL):
             own.dof_damping[own.jnt_dofadr[j] : own.jnt_dofadr[j] + 3] = 0
-    compare_with_mujoco(mujoco, own, scene, run, link_motion(scene, run), tolerance=1e-5 if "cassie" in model else 1e-9)
+    compare_with_mujoco(mujoco, own, scene, run, link_motion(scene, run), tolerance=1e-5 if "cassie" in model else 1e-10)
 
 
 # ------------------------------------------------------------------------------------------------------------------- URDF
@@ -516,7 +521,7 @@ def test_round_trip_by_urdf(name, tmp_path):
     again = other.inverse(q, qd, qdd)
     assert (again.status == 0).all()
     expected = run.driving_force.sel(actuator=list(other.actuators)).values
-    np.testing.assert_allclose(again.driving_force.values, expected, atol=1e-9 * max(1.0, float(np.abs(expected).max())))
+    np.testing.assert_allclose(again.driving_force.values, expected, rtol=0, atol=near(linkdyn.convert(scene)) * max(1.0, float(np.abs(expected).max())))
 
 
 FOURBAR = """
