@@ -154,6 +154,9 @@ contains
             case ("new")
                 call refuse("new: scenes to start from are in the Python package (expected the command linkdyn that it installs)")
                 return
+            case ("convert")
+                call refuse("convert: files are read by the Python package (expected the command linkdyn that it installs)")
+                return
             case ("assemblies")
                 call refuse("assemblies: the table is made by the Python package (expected the command linkdyn that it installs)")
                 return
@@ -163,7 +166,7 @@ contains
                 call refuse(quoted(word)//": unknown option"//suggestion(word, global_option))
             else if (config%command == command_none) then
                 call refuse(quoted(word)//": unknown command (expected inverse, forward, sweep, study, generate, view, draw, " &
-                            //"balance, new, assemblies or explain)"//suggestion(word, command_name))
+                            //"balance, new, convert, assemblies or explain)"//suggestion(word, command_name))
             end if
         end associate
         if (.not. status%is_ok()) return
@@ -480,6 +483,7 @@ contains
                 "  linkdyn draw SCENE                a picture of the mechanism; needs the Python package", &
                 "  linkdyn balance SCENE             counterweights against shaking forces; needs the Python package", &
                 "  linkdyn new [KIND]                a scene to start from; needs the Python package", &
+                "  linkdyn convert SCENE|ROBOT       a scene of MJCF or URDF, MJCF of a scene; needs the Python package", &
                 "  linkdyn assemblies SCENE          ways in which it closes at the start; needs the Python package", &
                 "  linkdyn explain SCENE             what is modelled and in which order it is computed", &
                 "", &

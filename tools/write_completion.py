@@ -30,8 +30,7 @@ _linkdyn() {
         return
     fi
     case "${COMP_WORDS[1]}:$word" in
-%(options)s        view:*) COMPREPLY=($(compgen -d -S / -- "$word") $(compgen -f -X '!*.toml' -- "$word") $(compgen -f -X '!*.nc' -- "$word")) ;;
-        *) COMPREPLY=($(compgen -d -S / -- "$word") $(compgen -f -X '!*.toml' -- "$word")) ;;
+%(options)s        *) COMPREPLY=($(compgen -d -S / -- "$word") $(compgen -f -X '!*.toml' -- "$word")) ;;
     esac
 }
 complete -o nospace -F _linkdyn linkdyn
@@ -52,6 +51,9 @@ def bash(commands: list[Command]) -> str:
             elif option.value == "FILE":
                 action = 'COMPREPLY=($(compgen -f -- "$word")); return'
             values += f"        {pattern}) {action} ;;\n"
+        if len(SUFFIXES[command.argument]) > 1:
+            files = " ".join(f"""$(compgen -f -X '!*.{suffix}' -- "$word")""" for suffix in SUFFIXES[command.argument])
+            options += f'        {command.name}:*) COMPREPLY=($(compgen -d -S / -- "$word") {files}) ;;\n'
         if command.words:
             options += f'        {command.name}:*) COMPREPLY=($(compgen -W "{" ".join(command.words)}" -- "$word")) ;;\n'
     return BASH % {"commands": " ".join(command.name for command in commands), "values": values, "options": options}

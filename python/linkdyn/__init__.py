@@ -14,9 +14,11 @@ from typing import TYPE_CHECKING, Any
 from .errors import ClosedSceneError, FileError, InputError, Interrupted, LinkdynError, SceneError, UnavailableError
 
 if TYPE_CHECKING:
-    from . import cycle, lecture, plot, widget
+    from . import cycle, efforts, laws, lecture, plot, widget
     from ._bind import code_in_use, use_code
+    from ._builder import Builder
     from ._code import GeneratedCode
+    from ._convert import Conversion, convert
     from ._new import new
     from ._sheet import sheet
     from ._view import view
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from .simulator import Simulator
 
 __all__ = [
+    "Builder",
+    "Conversion",
     "ClosedSceneError",
     "FileError",
     "GeneratedCode",
@@ -37,7 +41,10 @@ __all__ = [
     "Simulator",
     "UnavailableError",
     "code_in_use",
+    "convert",
     "cycle",
+    "efforts",
+    "laws",
     "lecture",
     "load",
     "new",
@@ -49,8 +56,11 @@ __all__ = [
     "widget",
 ]
 
-_MODULES = ("cycle", "lecture", "plot", "widget")
+_MODULES = ("cycle", "efforts", "laws", "lecture", "plot", "widget")
 _HOMES = {
+    "Builder": "_builder",
+    "Conversion": "_convert",
+    "convert": "_convert",
     "GeneratedCode": "_code",
     "Poses": "scene",
     "Scene": "scene",

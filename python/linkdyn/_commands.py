@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+from pathlib import Path
 from typing import NoReturn
 
-__all__ = ["BAD_INPUT", "SOME_FAILED", "Parser", "refuse"]
+__all__ = ["BAD_INPUT", "SOME_FAILED", "Parser", "refuse", "write_whole"]
 
 BAD_INPUT, SOME_FAILED = 2, 3
 """Exit statuses, as the executable has them."""
@@ -34,3 +36,16 @@ def refuse(message: str) -> int:
     """Say on one line what is wrong; the exit status."""
     print(f"linkdyn: {' '.join(message.split())}", file=sys.stderr)
     return BAD_INPUT
+
+
+def write_whole(target: Path, text: str, replaces: bool) -> None:
+    """The whole file or none: written beside it, then given its name, which must be free unless it may be replaced."""
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        if replaces:
+            part.replace(target)
+        else:
+            os.link(part, target)
+    finally:
+        part.unlink(missing_ok=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ._commands import Parser, refuse
+from ._commands import Parser, refuse, write_whole
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -94,7 +93,7 @@ def new_command(arguments: Sequence[str]) -> int:
         print(text, end="")
         return 0
     try:
-        _write(Path(target), text, replaces=options.force)
+        write_whole(Path(target), text, replaces=options.force)
     except FileExistsError:
         return refuse(f"new: {target!r} is there already (expected another file, --output FILE, or --force)")
     except (OSError, ValueError) as error:
@@ -102,16 +101,3 @@ def new_command(arguments: Sequence[str]) -> int:
     if not options.quiet:
         print(f"  scene            {target}\n  next             linkdyn inverse {target}")
     return 0
-
-
-def _write(target: Path, text: str, replaces: bool) -> None:
-    """The whole file or none: written beside it, then given its name, which must be free unless it may be replaced."""
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        if replaces:
-            part.replace(target)
-        else:
-            os.link(part, target)
-    finally:
-        part.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The command ``linkdyn``: hands over to the executable inside the package, draws sheets after it; views, draws and balances scenes, writes new ones."""
+"""The command ``linkdyn``: hands over to the executable inside the package, draws sheets after it; views, draws, balances and converts scenes, writes new ones."""
 
 from __future__ import annotations
 
@@ -53,6 +53,10 @@ def main() -> None:
         from ._draw_command import draw_command
 
         sys.exit(draw_command(arguments[1:]))
+    if arguments[:1] == ["convert"]:
+        from ._convert_command import convert_command
+
+        sys.exit(convert_command(arguments[1:]))
     if arguments[:1] == ["balance"]:
         from ._balance_command import balance_command
 

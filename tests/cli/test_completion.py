@@ -11,7 +11,7 @@ import pytest
 from linkdyn.cli import executable
 
 SHARE = Path(sys.prefix) / "share"
-COMMANDS = ("inverse", "forward", "sweep", "study", "generate", "view", "new", "explain")
+COMMANDS = ("inverse", "forward", "sweep", "study", "generate", "view", "new", "convert", "explain")
 
 
 def options_of(command: str) -> set[str]:
@@ -44,6 +44,9 @@ def test_all_commands_and_options_are_known(file):
     (["generate", "--kernel", "kin"], "kinematics"),
     (["generate", "--want", "driving_force,vel"], "driving_force,velocity"),
     (["new", "h"], "hexapod"),
+    (["convert", "s"], "scene.toml"),
+    (["convert", "--clo"], "--closing"),
+    (["convert", "--closing", "sp"], "spherical"),
     (["new", "--f"], "--force"),
     (["inverse", "r"], ""),
 ])

@@ -20,7 +20,7 @@ def test_runs(page, tmp_path):
 
 
 def test_what_is_claimed_is_asserted():
-    assert len(TUTORIALS) == 5
+    assert len(TUTORIALS) == 6
     for page in TUTORIALS:
         code = code_of(page)
         assert "assert " in code and "linkdyn" in code, page.name
