@@ -92,7 +92,8 @@ def convert(
 
         text, left_out = as_mjcf(source if isinstance(source, Scene) else Scene(Path(source)))
         return Conversion(text, tuple(left_out), None)
-    from ._robot import as_builder, held
+    from ._robot import held
+    from ._robot_scene import as_builder
     from ._xml import XmlFile
 
     file = XmlFile(Path(as_path("source", source)))

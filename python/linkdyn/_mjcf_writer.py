@@ -228,7 +228,8 @@ class _Writer:
             body = add(self.elements[first], "body", name=f"{name}_end", **self._place(first, self.position[second], self.rotation[second]))
             self._add_joints(body, joint, is_reversed=False, place=(self.position[second], self.rotation[second]))
             add(body, "inertial", pos="0 0 0", mass=repr(LIGHT), diaginertia=_text([LIGHT] * 3))
-            add(self.equality, "weld", name=name, body1=f"{name}_end", body2=self.links[second]["name"], relpose="0 0 0 1 0 0 0")
+            ends = {"body1": f"{name}_end"} | ({"body2": self.links[second]["name"]} if second else {})
+            add(self.equality, "weld", name=name, **ends, relpose="0 0 0 1 0 0 0")
             self.left_out.append(f"joint '{name}': closes a loop as a {kind} joint to a body of {LIGHT:g} kg, welded to '{self.links[second]['name']}'")
 
     def _hold(self, tag: str, name: str, first: int, second: int, at: Array | None = None) -> None:

@@ -1,6 +1,7 @@
 """URDF, by the standard library alone: the tree, mass properties, STL meshes, and loops as exporters write them.
 
-Joints of a ``transmission``, or with a command interface of ``ros2_control``, are driven. A loop is a link that several joints have for child, or a pair of links ``closing_NAME_1`` and ``closing_NAME_2``, frames that are to lie in each other.
+Joints of a ``transmission``, or with a command interface of ``ros2_control``, are driven. A loop is a link that several joints have for child,
+or a pair of links ``closing_NAME_1`` and ``closing_NAME_2``, frames that are to lie in each other.
 """
 
 from __future__ import annotations

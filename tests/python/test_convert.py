@@ -23,13 +23,13 @@ from linkdyn import Builder, laws
 
 ROOT = Path(__file__).resolve().parents[2]
 MACHINES = ("four-bar", "hexapod", "slider-crank", "six-bar", "arm", "delta", "rssr", "rusr_parallelogram", "air_bearing_stage", "tripod",
-            "fivebar_motors", "excavator", "turned_round", "sprung")
+            "fivebar_motors", "excavator", "turned_round", "sprung", "slides")
 
 
 def machine(name):
     """A scene without loads: what MJCF holds of it."""
-    if name in ("turned_round", "sprung"):
-        return turned_round() if name == "turned_round" else sprung()
+    if name in OWN:
+        return OWN[name]()
     path = ROOT / "examples" / name / "scene.toml"
     if (ROOT / "tests" / "scenes" / f"{name}.toml").exists() and name not in linkdyn._new.kinds():
         path = ROOT / "tests" / "scenes" / f"{name}.toml"
@@ -77,6 +77,26 @@ def sprung():
     b.spring("d", joint=third, variable="angle", damping="5 N*m*s/rad")
     b.time(end=1, samples=9)
     return b.scene()
+
+
+def slides():
+    """A loop of slides and a universal joint alone, which MuJoCo has no constraint for."""
+    b = Builder("Slides", "spatial", gravity=(1, -2, -9))
+    body = {"mass": 2, "cog": (0.1, 0.02, -0.03), "inertia": (0.03, 0.04, 0.05, 0.001, -0.002, 0.003)}
+    one, two, three = (b.link(name, **body) for name in ("one", "two", "three"))
+    x, y, z = np.eye(3)
+    slant = (3, 1, 2)
+    b.prismatic("X", b.frame.marker("X", (0, 0, 0), axis=x), one.marker("X", (0, 0, 0), axis=x), start=0.1)
+    b.universal("U", one.marker("U", (0.1, 0, 0), axis=z), two.marker("U", (0.1, 0, 0), axis=y))
+    b.universal("V", two.marker("V", (0.4, 0.1, 0), axis=y), three.marker("V", (0.4, 0.1, 0), axis=x))
+    b.cylindrical("C", three.marker("C", (0.2, 0.3, 0.1), axis=slant), b.frame.marker("C", (0.3, 0.3, 0.1), axis=slant))
+    b.coordinate("X", motion=laws.harmonic(0.1, 3, mean=0.1))
+    b.actuator("X")
+    b.time(end=1, samples=9)
+    return b.scene()
+
+
+OWN = {"turned_round": turned_round, "sprung": sprung, "slides": slides}
 
 
 @pytest.fixture(scope="module", params=MACHINES)
