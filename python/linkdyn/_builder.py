@@ -514,6 +514,53 @@ class Builder:
         """
         return self._joint("belt", locals())
 
+    def slot(self, name: str, first: str, second: str, *, start: Quantity | None = None, branch: int | None = None, repeat: int | None = None) -> Joint:
+        """A pin in a straight slot, in a plane.
+
+        Parameters
+        ----------
+        name
+            Its name.
+        first
+            Marker on the slot, its axis along it.
+        second
+            Marker of the pin.
+        start
+            Place in the slot near which loops are closed [m].
+        branch
+            Which of both assemblies, 1 or -1.
+        repeat
+            Copies.
+        """
+        return self._joint("slot", locals())
+
+    def cam(
+        self, name: str, first: str, second: str, *, follower: Literal["point", "roller", "flat"], curve: Mapping[str, Any],
+        radius: Quantity | None = None, side: Literal["outside", "inside", "groove"] | None = None, repeat: int | None = None,
+    ) -> Joint:  # fmt: skip
+        """A point, roller or straight face on a closed smooth curve, in a plane; cam and follower have their hinge or slide already.
+
+        Parameters
+        ----------
+        name
+            Its name.
+        first
+            Marker of the cam, about which the curve lies.
+        second
+            Marker of the follower: its point, its roller's centre, or its face, whose axis points at the cam.
+        follower
+            What touches the curve.
+        curve
+            ``{"angle": .., "radius": ..}``, ``{"x": .., "y": ..}`` or ``{"table": "cam.csv"}`` [rad, m].
+        radius
+            Of a roller [m].
+        side
+            "inside": it runs inside the curve; "groove": it is held from both sides.
+        repeat
+            Copies.
+        """
+        return self._joint("cam", locals())
+
     def chain(
         self,
         type: Literal["UPS", "SPS", "UCU", "cylinder", "PUS", "PSS", "RUS", "RSS", "RUU", "R(SS)2", "RRR", "PRR", "RPR"],

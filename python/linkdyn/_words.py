@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Drive", "Law", "LegLink", "Marker", "Named", "Quantity", "Stiffness", "Table", "Vector", "plain", "table_of"]
+__all__ = ["Brake", "Drive", "Law", "LegLink", "Marker", "Named", "Quantity", "Stiffness", "Table", "Vector", "plain", "table_of"]
 
 Quantity: TypeAlias = float | str | np.number[Any]
 """A number in SI units and radians, or a text: "60 rpm", "L/2 + 12 mm"."""
@@ -50,6 +50,12 @@ class Stiffness(TypedDict, total=False):
     torsion: Quantity
 
 
+Brake = TypedDict(
+    "Brake", {"torque": Quantity, "from": Quantity, "until": Quantity, "from_event": str, "until_event": str, "begins": Literal["on", "off"]}, total=False
+)
+"""On the shaft of a motor; the functional form, since one of its keys is a word of Python."""
+
+
 class Drive(TypedDict, total=False):
     """The motor behind an actuator."""
 
@@ -60,6 +66,13 @@ class Drive(TypedDict, total=False):
     efficiency: Quantity
     back_efficiency: Quantity
     torque_constant: Quantity
+    resistance: Quantity
+    torque_limit: Quantity
+    current_limit: Quantity
+    power_limit: Quantity
+    torque_curve: Mapping[str, Any]
+    brake: Brake
+    creep_speed: Quantity
 
 
 class LegLink(TypedDict, total=False):

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from ._words import Law, Quantity, Table, table_of
 
-__all__ = ["constant", "dc_motor", "formula", "inverse", "pd", "spring_damper", "table"]
+__all__ = ["constant", "dc_motor", "formula", "inverse", "pd", "spring_damper", "table", "voltage"]
 
 
 def inverse() -> Table:
@@ -22,26 +22,41 @@ def inverse() -> Table:
     return _effort("inverse", {})
 
 
-def constant(value: Quantity) -> Table:
+def constant(value: Quantity, *, at: Literal["motor"] | None = None) -> Table:
     """A constant force or torque.
 
     Parameters
     ----------
     value
         [N, N m]
+    at
+        "motor": it is the motor's torque [N m], ahead of gear or screw.
     """
     return _effort("constant", locals())
 
 
-def formula(value: str) -> Table:
+def formula(value: str, *, at: Literal["motor"] | None = None) -> Table:
     """A formula of measures, laws and variables.
 
     Parameters
     ----------
     value
         Such as "-0.4 N*m*sign(turning)" [N, N m].
+    at
+        As of `constant`.
     """
     return _effort("formula", locals())
+
+
+def voltage(value: Law) -> Table:
+    """What a direct current motor makes of a voltage: k (value - k w)/R, with the torque constant k, resistance R and speed w of its drive.
+
+    Parameters
+    ----------
+    value
+        A voltage, a formula, or a table of `linkdyn.laws.table` [V].
+    """
+    return _effort("voltage", locals())
 
 
 def spring_damper(*, stiffness: Quantity | None = None, damping: Quantity | None = None, rest: Quantity | None = None) -> Table:
@@ -99,7 +114,7 @@ def dc_motor(*, n: Quantity, eta: Quantity, K_T: Quantity, K_E: Quantity, K_P: Q
 
 def table(
     table: str | os.PathLike[str], *, column: str | None = None, time: str | None = None, interpolation: Literal["spline", "linear"] | None = None,
-    over: str | None = None, argument: str | None = None, period: Quantity | None = None,
+    over: str | None = None, argument: str | None = None, period: Quantity | None = None, at: Literal["motor"] | None = None,
 ) -> Table:  # fmt: skip
     """A column of a CSV file, over time or over a measure [N, N m].
 
@@ -107,6 +122,8 @@ def table(
     ----------
     table, column, time, interpolation, over, argument, period
         As of `linkdyn.laws.table`.
+    at
+        As of `constant`.
     """
     return _effort("table", locals())
 

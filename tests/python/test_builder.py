@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SCENES = sorted([*ROOT.glob("examples/*/scene*.toml"), *ROOT.glob("tests/scenes/*.toml"), *ROOT.glob("python/linkdyn/_scenes/*.toml")])
 RUN = ("fourbar", "delta", "geared_fivebar", "planetary_crank", "screw_lift", "toggle_clamp", "four_stroke", "shaper", "knuckle_press", "ship_hexapod",
        "stewart_drilling", "stopped_rocker", "agile_eye", "tripod", "scene_forward", "hexapod", "excavator")
-JOINTS = ("revolute", "prismatic", "cylindrical", "universal", "planar", "screw", "fixed", "gear", "rack", "belt", "spherical")
+JOINTS = ("revolute", "prismatic", "cylindrical", "universal", "planar", "screw", "fixed", "gear", "rack", "belt", "slot", "cam", "spherical")
 PATTERN = {"repeat", "about", "angles", "mirror"}
 
 
@@ -195,7 +195,7 @@ def test_laws_are_those_of_the_reader(law):
     assert own - {"over", "argument", "period"} == known(START | {"coordinate": [{"joint": "A", "motion": motion}]}) - {"law"}
 
 
-@pytest.mark.parametrize("law", ["inverse", "constant", "table", "formula", "spring-damper", "dc-motor", "pd"])
+@pytest.mark.parametrize("law", ["inverse", "constant", "table", "formula", "spring-damper", "dc-motor", "pd", "voltage"])
 def test_efforts_are_those_of_the_reader(law):
     content = START | {"actuator": [{"joint": "A", "law": {"type": law, "zzz": 1}}]}
     own = words(getattr(efforts, law.replace("-", "_")))
@@ -210,6 +210,7 @@ def test_efforts_are_those_of_the_reader(law):
 def test_nested_tables_are_those_of_the_reader():
     assert keys_of(_words.Drive) == known(START | {"actuator": [{"joint": "A", "drive": {"zzz": 1}}]})
     stiff = START["joint"][0] | {"stiffness": {"zzz": 1}}
+    assert keys_of(_words.Brake) == known(START | {"actuator": [{"joint": "A", "drive": {"ratio": 1, "brake": {"zzz": 1}}}]})
     assert keys_of(_words.Stiffness) == known(START | {"joint": [stiff], "redundancy": "stiffness"})
     assert keys_of(_words.Marker) == words(Link.marker, "name")
 
