@@ -9,7 +9,7 @@ module linkdyn_drive_forward
     use linkdyn_forward, only: forward_options, forward_run, coordinates_in_words, rounding_in_words, method_name, method_rk4
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
-    use linkdyn_results, only: block_type, prepare_block
+    use linkdyn_results, only: block_type, prepare_block, refuse_absent
     use linkdyn_roads, only: road_counts
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, &
         note_events, close_results, exit_done, exit_bad_input, exit_samples_failed
@@ -51,6 +51,7 @@ contains
 
         exit_status = exit_bad_input
         call load_model(config%scene, .false., model, status)
+        if (status%is_ok() .and. allocated(config%want)) call refuse_absent(config%want, model%scene, status)
         if (status%is_ok()) call choose_times(config, model, instants, status)
         if (status%is_ok()) call start_watched(model, options_of(config, instants%first, instants%last), config%wanted, watched, &
                                                status)

@@ -13,8 +13,8 @@ module linkdyn_drive_inverse
     use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, dyad_names, has_assemblies
     use linkdyn_motion, only: evaluate_motion, evaluate_loads, sample_count, sample_times
-    use linkdyn_results, only: layout_type, block_type, describe_results, prepare_block, view_values, samples_width, &
-        find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
+    use linkdyn_results, only: layout_type, block_type, describe_results, refuse_absent, prepare_block, view_values, &
+        samples_width, find_driving_power, flag_unsound, result_time, result_q, result_qd, result_qdd, result_driving_force, &
         result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
         result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
         result_friction, result_friction_power, result_transmission_force, &
@@ -69,6 +69,7 @@ contains
 
         exit_status = exit_bad_input
         call load_model(config%scene, .true., model, status)
+        if (status%is_ok() .and. allocated(config%want)) call refuse_absent(config%want, model%scene, status)
         n_sample = sample_count(model)
         if (allocated(config%states)) then
             if (status%is_ok()) call read_states(config%states, model%scene, states, status)

@@ -26,7 +26,8 @@ module linkdyn_results
     implicit none (type, external)
     private
     public :: layout_type, dimension_type, variable_type, block_type, values_type, wanted_type
-    public :: describe_results, choose_wanted, all_wanted, add_free, prepare_block, view_values, find_driving_power, flag_unsound
+    public :: describe_results, choose_wanted, refuse_absent, all_wanted, add_free, prepare_block, view_values, &
+        find_driving_power, flag_unsound
     public :: find_motor_loads, view_motor_loads, margin_of
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
@@ -238,6 +239,35 @@ contains
             end select
         end do
     end subroutine choose_wanted
+
+    !> Results for which the scene has no part are refused where they are asked for by name; `all` leaves them out.
+    subroutine refuse_absent(text, scene, status)
+        character(len=*), intent(in) :: text         !! the wish list
+        type(scene_type), intent(in) :: scene
+        type(status_type), intent(inout) :: status   !! bad input
+        integer :: n_rubbing
+
+        n_rubbing = 0
+        if (allocated(scene%friction)) n_rubbing = size(scene%friction)
+        if (n_rubbing == 0) call refuse("friction", "no joint of the scene has friction")
+        if (.not. any(scene%actuator%motor%is_given)) call refuse("motor", "no actuator of the scene has a drive")
+
+    contains
+
+        subroutine refuse(word, why)
+            character(len=*), intent(in) :: word, why
+            character(len=len(text)) :: rest
+            integer :: comma
+
+            rest = text
+            do while (rest /= "")
+                comma = index(rest//",", ",")
+                if (status%is_ok() .and. adjustl(rest(:comma - 1)) == word) call fail(status, status_bad_input, "want: '"//word// &
+                    "': "//why//" (expected results that it has, or 'all' of them)")
+                rest = rest(min(comma + 1, len(rest) + 1):)
+            end do
+        end subroutine refuse
+    end subroutine refuse_absent
 
     !> Dimensions, labels and variables of the results of inverse dynamics, or of forward dynamics.
     subroutine describe_results(scene, wanted, has_time, layout, is_forward, dyad, length, follows_assembly)

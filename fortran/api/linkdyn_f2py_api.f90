@@ -34,7 +34,7 @@ module linkdyn_f2py_api
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_poses, only: find_poses, poses_of_joints
     use linkdyn_report, only: open_report, read_report
-    use linkdyn_results, only: block_type, wanted_type, prepare_block, choose_wanted, all_wanted, add_free
+    use linkdyn_results, only: block_type, wanted_type, prepare_block, choose_wanted, refuse_absent, all_wanted, add_free
     use linkdyn_roads, only: road_counts
     use linkdyn_scene_reader, only: check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input, status_interrupted
@@ -200,6 +200,7 @@ contains
         if (status%code == 0) call choose_solver(trim(solver), number, status)
         if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(number)
         if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(want, wanted, status)
+        if (status%code == 0) call refuse_absent(want, scene%model%scene, status)
         if (status%code == 0) call add_free(number, wanted)
         wanted%errors = has_errors == 1
         if (wanted%distance .and. has_time == 2) call refuse_distance(status)
@@ -569,6 +570,7 @@ contains
             call choose_solver(trim(solver), options%solver, status)
             if (status%code == 0 .and. len_trim(want) == 0) wanted = all_wanted(options%solver)
             if (status%code == 0 .and. len_trim(want) > 0) call choose_wanted(trim(want), wanted, status)
+            if (status%code == 0) call refuse_absent(want, scene%model%scene, status)
             if (status%code == 0) call add_free(options%solver, wanted)
             options%integrator%step = step
             options%integrator%rtol = rtol

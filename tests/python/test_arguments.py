@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -210,3 +211,13 @@ def test_quantities_that_a_scene_lacks(quantity, says, scene, tmp_path):
     file.write_text(scene.text)
     result = os.popen(f"'{linkdyn.cli.executable()}' sweep '{file}' --keep {quantity} -o '{tmp_path}/run.nc' 2>&1").read()
     assert says in result and not (tmp_path / "run.nc").exists()
+
+
+@pytest.mark.parametrize(("word", "reason"), [("motor", "no actuator of the scene has a drive"), ("friction", "no joint of the scene has friction")])
+def test_results_of_parts_that_are_not_there(word: str, reason: str) -> None:
+    """By name they are refused; `all` leaves them out."""
+    scene = linkdyn.load(ROOT / "examples" / "fourbar" / "scene.toml")
+    for compute in (scene.inverse, partial(scene.forward, t_end=0.01)):
+        with pytest.raises(linkdyn.LinkdynError, match=f"'{word}': {reason}"):
+            compute(want=f"reaction, {word}")
+        assert not [name for name in compute(want="all") if name.startswith(word)]
