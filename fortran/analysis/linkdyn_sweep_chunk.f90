@@ -24,7 +24,7 @@ module linkdyn_sweep_chunk
         quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
         quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable, quantity_joint_rate, &
         quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
-        quantity_torque_margin, needs_forces
+        quantity_torque_margin, quantity_contact_force, quantity_pressure_angle, needs_forces
     use linkdyn_sweep_totals, only: totals_type, totals_shape, bins_type, empty_totals, reduce_samples, join_totals, &
         code_feasible, code_no_model, first_bound
     implicit none (type, external)
@@ -369,6 +369,10 @@ contains
                 case (quantity_motor_torque, quantity_motor_speed, quantity_motor_power, quantity_motor_current, &
                       quantity_torque_margin)
                     value = motor_load(id, s)
+                case (quantity_contact_force)
+                    value = of%contact_force(:, s)
+                case (quantity_pressure_angle)
+                    value = of%pressure_angle(:, s)
                 case (quantity_reaction)
                     n_component = size(of%reaction, 1)
                     do i = 1, size(of%reaction, 2)

@@ -15,6 +15,7 @@ module linkdyn_sweep_design
     use linkdyn_sweep_source, only: design_source
     use linkdyn_sweep_spec, only: sweep_spec, axis_time, needs_forces, quantity_driving_force, quantity_driving_position, &
         quantity_driving_speed, quantity_driving_power, quantity_reaction, quantity_reaction_force, quantity_reaction_moment, &
+        quantity_contact_force, quantity_pressure_angle, &
         quantity_joint_variable, quantity_joint_rate, quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
         quantity_motor_current, quantity_torque_margin
     use linkdyn_text, only: quoted
@@ -135,7 +136,8 @@ contains
         options%n_expected = int(min(plan%n_pose, int(huge(1), int64)))
         options%by_record = design%is_recorded
         if (design%needs_forces .or. design%measures%wants_map) call prepare_inverse(design%model, options, &
-            any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0), design%forces, &
+            any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_contact_force]) > 0), &
+            design%forces, &
             design%status)
         if (design%measures%wants_map .and. design%model%n_actuator > design%model%n_q) call fail(design%status, status_bad_input, &
             "actuator "//quoted(design%model%scene%actuator(design%model%n_actuator)%name)//": there are more actuators than " &
@@ -221,6 +223,8 @@ contains
                 allocate (design%of_forces%driving_force(model%n_actuator, n))
             if (any(row%place([quantity_reaction, quantity_reaction_force, quantity_reaction_moment]) > 0)) &
                 allocate (design%of_forces%reaction(model%n_component, model%n_joint, n))
+            if (row%place(quantity_contact_force) > 0) allocate (design%of_forces%contact_force(model%n_cam, n))
+            if (row%place(quantity_pressure_angle) > 0) allocate (design%of_forces%pressure_angle(model%n_cam, n))
         end associate
     end subroutine make_targets
 
@@ -272,5 +276,7 @@ contains
         if (associated(results%driving_force)) deallocate (results%driving_force)
         if (associated(results%transmission_force)) deallocate (results%transmission_force)
         if (associated(results%reaction)) deallocate (results%reaction)
+        if (associated(results%contact_force)) deallocate (results%contact_force)
+        if (associated(results%pressure_angle)) deallocate (results%pressure_angle)
     end subroutine free_targets
 end module linkdyn_sweep_design

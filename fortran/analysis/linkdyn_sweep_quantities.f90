@@ -2,14 +2,14 @@
 module linkdyn_sweep_quantities
     use linkdyn_kinds, only: wp
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_actuator, dim_joint, &
-        dim_component, dim_variable, dim_motor
+        dim_component, dim_variable, dim_motor, dim_cam
     use linkdyn_scene, only: scene_type, joint_universal, joint_spherical
     use linkdyn_sweep_spec, only: sweep_spec, n_quantity, quantity_name, needs_forces, quantity_driving_force, &
         quantity_driving_position, quantity_driving_speed, quantity_driving_power, quantity_reaction, &
         quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable, quantity_joint_rate, &
         quantity_force_amplification, quantity_moment_amplification, quantity_condition, quantity_determinant, &
         quantity_swing, quantity_clearance, quantity_motor_torque, quantity_motor_speed, quantity_motor_power, &
-        quantity_motor_current, quantity_torque_margin
+        quantity_motor_current, quantity_torque_margin, quantity_contact_force, quantity_pressure_angle
     implicit none (type, external)
     private
     public :: quantity_type, quantity_row, describe_quantity, make_row
@@ -119,6 +119,12 @@ contains
             case (quantity_torque_margin)
                 call take("motor", motor%label, spread("N m     ", 1, motor%size))
                 quantity%long_name = "what the motor has beyond its torque"
+            case (quantity_contact_force)
+                call take("cam", layout%dimension(dim_cam)%label, spread("N       ", 1, layout%dimension(dim_cam)%size))
+                quantity%long_name = "normal force with which follower and cam press; below zero the follower would lift"
+            case (quantity_pressure_angle)
+                call take("cam", layout%dimension(dim_cam)%label, spread("rad     ", 1, layout%dimension(dim_cam)%size))
+                quantity%long_name = "angle between the normal and the way of the follower in its guide"
             case (quantity_clearance)
                 call take_scalar("m")
                 quantity%long_name = "smallest gap between legs"

@@ -2,7 +2,8 @@
 module linkdyn_scene_sweep
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, path_len, law_over, has_limits
+    use linkdyn_scene, only: scene_type, load_spec, name_len, frame_link, path_len, law_over, has_limits, joint_cam, &
+        guide_of
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
         table_list, get_quantity, quantity_of, direction_of, get_text, get_word, get_flag, get_integer
     use linkdyn_scene_names, only: find_marker
@@ -20,7 +21,7 @@ module linkdyn_scene_sweep
         quantity_torque_margin, &
         quantity_driving_force, quantity_driving_position, quantity_driving_speed, quantity_driving_power, &
         quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_force_amplification, &
-        quantity_moment_amplification, quantity_swing, quantity_clearance
+        quantity_moment_amplification, quantity_swing, quantity_clearance, quantity_contact_force, quantity_pressure_angle
     use linkdyn_text, only: to_text, quoted, join
     use linkdyn_toml, only: toml_node, toml_array, toml_table, toml_string
     use linkdyn_units, only: quantity_type, plain_number, length, angle, speed, angular_rate, acceleration, force, moment, &
@@ -497,6 +498,7 @@ contains
         associate (spec => scene%sweep)
             call read_quantities(place, "reduce", spec%wants, status, found)
             if (.not. found) spec%wants(usual_quantities) = .true.
+            if (.not. found .and. any(scene%joint%kind == joint_cam)) spec%wants(quantity_contact_force) = .true.
             if (.not. found .and. any(scene%actuator%motor%is_given)) &
                 spec%wants([quantity_motor_torque, quantity_motor_speed, quantity_motor_power]) = .true.
             if (.not. found .and. any(has_limits(scene%actuator%motor))) spec%wants(quantity_torque_margin) = .true.
@@ -659,6 +661,7 @@ contains
                 call refuse(place, "'clearance' is for spatial scenes: links of a plane lie beside each other", status)
             do id = 1, n_quantity
                 if (spec%wants(id) .and. status%is_ok()) call refuse_without_motors(place, scene, id, status)
+                if (spec%wants(id) .and. status%is_ok()) call refuse_without_cams(place, scene, id, status)
             end do
         end associate
     end subroutine check_wishes
@@ -681,6 +684,25 @@ contains
                 "'torque_limit', 'current_limit' or 'torque_curve')", status)
         end if
     end subroutine refuse_without_motors
+
+    !> Cams must be there of which something is told, and a guide of each follower.
+    subroutine refuse_without_cams(place, scene, id, status)
+        type(scene_place), intent(in) :: place
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: id                         !! of the quantity
+        type(status_type), intent(inout) :: status
+        integer :: j
+
+        if (.not. any(id == [quantity_contact_force, quantity_pressure_angle])) return
+        if (.not. any(scene%joint%kind == joint_cam)) call refuse(place, quoted(quantity_name(id)) &
+            //" is for scenes with cams (expected a joint of type 'cam')", status)
+        if (id == quantity_contact_force) return
+        do j = 1, size(scene%joint)
+            if (scene%joint(j)%kind /= joint_cam .or. .not. status%is_ok()) cycle
+            if (guide_of(scene, j) == 0) call refuse(place, quoted(quantity_name(id))//": the follower of "// &
+                quoted(scene%joint(j)%name)//" has no guide (expected one hinge or slide that holds it on the frame)", status)
+        end do
+    end subroutine refuse_without_cams
 
     ! ---------------------------------------------------------------- bounds
 
@@ -724,6 +746,7 @@ contains
             return
         end if
         call refuse_without_motors(place, scene, bound%quantity, status)
+        if (status%is_ok()) call refuse_without_cams(place, scene, bound%quantity, status)
         if (.not. status%is_ok()) return
         call describe_quantity(scene, bound%quantity, quantity)
         call choose_entries(place, quantity, bound%entry, status)

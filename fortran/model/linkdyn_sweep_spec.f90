@@ -12,6 +12,7 @@ module linkdyn_sweep_spec
     public :: quantity_reaction, quantity_reaction_force, quantity_reaction_moment, quantity_joint_variable
     public :: quantity_joint_rate, quantity_force_amplification, quantity_moment_amplification, quantity_condition
     public :: quantity_determinant, quantity_swing, quantity_clearance, quantity_motor_torque, quantity_motor_speed
+    public :: quantity_contact_force, quantity_pressure_angle
     public :: quantity_motor_power, quantity_motor_current, quantity_torque_margin, n_quantity, quantity_name, needs_forces
     public :: axis_name_len, usual_chunk
 
@@ -56,15 +57,19 @@ module linkdyn_sweep_spec
     integer, parameter :: quantity_motor_power = 18
     integer, parameter :: quantity_motor_current = 19
     integer, parameter :: quantity_torque_margin = 20
-    integer, parameter :: n_quantity = 20
+    integer, parameter :: quantity_contact_force = 21      !! of cams, as the next
+    integer, parameter :: quantity_pressure_angle = 22
+    integer, parameter :: n_quantity = 22
     character(len=20), parameter :: quantity_name(n_quantity) = [character(len=20) :: &
         "driving_force", "driving_position", "driving_speed", "driving_power", "reaction", "reaction_force", &
         "reaction_moment", "joint_variable", "joint_rate", "force_amplification", "moment_amplification", "condition", &
         "determinant", "swing", "clearance", "motor_torque", "motor_speed", "motor_power", "motor_current", &
-        "torque_margin"]
+        "torque_margin", &
+        "contact_force", "pressure_angle"]
     !> The others follow from the position and velocity alone.
     logical, parameter :: needs_forces(n_quantity) = [.true., .false., .false., .true., .true., .true., .true., &
-        .false., .false., .false., .false., .false., .false., .false., .false., .true., .true., .true., .true., .true.]
+        .false., .false., .false., .false., .false., .false., .false., .false., .true., .true., .true., .true., .true., &
+        .true., .true.]
 
     !> A number of the scene, or a list of them.
     type :: parameter_spec

@@ -313,6 +313,12 @@ def test_in_sweeps_and_ensembles() -> None:
                                                                {"parameter": "joint.C.radius", "values": list(radii)}]})
     largest = max(float(found.with_({"joint.C.radius": radius}).inverse(q=q, qd=0 * q + 25, qdd=0 * q).driving_force.max()) for radius in radii)
     assert float(swept.driving_force_max.max()) == pytest.approx(largest, rel=1e-12)
+    runs = [found.with_({"joint.C.radius": radius}).inverse(q=q, qd=0 * q + 25, qdd=0 * q, want="all") for radius in radii]
+    more = {"reduce": ["contact_force", "pressure_angle"], "limit": [{"of": "contact_force", "min": 0}]}
+    swept = found.sweep(more | {"axis": [{"coordinate": "shaft", "linspace": [0.1, 6.0, 33]}, {"rate": "shaft", "values": [25.0]},
+                                         {"parameter": "joint.C.radius", "values": list(radii)}]})
+    assert float(swept.contact_force_min.min()) == pytest.approx(min(float(run.contact_force.min()) for run in runs), rel=1e-12)
+    assert float(swept.pressure_angle_max.max()) == pytest.approx(max(float(run.pressure_angle.max()) for run in runs), rel=1e-12)
 
 
 def test_order_of_samples_does_not_matter() -> None:
