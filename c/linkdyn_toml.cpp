@@ -63,6 +63,32 @@ int put_value(const void *handle, std::string_view key, Value value) {
     return 1;
 }
 
+// ---- reading
+
+// Tables in tables are taken down one inside the other: a key of very many parts would take the process with it.
+constexpr int most_parts = 10000;
+
+// The line in which a key has too many parts; 0: none has.
+int line_of_deep_key(std::string_view text) {
+    int line = 1, dots = 0;
+    char until = 0;    // end of a string or comment
+    for (const char letter : text) {
+        if (letter == '\n') ++line;
+        if (until != 0) {
+            if (letter == until || letter == '\n') until = 0;
+        } else if (letter == '"' || letter == '\'') {
+            until = letter;
+        } else if (letter == '#') {
+            until = '\n';
+        } else if (letter == '.') {
+            if (++dots > most_parts) return line;
+        } else if (std::string_view("\n=,[]{}").find(letter) != std::string_view::npos) {
+            dots = 0;
+        }
+    }
+    return 0;
+}
+
 // ---- joining
 
 struct clash {
@@ -194,6 +220,11 @@ void *linkdyn_toml_parse(const char *text, int64_t text_len, int before, char *m
     *column = 0;
     try {
         const std::string_view all(text, static_cast<size_t>(text_len));
+        if ((*line = line_of_deep_key(all)) > 0) {
+            *column = 1;
+            copy_text("a key of too many parts", message, message_len);
+            return nullptr;
+        }
         return new document{before > 0 ? toml::parse(all, std::to_string(before)) : toml::parse(all)};
     } catch (const toml::parse_error &error) {
         copy_text(error.description(), message, message_len);

@@ -499,6 +499,9 @@ def close_simulator(simulator: int) -> None:
     _api.api_close_simulator(simulator)
 
 
+_POSES_AT_ONCE = 1 << 14
+
+
 def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool = False) -> tuple[Floats, Floats, NDArray[np.intc]]:
     """Poses of the moving links.
 
@@ -522,9 +525,12 @@ def poses(handle: int, q: Floats, n_link: int, in_order: bool, by_joints: bool =
     position = np.empty((n, n_link, 3))
     columns = np.empty((n, n_link, 3, 3))
     status = np.zeros(n, dtype=np.intc)
-    if n > 0:
-        kind = 2 if by_joints else int(in_order)
-        _listen(_api.api_poses, handle, kind, _flat(q), _flat(position), _flat(columns), status)
+    kind = 2 if by_joints else int(in_order)
+    # samples on their own in pieces: what is set up for all of a piece does not hear an interrupt
+    piece = max(n, 1) if in_order else _POSES_AT_ONCE
+    for first in range(0, n, piece):
+        part = slice(first, first + piece)
+        _listen(_api.api_poses, handle, kind, _flat(q[part]), _flat(position[part]), _flat(columns[part]), status[part])
     return position, columns.swapaxes(-1, -2), status
 
 

@@ -438,6 +438,13 @@ def test_interrupted_run_leaves_nothing(tsai, tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["long.toml"]
 
 
+@pytest.mark.parametrize("text", ["[a" + 50_000 * ".a" + "]\nb = 1\n", "b = { a" + 50_000 * ".a" + " = 1 }\n"])
+def test_tables_far_too_deep(text, tmp_path):
+    """They took the process with them when they were taken down again."""
+    (tmp_path / "deep.toml").write_text(text)
+    refused(run("explain", tmp_path / "deep.toml"), "deep.toml:1: this is not TOML: a key of too many parts")
+
+
 def test_results_are_no_scene(tsai_file, tmp_path):
     run("inverse", tsai_file, "-o", tmp_path / "run.nc")
     refused(run("inverse", tmp_path / "run.nc"), "run.nc:1: this is not TOML: but netCDF or HDF5, as results are (expected a scene)")
