@@ -26,7 +26,7 @@ contains
         real(wp), intent(in) :: scale                !! s
         type(model_type), intent(out) :: similar
         integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107, of_base = 108, &
-                              of_friction = 109    ! keys
+                              of_friction = 109, of_cam = 110    ! keys
         real(wp) :: own_scale
         integer :: i, k, n_length
 
@@ -62,7 +62,10 @@ contains
             similar%joint(i)%reach = scale*model%joint(i)%reach
             similar%scene%joint(i)%lead = scale*model%scene%joint(i)%lead
             similar%scene%joint(i)%cam%radius = scale*model%scene%joint(i)%cam%radius
-            call scale_curve(scale, similar%scene%joint(i)%cam%curve)
+            associate (curve => similar%scene%joint(i)%cam%curve)
+                if (allocated(curve%u)) &
+                    call scale_curve(scale, [(near_one([copy, of_cam, i, k]), k=1, size(curve%u) - 1)], curve)
+            end associate
             similar%joint(i)%frame = other_rounding(copy, model%joint(i)%frame)
             do k = 1, size(model%scene%joint(i)%start)
                 if (is_slide(model%joint(i)%told_kind, k)) similar%scene%joint(i)%start(k) = scale*model%scene%joint(i)%start(k)

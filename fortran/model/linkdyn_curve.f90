@@ -79,20 +79,23 @@ contains
         end if
     end subroutine fit
 
-    !> The same curve of another size.
-    pure subroutine scale_curve(scale, curve)
+    !> The same curve of another size, fitted anew: its second derivatives have the rounding of all points in them.
+    pure subroutine scale_curve(scale, rounding, curve)
         real(wp), intent(in) :: scale
+        real(wp), intent(in) :: rounding(:)           !! factors near 1 of the angles, which have no size (n)
         type(curve_type), intent(inout) :: curve
+        integer :: n
 
-        if (.not. allocated(curve%u)) return
+        n = size(rounding)
         curve%value = scale*curve%value
-        curve%knot = scale*curve%knot
         if (curve%is_polar) then
-            curve%second = scale*curve%second
+            curve%u(:n) = rounding*curve%u(:n)
+            curve%u(n + 1) = curve%u(1) + two_pi
         else
             curve%u = scale*curve%u
-            curve%second = curve%second/scale
         end if
+        deallocate (curve%second)
+        call fit(curve)
     end subroutine scale_curve
 
     ! ---------------------------------------------------------------- points
