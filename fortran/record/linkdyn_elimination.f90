@@ -78,18 +78,22 @@ contains
         type(work_type) :: work
         type(pivot_step), allocatable :: step(:)
         type(candidate) :: pivot
-        integer :: n_step, u
+        integer :: n_step, n_turned, u
         logical :: found
 
         call begin(row, n_column, work)
         allocate (step(n_column), elimination%watched(0))
         elimination%determinant = one()
         do n_step = 1, n_column
+            n_turned = 0
             do
                 call choose_pivot(work, is_last, u, pivot)
                 if (u > 0) exit
-                call turn_rows(work, found)
+                found = .false.
+                ! What no pair of rows makes better, two far too different in size, would be turned for ever.
+                if (n_turned < n_column) call turn_rows(work, found)
                 if (found) then
+                    n_turned = n_turned + 1
                     elimination%n_turned = elimination%n_turned + 1
                 else
                     call give_up_a_sample(work, found)

@@ -8,6 +8,7 @@ import re
 import resource
 import signal
 import subprocess
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -436,6 +437,15 @@ def test_interrupted_run_leaves_nothing(tsai, tmp_path):
     finally:
         process.kill()
     assert [file.name for file in tmp_path.iterdir()] == ["long.toml"]
+
+
+def test_pivots_are_not_looked_for_for_ever(tmp_path):
+    """A centre of mass light minutes away leaves no pivots; rows were turned into each other without end."""
+    run("new", "five-bar", "-o", "far.toml", cwd=tmp_path)
+    scene = tomllib.loads((tmp_path / "far.toml").read_text())
+    scene["link"][0]["cog"] = [0, 2**63 - 1]
+    (tmp_path / "far.toml").write_text(tomli_w.dumps(scene))
+    assert subprocess.run([executable(), "explain", "far.toml"], cwd=tmp_path, capture_output=True, timeout=100).returncode == 0
 
 
 @pytest.mark.parametrize("text", ["[a" + 50_000 * ".a" + "]\nb = 1\n", "b = { a" + 50_000 * ".a" + " = 1 }\n"])
