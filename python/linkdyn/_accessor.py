@@ -12,7 +12,8 @@ import numpy as np
 import xarray as xr
 
 from ._arguments import as_path
-from .errors import FileError, InputError, UnavailableError
+from ._output import write_output
+from .errors import InputError, UnavailableError
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -224,9 +225,9 @@ class RunAccessor:
         Raises
         ------
         FileError
-            It cannot be written.
+            It cannot be written, or is a file that the run was read or computed from.
         """
-        return self._write(file, lambda table, path: table.to_csv(path))
+        return self._write(file, lambda table: table.to_csv())
 
     def to_parquet(self, file: str | os.PathLike[str]) -> Path:
         """Write `to_frame` as Parquet, for large tables that pandas, Polars, DuckDB or Spark read; needs pyarrow.
@@ -236,19 +237,18 @@ class RunAccessor:
         UnavailableError
             pyarrow is not installed.
         FileError
-            It cannot be written.
+            It cannot be written, or is a file that the run was read or computed from.
         """
         try:
-            return self._write(file, lambda table, path: table.to_parquet(path, engine="pyarrow"))
+            return self._write(file, lambda table: table.to_parquet(engine="pyarrow"))
         except ImportError:
             raise UnavailableError("to_parquet needs pyarrow, which is not installed (pip install 'linkdyn[parquet]')") from None
 
-    def _write(self, file: str | os.PathLike[str], write: Callable[[pd.DataFrame, Path], object]) -> Path:
+    def _write(self, file: str | os.PathLike[str], content: Callable[[pd.DataFrame], str | bytes]) -> Path:
+        from .results import inputs_of
+
         path = Path(as_path("file", file))
-        try:
-            write(self.to_frame(), path)
-        except OSError as error:
-            raise FileError(f"{path}: cannot be written: {error.strerror or error}") from error
+        write_output(path, content(self.to_frame()), inputs_of(self._run))
         return path
 
     def __repr__(self) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import os
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -21,10 +23,13 @@ from PIL import Image
 from ._drawing import draw, picture_size, set_limits
 from ._drawing_arguments import checked
 from ._forces import Forces, find_forces, force_kinds
+from ._output import write_output
 from ._planar_shapes import unit_of
 from ._postures import Postures, find_postures, poses_of, scene_of
+from ._printable import printable
 from ._wheels import is_geared
 from .errors import InputError, UnavailableError
+from .results import inputs_of
 from .scene import Scene
 
 __all__ = ["animate"]
@@ -84,6 +89,8 @@ def animate(
     ------
     InputError
         Another kind of file, an unknown kind of force, nothing that could be drawn.
+    FileError
+        The file cannot be written, or is one that was read.
     UnavailableError
         An ``.mp4`` without ffmpeg.
     """
@@ -99,12 +106,10 @@ def animate(
     figure = Figure(figsize=picture_size(postures, LARGEST), dpi=DPI, layout="constrained" if mechanism.planar else None)
     pictures = _draw_frames(FigureCanvasAgg(figure), run, postures, arrows, shown, names)
     if path.suffix == ".gif":
-        _write_gif(pictures, path, fps, sorted({COLOUR[item.kind] for item in arrows}))
+        film = _gif(pictures, fps, sorted({COLOUR[item.kind] for item in arrows}))
     else:
-        writer = animation.FFMpegWriter(fps=fps)  # type: ignore[arg-type]  # ffmpeg takes fractions
-        with writer.saving(figure, path, DPI):
-            for _ in pictures:
-                writer.grab_frame()
+        film = _mp4(pictures, figure, fps)
+    write_output(path, film, inputs_of(run, mechanism))
     return path
 
 
@@ -199,7 +204,7 @@ def _draw_arc(ax: Axes, centre: Points, part: float, colour: str) -> None:
 def _write(ax: Axes, run: xr.Dataset, arrows: list[Forces], sample: int, force: float, torque: float) -> None:
     """Title, instant, and what the arrows mean."""
     moment = f"t = {run.time.values[sample]:.3f} s" if "time" in run.coords else f"sample {sample}"
-    title = run.attrs.get("title", "")
+    title = printable(run.attrs.get("title", ""))
     ax.set_title(f"{title}\n{moment}" if title else moment, fontsize="small")
     forces = [item for item in arrows if not item.is_torque and force > 0]
     labels = [(COLOUR[item.kind], item.label) for item in forces]
@@ -218,13 +223,26 @@ def _round(value: float) -> str:
     return f"{float(f'{value:.2g}') / 1000.0**power:.3g} {prefix}"
 
 
-def _write_gif(pictures: Iterator[NDArray[np.uint8]], path: Path, fps: float, colours: list[str]) -> None:
+def _mp4(pictures: Iterator[NDArray[np.uint8]], figure: Figure, fps: float) -> bytes:
+    """By ffmpeg, which wants a file to move about in."""
+    writer = animation.FFMpegWriter(fps=fps)  # type: ignore[arg-type]  # ffmpeg takes fractions
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mp4"
+        with writer.saving(figure, path, DPI):
+            for _ in pictures:
+                writer.grab_frame()
+        return path.read_bytes()
+
+
+def _gif(pictures: Iterator[NDArray[np.uint8]], fps: float, colours: list[str]) -> bytes:
     images = [Image.fromarray(picture).convert("RGB") for picture in pictures]
     palette = _palette(images, colours)
     reduced = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    stream = io.BytesIO()
     reduced[0].save(
-        path, save_all=True, append_images=reduced[1:], duration=max(20, round(1000.0 / fps)), loop=0, optimize=True
+        stream, "GIF", save_all=True, append_images=reduced[1:], duration=max(20, round(1000.0 / fps)), loop=0, optimize=True
     )
+    return stream.getvalue()
 
 
 def _palette(images: list[Image.Image], colours: list[str]) -> Image.Image:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ._printable import printable
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
@@ -139,7 +141,7 @@ def draw_assemblies(scene: Scene) -> Figure:
             getattr(ax, f"set_{axis}label")("")
             getattr(ax, f"set_{axis}ticklabels")([])
         ax.set_title(f"{one.number}", fontsize="medium", fontweight="bold" if one.number == 1 else "normal")
-    figure.suptitle(f"{scene.title}: assemblies at the start" if scene.title else "Assemblies at the start", fontsize="medium")
+    figure.suptitle(f"{printable(scene.title)}: assemblies at the start" if scene.title else "Assemblies at the start", fontsize="medium")
     return figure
 
 

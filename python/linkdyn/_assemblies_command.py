@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ._commands import Parser, refuse
+from ._commands import Parser, draw_into_files, refuse, say
 
 __all__ = ["assemblies_command", "parser"]
 
@@ -37,23 +37,22 @@ def assemblies_command(arguments: Sequence[str]) -> int:
         found = scene.assemblies()
     except (LinkdynError, FileNotFoundError) as error:
         return refuse(str(error))
-    print(scene.title or options.scene)
+    say(scene.title or options.scene)
     for one in found:
-        print(f"{one.number:4}  {one.words or 'the only one: nothing is to be chosen'}")
+        say(f"{one.number:4}  {one.words or 'the only one: nothing is to be chosen'}")
     if not found.is_complete:
         print("      and more: the list ends here")
     if options.picture is None:
         return 0
-    import matplotlib
-
-    matplotlib.use("Agg")   # no window: the picture goes into the file
+    draw_into_files()
+    from ._output import picture
     from .plot import assemblies
 
     figure, _ = assemblies(scene)
     try:
-        figure.savefig(options.picture, dpi=120)
-    except OSError as error:
-        return refuse(f"--picture: {options.picture!r}: {error.strerror or error}")
+        picture(figure, options.picture, scene._inputs(), dpi=120)
+    except LinkdynError as error:
+        return refuse(f"--picture: {error}")
     if not options.quiet:
-        print(f"  picture          {options.picture}")
+        say(f"  picture          {options.picture}")
     return 0

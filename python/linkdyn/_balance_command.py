@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ._commands import Parser, refuse
+from ._commands import Parser, draw_into_files, refuse, say
 
 if TYPE_CHECKING:
     from ._balance import Balance
@@ -40,25 +40,25 @@ def balance_command(arguments: Sequence[str]) -> int:
         return refuse(f"balance: {str(file)!r} (expected a file that ends in {', '.join(ENDINGS)})")
     if options.harmonics is not None and options.minimise != "harmonics":
         return refuse("balance: --harmonics goes with --minimise harmonics")
-    import matplotlib
-
-    matplotlib.use("Agg")   # no window: the picture goes into the file
+    draw_into_files()
     from ._balance import balance
+    from ._output import picture
     from .errors import LinkdynError
     from .scene import Scene
 
     try:
         links = None if options.links is None else [name for name in options.links.split(",") if name]
-        found = balance(Scene(Path(options.scene)), links, options.minimise, _numbers(options.harmonics or "1"))
+        scene = Scene(Path(options.scene))
+        found = balance(scene, links, options.minimise, _numbers(options.harmonics or "1"))
         if file:
-            found.plot().savefig(file, dpi=150)
+            picture(found.plot(), options.output, scene._inputs(), dpi=150)
     except LinkdynError as error:
         return refuse(str(error))
     except OSError as error:
         return refuse(f"{error.filename or file}: {error.strerror or error}")
-    print(told(found))
+    say(told(found))
     if file and not options.quiet:
-        print(f"\n  picture          {file}")
+        say(f"\n  picture          {options.output}")
     return 0
 
 

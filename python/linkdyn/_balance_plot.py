@@ -9,6 +9,7 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 
 from ._lines import draw_lines, scale_axis
+from ._printable import printable
 from ._style import COLOURS, readable
 
 if TYPE_CHECKING:
@@ -40,5 +41,5 @@ def balance_plot(found: Balance) -> Figure:
     draw_lines(right, found.time, sizes, factor, unit, from_zero=True)
     words = ", ".join(f"{name} {row.moment:.4g} kg·m" + (f" at {np.degrees(row.angle):.4g}°" if found.scene.planar else "")
                       for name, row in found.counterweights.iterrows())
-    figure.suptitle(f"{found.scene.title}\ncounterweights: {words}".strip(), fontsize="medium")
+    figure.suptitle(f"{printable(found.scene.title)}\ncounterweights: {words}".strip(), fontsize="medium")
     return figure

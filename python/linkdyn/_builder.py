@@ -8,10 +8,10 @@ import re
 import sys
 import tomllib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ._arguments import as_known
+from ._arguments import as_known, as_path
+from ._output import text_inputs, write_output
 from ._toml import as_toml
 from ._words import Drive, Law, LegLink, Marker, Named, Quantity, Stiffness, Table, Vector, plain, table_of
 from .errors import SceneError
@@ -218,10 +218,15 @@ class Builder:
         -------
         str
             Its text.
+
+        Raises
+        ------
+        FileError
+            It cannot be written, or is a table of the scene.
         """
         text = as_toml(self.to_dict())
         if path is not None:
-            Path(path).write_text(text, encoding="utf-8")
+            write_output(as_path("path", path), text, text_inputs(self.to_dict(), self._folder or "."))
         return text
 
     # ------------------------------------------------------------------------------------------------------------- bodies

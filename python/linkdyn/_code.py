@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from ._arguments import as_path
-from .errors import FileError
+from ._output import Inputs, refuse_inputs, write_output
 
 __all__ = ["GeneratedCode"]
 
@@ -20,6 +20,7 @@ class GeneratedCode:
     """Of the files, without ending; identifiers begin with it."""
     header: str = field(repr=False)
     source: str = field(repr=False)
+    _inputs: Inputs = field(default=(), repr=False)
 
     def write(self, folder: str | os.PathLike[str] = ".") -> tuple[Path, Path]:
         """Write both files.
@@ -37,13 +38,12 @@ class GeneratedCode:
         Raises
         ------
         FileError
-            A file cannot be written.
+            A file cannot be written, or is one that the scene was read from.
         """
         place = Path(as_path("folder", folder))
         files = place / f"{self.name}.h", place / f"{self.name}.c"
+        for path in files:
+            refuse_inputs(path, self._inputs)
         for path, text in zip(files, (self.header, self.source), strict=True):
-            try:
-                path.write_text(text, encoding="utf-8", newline="\n")
-            except OSError as error:
-                raise FileError(f"{path}: cannot be written: {error.strerror}") from None
+            write_output(path, text)
         return files

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-from pathlib import Path
 from typing import NoReturn
 
-__all__ = ["BAD_INPUT", "SOME_FAILED", "Parser", "refuse", "write_whole"]
+from ._printable import printable
+
+__all__ = ["BAD_INPUT", "SOME_FAILED", "Parser", "draw_into_files", "refuse", "say"]
 
 BAD_INPUT, SOME_FAILED = 2, 3
 """Exit statuses, as the executable has them."""
@@ -34,18 +34,20 @@ class Parser(argparse.ArgumentParser):
 
 def refuse(message: str) -> int:
     """Say on one line what is wrong; the exit status."""
-    print(f"linkdyn: {' '.join(message.split())}", file=sys.stderr)
+    print(f"linkdyn: {printable(' '.join(message.split()))}", file=sys.stderr)
     return BAD_INPUT
 
 
-def write_whole(target: Path, text: str, replaces: bool) -> None:
-    """The whole file or none: written beside it, then given its name, which must be free unless it may be replaced."""
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        if replaces:
-            part.replace(target)
-        else:
-            os.link(part, target)
-    finally:
-        part.unlink(missing_ok=True)
+def say(text: str) -> None:
+    """Lines on standard output, whatever stands in names and titles."""
+    print(printable(text, has_lines=True))
+
+
+def draw_into_files() -> None:
+    """No windows; and letters that the font lacks become boxes without a word: the warning would have them raw on the terminal."""
+    import warnings
+
+    import matplotlib
+
+    matplotlib.use("Agg")
+    warnings.filterwarnings("ignore", r"Glyph \d+")

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from ._arguments import as_flag, as_known, as_path
 from ._builder import Builder
+from ._output import Inputs, text_inputs, write_output
 from .errors import InputError, SceneError
 from .scene import Scene
 
@@ -27,6 +28,7 @@ class Conversion:
     """What the other format has no place for, or what was taken for something else: a line each."""
     builder: Builder | None
     """The scene, to be gone on with; None where the text is MJCF."""
+    _inputs: Inputs = field(default=(), repr=False)
 
     def scene(self) -> Scene:
         """The scene, read and checked.
@@ -43,8 +45,17 @@ class Conversion:
         return self.builder.scene()
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write the file."""
-        Path(as_path("path", path)).write_text(self.text, encoding="utf-8")
+        """Write the file.
+
+        Raises
+        ------
+        FileError
+            It cannot be written, or is one that was read.
+        """
+        self._write(as_path("path", path))
+
+    def _write(self, path: str, replaces: bool = True) -> None:
+        write_output(path, self.text, self._inputs, replaces=replaces)
 
     def __repr__(self) -> str:
         return f"<linkdyn.Conversion to {'MJCF' if self.builder is None else 'a scene'}: {len(self.left_out)} left out>"
@@ -90,8 +101,9 @@ def convert(
     if isinstance(source, Scene) or os.fspath(source).endswith(".toml"):
         from ._mjcf_writer import as_mjcf
 
-        text, left_out = as_mjcf(source if isinstance(source, Scene) else Scene(Path(source)))
-        return Conversion(text, tuple(left_out), None)
+        scene = source if isinstance(source, Scene) else Scene(Path(source))
+        text, left_out = as_mjcf(scene)
+        return Conversion(text, tuple(left_out), None, tuple(scene._inputs()))
     from ._robot import held
     from ._robot_scene import as_builder
     from ._xml import XmlFile
@@ -115,4 +127,5 @@ def convert(
         builder.scene()
     except SceneError as error:
         robot.left_out.append(f"as it is, the scene is refused: {error}")
-    return Conversion(builder.to_toml(), tuple(robot.left_out), builder)
+    inputs = ((os.fspath(file.path), "is the file of the robot"), *text_inputs(builder.to_dict(), "." if folder is None else folder))
+    return Conversion(builder.to_toml(), tuple(robot.left_out), builder, inputs)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ._commands import Parser, refuse, write_whole
+from ._commands import Parser, refuse, say
 
 __all__ = ["convert_command", "parser"]
 
@@ -47,18 +47,13 @@ def convert_command(arguments: Sequence[str]) -> int:
         print(found.text, end="")
         return 0
     try:
-        write_whole(Path(options.output), found.text, replaces=options.force)
+        found._write(options.output, replaces=options.force)
     except FileExistsError:
         return refuse(f"convert: {options.output!r} is there already (expected another file, --output FILE, or --force)")
-    except (OSError, ValueError) as error:
-        return refuse(f"convert: {options.output!r}: {getattr(error, 'strerror', None) or error}")
+    except LinkdynError as error:
+        return refuse(f"convert: {error}")
     if not options.quiet:
-        print(f"  {'scene' if makes_scene else 'MJCF':16} {options.output}")
+        say(f"  {'scene' if makes_scene else 'MJCF':16} {options.output}")
         for k, line in enumerate(found.left_out):
-            print(f"  {'left out' if k == 0 else '':16} {printable(line)}")
+            say(f"  {'left out' if k == 0 else '':16} {line}")
     return 0
-
-
-def printable(text: str) -> str:
-    """A stranger's words on one line, without what commands a terminal."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ._commands import Parser, refuse
+from ._commands import Parser, draw_into_files, refuse, say
 
 __all__ = ["draw_command", "parser"]
 
@@ -33,10 +33,9 @@ def draw_command(arguments: Sequence[str]) -> int:
     file = Path(options.output) if options.output is not None else Path(f"{Path(options.scene).stem}.png")
     if file.suffix.lower() not in ENDINGS:
         return refuse(f"draw: {str(file)!r} (expected a file that ends in {', '.join(ENDINGS)})")
-    import matplotlib
-
-    matplotlib.use("Agg")   # no window: the picture goes into the file
+    draw_into_files()
     from ._drawing import mechanism
+    from ._output import picture
     from .errors import LinkdynError
     from .scene import Scene
 
@@ -46,13 +45,13 @@ def draw_command(arguments: Sequence[str]) -> int:
         if place is not None and int(place.status[0]) != 0:
             return refuse(f"draw: at {options.at} s the mechanism cannot be assembled")
         figure, _ = mechanism(scene, None if place is None else place.q.values[0], names=not options.no_names)
-        figure.savefig(file, dpi=150)   # type: ignore[union-attr]
+        picture(figure, file, scene._inputs(), dpi=150)   # type: ignore[arg-type]
     except LinkdynError as error:
         return refuse(str(error))
     except OSError as error:
         return refuse(f"{error.filename or file}: {error.strerror or error}")
     if not options.quiet:
-        print(f"  picture          {file}")
+        say(f"  picture          {file}")
     return 0
 
 

@@ -15,6 +15,7 @@ from ._drawing_arguments import checked
 from ._lines import scale_axis
 from ._planar_shapes import draw_planar
 from ._postures import ELEVATION, Postures, best_azimuth, find_postures
+from ._printable import printable
 from ._spatial_shapes import draw_spatial
 from .errors import InputError
 from .scene import Scene
@@ -64,7 +65,7 @@ def mechanism(scene: Scene, q: ArrayLike | None = None, names: bool = True, ax: 
     set_limits(ax, postures)
     draw(ax, postures, 0, names)
     if scene.title:
-        ax.set_title(scene.title, fontsize="medium")
+        ax.set_title(printable(scene.title), fontsize="medium")
     return ax.figure, ax
 
 

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ._commands import Parser, refuse, write_whole
-from .errors import InputError
+from ._commands import Parser, refuse, say
+from ._output import write_output
+from .errors import FileError, InputError
 
 if TYPE_CHECKING:
     from .scene import Scene
@@ -93,11 +94,12 @@ def new_command(arguments: Sequence[str]) -> int:
         print(text, end="")
         return 0
     try:
-        write_whole(Path(target), text, replaces=options.force)
+        write_output(target, text, replaces=options.force)
     except FileExistsError:
         return refuse(f"new: {target!r} is there already (expected another file, --output FILE, or --force)")
-    except (OSError, ValueError) as error:
-        return refuse(f"new: {target!r}: {getattr(error, 'strerror', None) or error}")
+    except FileError as error:
+        return refuse(f"new: {error}")
     if not options.quiet:
-        print(f"  scene            {target}\n  next             linkdyn inverse {target}")
+        say(f"  scene            {target}")
+        say(f"  next             linkdyn inverse {target}")
     return 0

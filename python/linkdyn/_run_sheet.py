@@ -16,6 +16,7 @@ from ._averages import good_samples, rms, shares
 from ._energy import energy
 from ._kinematics import variable_of
 from ._postures import scene_of
+from ._printable import printable
 from ._sheet import NONE, Cell, Page, Picture, Table, cell_of, count_words, limits_table, machine_picture, provenance
 from ._style import readable
 from ._sweep_data import describe_place
@@ -49,7 +50,7 @@ def run_page(run: xr.Dataset, scene: Scene | None) -> Page:
     if "driving_force" not in run and "reaction" not in run:
         raise InputError("sheet: the run has neither driving forces nor reactions (expected want='driving_force', 'reaction' or all)")
     scene = scene if scene is not None else _kept(run)
-    page = Page(str(run.attrs.get("title") or "Run"))
+    page = Page(printable(str(run.attrs.get("title") or "Run")))
     page.lines = _facts(run)
     limits = _bounded(run, scene)
     page.tables = [

@@ -17,9 +17,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from ._drawing_arguments import checked
+from ._output import write_output
+from ._printable import printable
 from ._style import readable
 from ._sweep_data import axis_names, describe_place, entries_of, mapped_axes, need_sweep, one_design
-from .errors import FileError, InputError
+from .errors import InputError
+from .results import inputs_of
 from .scene import Scene
 
 __all__ = ["NONE", "Cell", "Page", "Picture", "Table", "cell_of", "count_words", "limits_table", "machine_picture", "provenance", "sheet", "sheet_page", "sheet_path"]
@@ -113,7 +116,7 @@ def sheet(run: xr.Dataset, file: str | os.PathLike[str], *, design: int | None =
     InputError
         No results of a run or a sweep, no such design, another ending; a run without driving forces and reactions.
     FileError
-        The file cannot be written.
+        The file cannot be written, or is one that was read.
     """
     from matplotlib import pyplot
 
@@ -125,13 +128,7 @@ def sheet(run: xr.Dataset, file: str | os.PathLike[str], *, design: int | None =
     finally:
         for picture in page.pictures:
             pyplot.close(picture.figure)
-    part = path.with_name(f".{path.name}.part")
-    try:
-        part.write_bytes(data)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise FileError(f"{path}: cannot be written ({error.strerror})") from error
+    write_output(path, data, inputs_of(run, scene))
     return path
 
 
@@ -168,7 +165,7 @@ def sheet_page(run: xr.Dataset, *, design: int | None = None, scene: Scene | Non
     if "design" in run.dims and design is None and run.sizes["design"] > 1:
         return _comparison(run)
     data = one_design(run, design, "sheet")
-    page = Page(str(run.attrs.get("title") or "Sweep"))
+    page = Page(printable(str(run.attrs.get("title") or "Sweep")))
     page.lines = _facts(run, data, design)
     tables = [
         *_actuators(data),
@@ -485,7 +482,7 @@ def _comparison(run: xr.Dataset) -> Page:
     from . import _sweep_plots
 
     n = run.sizes["design"]
-    page = Page(str(run.attrs.get("title") or "Sweep"))
+    page = Page(printable(str(run.attrs.get("title") or "Sweep")))
     total, feasible = int(run.samples.sum()), int(run.outcome_count.values[:, 0].sum())
     page.lines = [f"{n} designs, {count_words(total)} samples, {count_words(feasible)} feasible ({_percent(feasible, total)})"]
     columns = _design_columns(run)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ._averages import rms, shares
 from ._drawing_arguments import checked
+from ._printable import printable
 from ._style import BAD, COLOURS, DIVERGING, SEQUENTIAL, readable
 from ._sweep_data import (
     LEAST,
@@ -775,7 +776,7 @@ def _design_unit(run: xr.Dataset, k: int) -> tuple[float, str]:
 
 
 def _heading(run: xr.Dataset, what: str, of: str) -> str:
-    title = str(run.attrs.get("title", ""))
+    title = printable(str(run.attrs.get("title", "")))
     second = " ".join(part for part in (what, of) if part)
     return "\n".join(part for part in (title, second) if part)
 

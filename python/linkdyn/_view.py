@@ -20,9 +20,11 @@ import xarray as xr
 from ._arguments import as_mapping, as_names, as_path
 from ._drawing_arguments import checked
 from ._forces import force_kinds
+from ._output import write_output
 from ._postures import scene_of
 from ._view_data import describe
-from .errors import FileError, InputError, UnavailableError
+from .errors import InputError, UnavailableError
+from .results import inputs_of
 from .scene import Scene
 
 __all__ = ["View", "bundle", "run_of", "view"]
@@ -125,7 +127,7 @@ def view(
     InputError
         An unknown kind of force, result, marker or link; no sample that could be shown.
     FileError
-        A file cannot be read or written.
+        A file cannot be read or written, or would replace one that was read.
     UnavailableError
         The package was built without the viewer.
     """
@@ -147,10 +149,8 @@ def view(
     )
     page = View(_page(code, description, block), mechanism.title or "linkdyn", path)
     if path is not None:
-        try:
-            path.write_text(page.html, encoding="utf-8")
-        except OSError as error:
-            raise FileError(f"view: '{path}': {error.strerror}") from error
+        drawn = [(os.fspath(part), "is a mesh of the picture") for part in (meshes or {}).values()]
+        write_output(path, page.html, [*inputs_of(run, mechanism), *drawn])
     return page
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ._commands import SOME_FAILED, Parser, refuse
+from ._commands import SOME_FAILED, Parser, refuse, say
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -68,7 +68,7 @@ def _write(options: argparse.Namespace, source: Path, page: Path) -> int:
     shown = view(run, page, scene=scene, forces=_forces(options.forces), plots=_words(options.plots), traces=_words(options.traces))
     opened = not options.no_open and shown.open()
     if not options.quiet:
-        print(f"  view             {page}{'' if opened else '   (open it in a browser)'}")
+        say(f"  view             {page}{'' if opened else '   (open it in a browser)'}")
     return SOME_FAILED if (run.status.values != 0).any() else 0
 
 

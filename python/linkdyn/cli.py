@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -44,6 +45,7 @@ def quadruple_twin() -> Path | None:
 
 def main() -> None:
     """Become the executable, with the same arguments; stay for what the package does itself."""
+    _end_at_interrupts()
     arguments = sys.argv[1:]
     if arguments[:1] == ["new"]:
         from ._new import new_command
@@ -80,6 +82,12 @@ def main() -> None:
     os.execv(path, ["linkdyn", *arguments])
 
 
+def _end_at_interrupts() -> None:
+    """Ctrl-C ends a command by the signal, as it ends any program that has nothing to tidy up; an interrupt that is ignored stays ignored."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def _asks_for_sheet(arguments: Sequence[str]) -> bool:
     is_help = any(word in ("-h", "--help") for word in arguments)
     return arguments[:1] != [] and arguments[0] in WITH_SHEET and not is_help and any(word.split("=")[0] == "--sheet" for word in arguments)
@@ -95,6 +103,8 @@ def _run_with_sheet(path: Path, arguments: list[str]) -> int:
     sheet_file = Path(target)
     if not sheet_file.absolute().parent.is_dir():
         return refuse(f"--sheet: {target!r}: the folder is not there")
+    if problem := _destroys(target, rest):
+        return refuse(problem)
     for word in ("--no-output", "--csv"):
         if word in rest:
             return refuse(f"--sheet: it is drawn from results in a file, as netCDF (expected none of {word})")
@@ -102,12 +112,7 @@ def _run_with_sheet(path: Path, arguments: list[str]) -> int:
     if results is None:
         results = str(sheet_file.with_suffix(".nc"))
         rest = [*rest, "--output", results]
-    import subprocess
-
-    try:
-        code = subprocess.run([path, *rest], check=False).returncode
-    except KeyboardInterrupt:
-        return 130
+    code = _executed(path, rest)
     if code not in (0, SOME_FAILED):
         return code if code > 0 else 128 - code
     if any(os.environ.get(name, "0") != "0" for name in RANKS):     # one process of several draws
@@ -115,11 +120,44 @@ def _run_with_sheet(path: Path, arguments: list[str]) -> int:
     return _draw(results, sheet_file, rest) or code
 
 
-def _draw(results: str, sheet_file: Path, arguments: list[str]) -> int:
-    import matplotlib
+def _destroys(target: str, arguments: list[str]) -> str:
+    """What the sheet would replace of what the command reads, in the words of a message; empty: nothing. Asked before a long run."""
+    from ._output import refuse_inputs, scene_inputs
+    from .errors import FileError
 
-    matplotlib.use("Agg")   # no window: pictures go into the file
-    from ._commands import refuse
+    states, _ = _take_option(arguments, ("--states",))
+    results, _ = _take_option(arguments, ("-o", "--output"))
+    named = [(states or "", "is the file of --states"), (results or "", "is the file of results")]
+    scenes = [word for word in arguments[1:] if not word.startswith("-")]     # values of options are among them
+    try:
+        refuse_inputs(target, [*named, *(place for scene in scenes for place in scene_inputs(scene))])
+    except FileError as error:
+        return f"--sheet: {error}"
+    if results is not None and os.path.realpath(results) == os.path.realpath(target):
+        return f"--sheet: {target}: is the file of results (expected another file)"
+    return ""
+
+
+def _executed(path: Path, arguments: list[str]) -> int:
+    """Exit status of the executable, which hears a Ctrl-C as well: it is waited for, a moment."""
+    import subprocess
+
+    is_default = signal.getsignal(signal.SIGINT) == signal.SIG_DFL
+    try:
+        if is_default:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        return subprocess.run([path, *arguments], check=False).returncode
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+    finally:
+        if is_default:
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def _draw(results: str, sheet_file: Path, arguments: list[str]) -> int:
+    from ._commands import draw_into_files, refuse, say
+
+    draw_into_files()
     from ._sheet import sheet
     from .errors import LinkdynError
     from .results import read
@@ -130,7 +168,7 @@ def _draw(results: str, sheet_file: Path, arguments: list[str]) -> int:
     except LinkdynError as error:
         return refuse(str(error))
     if not {"-q", "--quiet"} & set(arguments):
-        print(f"  sheet            {sheet_file}")
+        say(f"  sheet            {sheet_file}")
     return 0
 
 

@@ -17,6 +17,7 @@ from ._assemblies import draw_assemblies
 from ._drawing import mechanism
 from ._drawing_arguments import checked
 from ._lines import abscissa, colour, draw_lines, line, scale_axis
+from ._printable import printable
 from ._style import BAD
 from ._sweep_plots import designs, force_map, histograms, screw_limit, sizing, workspace
 from .errors import InputError
@@ -149,7 +150,7 @@ def _panels(run: xr.Dataset, rows: list[list[Panel | None]], over: str | None = 
         scale_axis(lowest, "x", x_name, x_unit, float(np.nanmax(np.abs(x), initial=0.0)), ticks=8)
         lowest.tick_params(labelbottom=True)
     if run.attrs.get("title"):
-        figure.suptitle(run.attrs["title"])
+        figure.suptitle(printable(run.attrs["title"]))
     return figure, axes
 
 
@@ -262,7 +263,7 @@ def polar(run: xr.Dataset, joints: Iterable[str] | None = None, coordinate: str 
     axis.grid(True, color="0.88", linewidth=0.6)
     axis.legend(loc="upper left", bbox_to_anchor=(1.08, 1.0), frameon=False, fontsize="small", title=f"joint force [{unit}]")
     if run.attrs.get("title"):
-        figure.suptitle(f"{run.attrs['title']}: forces over the angle of {crank}", fontsize="medium")
+        figure.suptitle(f"{printable(run.attrs['title'])}: forces over the angle of {crank}", fontsize="medium")
     return figure, axis
 
 
@@ -428,4 +429,4 @@ def _finish(figure: Figure, axes: np.ndarray, run: xr.Dataset) -> None:
         axis.spines[["top", "right"]].set_visible(False)
         axis.margins(x=0.0)
     if run.attrs.get("title"):
-        figure.suptitle(run.attrs["title"])
+        figure.suptitle(printable(run.attrs["title"]))

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -18,9 +18,13 @@ from numpy.typing import NDArray
 
 from . import _accessor, _bind  # noqa: F401  (run.linkdyn)
 from ._arguments import as_path
+from ._output import scene_inputs
 from .errors import FileError, InputError
 
-__all__ = ["FOLDER", "RunTemplate", "ensemble_dataset", "need_result", "read", "result_shapes", "run_attributes"]
+if TYPE_CHECKING:
+    from .scene import Scene
+
+__all__ = ["FILE", "FOLDER", "RunTemplate", "ensemble_dataset", "inputs_of", "need_result", "read", "result_shapes", "run_attributes"]
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
@@ -28,8 +32,8 @@ CHANGE_POINT, ANEW = 1, 2
 """What "assembly" says of a sample where it does not follow from the sample before by continuity alone."""
 ROADS = ("samples_closed_form", "samples_iterated", "samples_dense")
 """Attributes: how many samples took which road."""
-FOLDER = "scene_folder"
-"""In the encoding of a run, while it is in memory: where the tables of its scene lie."""
+FOLDER, FILE = "scene_folder", "scene_file"
+"""In the encoding of a run, while it is in memory: where the tables of its scene lie, and the scene's own file, if it has one."""
 WISHES = {"driving_speed": "power", "driving_power": "power", "joint_rate": "joint_variable"}
 """What to want for a result that comes with others."""
 COMPONENTS = {
@@ -65,6 +69,15 @@ def read(file: str | os.PathLike[str]) -> xr.Dataset:
         raise FileError(f"{path}: there is no such file") from None
     except (OSError, ValueError, RuntimeError) as error:
         raise FileError(f"{path}: no results can be read from it ({getattr(error, 'strerror', None) or error})") from error
+
+
+def inputs_of(run: xr.Dataset, scene: Scene | None = None) -> list[tuple[str, str]]:
+    """Files that a run was read or computed from, and the scene given beside it: nothing made of it may replace them."""
+    source = run.encoding.get("source")
+    found = [(str(source), "is the file of results")] if source else []
+    folder = run.encoding.get(FOLDER) or os.path.dirname(source or "")
+    found += scene_inputs(run.encoding.get(FILE), str(run.attrs.get("scene", "")), folder)
+    return found if scene is None else found + scene._inputs()
 
 
 def need_result(run: xr.Dataset, name: str, caller: str) -> xr.DataArray:

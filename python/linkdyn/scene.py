@@ -26,9 +26,10 @@ from ._assemblies import Assemblies, assemblies_of
 from ._changes import changed
 from ._code import GeneratedCode
 from ._keys import told_by_keys
+from ._output import scene_inputs
 from ._progress import Progress
 from .errors import FileError, InputError, Interrupted, SceneError
-from .results import FOLDER, RunTemplate, ensemble_dataset, event_variables, passed_stops, result_shapes
+from .results import FILE, FOLDER, RunTemplate, ensemble_dataset, event_variables, passed_stops, result_shapes
 from .study import run_study
 from .sweep import run_sweep
 
@@ -132,13 +133,14 @@ class Scene:
     def __init__(
         self, source: str | os.PathLike[str] | Mapping[str, Any], folder: str | os.PathLike[str] | None = None
     ) -> None:
-        data, name, beside = _source(source)
+        data, name, beside, file = _source(source)
         self.text = data.decode("utf-8", errors="replace")
         self.folder = as_path("folder", folder if folder is not None else beside)
         try:
             handle = _bind.open_scene(data, name, self.folder)
         except SceneError as error:
             raise (SceneError(told_by_keys(str(error), self.text)) if isinstance(source, Mapping) else error) from None
+        self._file = None if file is None else os.path.abspath(file)
         self.folder = os.path.abspath(self.folder)  # the working folder may change before the tables are read again
         self._finalizer = weakref.finalize(self, _bind.close_scene, handle)
         self._handle = handle
@@ -200,7 +202,22 @@ class Scene:
         >>> heavier = scene.with_({"link.crank.mass": 300.0, "time.end": "2 s"})
         """
         paths = as_mapping("changes", changes, "new values by their paths, such as 'link.crank.mass'")
-        return Scene(changed(tomllib.loads(self.text), self._with_units(paths)), folder=self.folder)
+        return self._variant(changed(tomllib.loads(self.text), self._with_units(paths)))
+
+    def _variant(self, content: Mapping[str, Any]) -> Scene:
+        """Another content, made of this scene's file."""
+        scene = Scene(content, folder=self.folder)
+        scene._file = self._file
+        return scene
+
+    def _inputs(self) -> list[tuple[str, str]]:
+        """Files that it was read from, and what each of them is: nothing made of it may replace them."""
+        return list(scene_inputs(self._file, self.text, self.folder))
+
+    @property
+    def _origin(self) -> dict[str, str]:
+        """Of the encoding of its runs."""
+        return {FOLDER: self.folder} | ({} if self._file is None else {FILE: self._file})
 
     def _with_units(self, paths: Mapping[str, Any]) -> dict[str, Any]:
         """Numbers for variables that have a unit are in SI, as in sweeps: what refers to them wants the unit."""
@@ -270,7 +287,7 @@ class Scene:
         """
         kernel = as_name("kernel", kernel)
         name = as_name("name", kernel if name is None else name)
-        return GeneratedCode(name, *_bind.generate(self._handle, kernel, as_names("want", want), name))
+        return GeneratedCode(name, *_bind.generate(self._handle, kernel, as_names("want", want), name), tuple(self._inputs()))
 
     def times(self) -> NDArray[np.float64]:
         """Instants of the scene's own run [s], shape (N,)."""
@@ -462,7 +479,7 @@ class Scene:
         outputs, roads, failure = self._run(job, threads, given, load, extra, self._instant_or_0(t))
         told = self._told(extra, len(given["q"]))
         data = job.template().fill(given | outputs, roads, told)
-        data.encoding[FOLDER] = self.folder
+        data.encoding |= self._origin
         if "assembly" in data or failure:
             data.attrs["failure"] = failure
         if any(stop["is_hard"] for stop in self.description["stops"]):
@@ -600,7 +617,7 @@ class Scene:
         def result() -> xr.Dataset:
             arrays = {name: values[:n_done] for name, values in found.items()}
             data = template.fill(arrays, run.roads)
-            data.encoding[FOLDER] = self.folder
+            data.encoding |= self._origin
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
             data.attrs |= {"rounding": run.rounding, "stopped": run.stopped}
@@ -688,6 +705,7 @@ class Scene:
         data = ensemble_dataset(
             schema, self.description, self.text, instants, *(np.concatenate(arrays) for arrays in zip(*parts))
         )
+        data.encoding |= self._origin
         if not has_events:
             return data
         kinds, *rest = (np.concatenate(arrays) for arrays in zip(*events))
@@ -792,8 +810,8 @@ class Scene:
         """
         if sweep is not None:
             content = tomllib.loads(self.text) | {"sweep": as_mapping("sweep", sweep, "a table as in a scene file")}
-            return Scene(content, folder=self.folder).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
-        return run_sweep(
+            return self._variant(content).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
+        data = run_sweep(
             self._handle,
             self.folder,
             self.description,
@@ -803,6 +821,8 @@ class Scene:
             threads=as_count("threads", threads),
             progress=as_flag("progress", progress),
         )
+        data.encoding |= self._origin
+        return data
 
     def _output_instants(self, t_end: float | None) -> NDArray[np.float64]:
         """Instants of a forward run: the scene's, or as many up to another end."""
@@ -1019,17 +1039,17 @@ def _spread(
     return spread
 
 
-def _source(source: Any) -> tuple[bytes, str, str | os.PathLike[str]]:
-    """Bytes of a scene, its name in messages, its folder."""
+def _source(source: Any) -> tuple[bytes, str, str | os.PathLike[str], Path | None]:
+    """Bytes of a scene, its name in messages, its folder, its file if it has one."""
     if isinstance(source, Mapping):
-        return tomli_w.dumps(_plain(source)).encode(), "scene", "."
+        return tomli_w.dumps(_plain(source)).encode(), "scene", ".", None
     if isinstance(source, str) and ("\n" in source or not source.strip()):
-        return source.encode(errors="surrogateescape"), "scene", "."
+        return source.encode(errors="surrogateescape"), "scene", ".", None
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"scene: expected a path, a text or a dict, got {type(source).__name__}")
     path = Path(as_path("scene", source))
     try:
-        return path.read_bytes(), str(path), path.parent
+        return path.read_bytes(), str(path), path.parent, path
     except FileNotFoundError:
         raise
     except OSError as error:

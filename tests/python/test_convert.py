@@ -791,7 +791,7 @@ def test_command(command, tmp_path):
     (["scene.toml", "-o", "other.toml"], "'other.toml' (expected a file that ends in .xml: MJCF is made of 'scene.toml')"),
     (["missing.urdf", "-o", "x.toml"], "missing.urdf: cannot be read: No such file or directory"),
     (["missing.toml", "-o", "x.xml"], "missing.toml: cannot be read: No such file or directory"),
-    (["fourbar.urdf", "-o", "nowhere/x.toml"], "'nowhere/x.toml': No such file or directory"),
+    (["fourbar.urdf", "-o", "nowhere/x.toml"], "nowhere/x.toml: cannot be written: No such file or directory"),
     (["fourbar.urdf", "-o", "x.toml", "--closing", "loose"], "closing: 'loose': unknown joint"),
 ])
 def test_command_refuses_in_one_line(words_given, told, command):
