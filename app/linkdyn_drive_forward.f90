@@ -157,7 +157,7 @@ contains
             seconds = seconds + seconds_since(start)
             if (n_done > 0) call put_results(watched%layout, block, first, n_done, output, status)
             if (.not. status%is_ok()) exit
-            call add_to_summary(watched%layout, block, n_done, roads, summary)
+            call add_to_summary(watched%layout, block, n_done, roads, watched%run%n_passed, summary)
             first = first + n_done
             call show_share((time_reached(watched) - instants%first)/(instants%last - instants%first), run_start)
             if (interrupt_noted() == 0 .or. first > instants%n) cycle

@@ -195,8 +195,8 @@ contains
             call compute_block(model, solver, n_helper, layout, states, first, n, block, scratch, trail, turns, results)
             elapsed = seconds_since(start)
             if (.not. output%is_none) call put_results(layout, block, first, n, output, status)
-            call add_to_summary(layout, block, n, results%roads, part, results%lost_sample, results%lost_in_words, &
-                                model%scene)
+            call add_to_summary(layout, block, n, results%roads, trail%n_crossed, part, results%lost_sample, &
+                                results%lost_in_words, model%scene)
             !$omp critical (linkdyn_progress)
             seconds = seconds + elapsed
             n_done = n_done + n

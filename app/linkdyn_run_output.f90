@@ -141,7 +141,7 @@ contains
         type(status_type), intent(inout) :: status
 
         if (variable_index(layout, result_assembly) == 0) return
-        call note_result("change_points_passed", to_text(summary%crossing%n), output, status)
+        call note_result("change_points_passed", to_text(summary%n_passed), output, status)
         call note_result("assemblies_found_anew", to_text(summary%anew%n), output, status)
     end subroutine note_assembly
 

@@ -14,8 +14,9 @@ module linkdyn_summary
     use linkdyn_code, only: code_in_use
     use linkdyn_roads, only: road_counts, operator(+)
     use linkdyn_scene, only: scene_type, idle_spins, has_hard_stops, n_stop, variable_name, share_by_least_norm
-    use linkdyn_status, only: sample_ok, sample_status_name, message_len
+    use linkdyn_status, only: sample_ok, sample_singular, sample_status_name, message_len
     use linkdyn_text, only: to_text, quoted
+    use linkdyn_time_mean, only: time_mean, start_mean, add_sample, join_means, mean_of
     implicit none (type, external)
     private
     public :: summary_type, start_summary, add_to_summary, join_summaries, print_summary, failure_text, reason_of_loss, &
@@ -47,7 +48,7 @@ module linkdyn_summary
     !> How far values go.
     type :: range_type
         type(peak_type), allocatable :: lowest(:), highest(:)   !! of minus the value, of the value
-        real(wp), allocatable :: sum_of_squares(:)
+        type(time_mean) :: square
     end type range_type
 
     !> Samples in which a motor has less torque than is asked of it.
@@ -63,7 +64,8 @@ module linkdyn_summary
         type(event_type) :: failure
         integer :: first_failure = sample_ok                    !! status of that sample
         character(len=message_len) :: why = ""                  !! it failed; blank: its status says it all
-        type(event_type) :: crossing                            !! of a change point
+        type(event_type) :: crossing                            !! samples behind a change point that none before is behind
+        integer :: n_passed = 0                                 !! change points, since the start of the motion
         type(event_type), allocatable :: beyond(:)              !! a stop that throws back (n_stop); not allocated: nobody has looked
         type(event_type), allocatable :: lift(:)                !! of a follower off its cam (n_cam)
         type(event_type) :: anew                                !! the assembly was found from the start, after failures
@@ -96,20 +98,22 @@ contains
         integer, intent(in) :: n
         type(range_type), intent(out) :: range
 
-        allocate (range%lowest(n), range%highest(n), range%sum_of_squares(n))
-        range%sum_of_squares = 0
+        allocate (range%lowest(n), range%highest(n))
+        call start_mean(n, range%square)
     end subroutine start_range
 
-    subroutine add_to_range(value, t, range)
+    subroutine add_to_range(value, t, is_good, range)
         real(wp), intent(in) :: value(:)
         real(wp), intent(in) :: t                    !! [s]
+        logical, intent(in) :: is_good               !! a sample that failed has no values, but its time
         type(range_type), intent(inout) :: range
         integer :: k
 
+        call add_sample(t, is_good, value**2, range%square)
+        if (.not. is_good) return
         do k = 1, size(value)
             call raise_peak(-value(k), t, k, range%lowest(k))
             call raise_peak(value(k), t, k, range%highest(k))
-            range%sum_of_squares(k) = range%sum_of_squares(k) + value(k)**2
         end do
     end subroutine add_to_range
 
@@ -118,7 +122,7 @@ contains
         type(range_type), intent(inout) :: whole
         integer :: k
 
-        whole%sum_of_squares = whole%sum_of_squares + part%sum_of_squares
+        call join_means(part%square, whole%square)
         do k = 1, size(whole%lowest)
             call join_peaks(part%lowest(k), whole%lowest(k))
             call join_peaks(part%highest(k), whole%highest(k))
@@ -149,11 +153,12 @@ contains
     end subroutine add_worst
 
     !> Take a block in. Failed samples count as such and nowhere else.
-    subroutine add_to_summary(layout, block, n, roads, summary, lost_sample, why, scene)
+    subroutine add_to_summary(layout, block, n, roads, n_passed, summary, lost_sample, why, scene)
         type(layout_type), intent(in) :: layout
         type(block_type), intent(in), target :: block
         integer, intent(in) :: n                     !! samples
         type(road_counts), intent(in) :: roads       !! theirs
+        integer, intent(in) :: n_passed              !! change points from the start of the motion to the last sample
         type(summary_type), intent(inout) :: summary
         integer, intent(in), optional :: lost_sample !! of the block: to which the assembly could not be followed; 0: none
         character(len=*), intent(in), optional :: why
@@ -176,8 +181,14 @@ contains
         summary%has_reaction = associated(reaction)
         summary%n_sample = summary%n_sample + n
         summary%roads = summary%roads + roads
+        summary%n_passed = max(summary%n_passed, n_passed)
         n_force = merge(2, 3, layout%planar)
         do i = 1, n
+            if (summary%has_force) call add_to_range(force(:, i), time(i), code(i) == sample_ok, summary%drive)
+            if (associated(torque)) call add_to_range(torque(:, i), time(i), code(i) == sample_ok, summary%motor)
+            if (associated(assembly) .and. any(code(i) == [sample_ok, sample_singular])) then
+                if (assembly(i) == reached_crossing) call count_event(time(i), summary%crossing)
+            end if
             if (code(i) /= sample_ok) then
                 if (summary%failure%n == 0) then
                     summary%first_failure = code(i)
@@ -187,11 +198,8 @@ contains
                 cycle
             end if
             if (associated(assembly)) then
-                if (assembly(i) == reached_crossing) call count_event(time(i), summary%crossing)
                 if (assembly(i) == reached_anew) call count_event(time(i), summary%anew)
             end if
-            if (summary%has_force) call add_to_range(force(:, i), time(i), summary%drive)
-            if (associated(torque)) call add_to_range(torque(:, i), time(i), summary%motor)
             if (associated(margin)) call note_overload(torque(:, i), margin(:, i), time(i), summary%overload)
             do k = 1, size(summary%worst)
                 call note_errors(layout, block, i, time(i), summary%worst(k))
@@ -338,6 +346,7 @@ contains
         end if
         call join_events(part%failure, whole%failure)
         call join_events(part%crossing, whole%crossing)
+        whole%n_passed = max(whole%n_passed, part%n_passed)
         call join_events(part%anew, whole%anew)
         do k = 1, size(whole%lift)
             call join_events(part%lift(k), whole%lift(k))
@@ -409,9 +418,9 @@ contains
             ", "//to_text(threads)//trim(merge(" thread ", " threads", threads == 1))
         n_solved = max(1, summary%n_sample - summary%failure%n)
         if (summary%has_force) &
-            call print_range("driving force", named_units(layout%dimension(dim_actuator)), summary%drive, n_solved, unit)
+            call print_range("driving force", named_units(layout%dimension(dim_actuator)), summary%drive, unit)
         if (size(summary%motor%lowest) > 0) then
-            call print_range("motor torque", named_units(layout%dimension(dim_motor), "N m"), summary%motor, n_solved, unit)
+            call print_range("motor torque", named_units(layout%dimension(dim_motor), "N m"), summary%motor, unit)
         end if
         if (summary%has_reaction) then
             write (unit, "(a)") ""
@@ -432,8 +441,7 @@ contains
             //passed_stops(model%scene, summary)
         if (overloads(layout, summary) /= "") write (unit, "(a)") "  overloaded       "//overloads(layout, summary)
         call print_lifts()
-        if (summary%crossing%n > 0) write (unit, "(a)") "  change points    passed on the smooth continuation before " &
-            //times_text(summary%crossing)
+        if (summary%n_passed > 0) write (unit, "(a)") "  change points    "//crossings_text(summary)
         if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &
             //times_text(summary%anew)
         if (summary%roads%iterated > 0) write (unit, "(a)") "  closed           "//to_text(summary%roads%closed)// &
@@ -491,15 +499,16 @@ contains
         end do
     end function named_units
 
-    subroutine print_range(title, name, range, n_solved, unit)
+    subroutine print_range(title, name, range, unit)
         character(len=*), intent(in) :: title
         character(len=*), intent(in) :: name(:)
         type(range_type), intent(in) :: range
-        integer, intent(in) :: n_solved              !! samples
         integer, intent(in) :: unit
         integer, parameter :: number_width = 12, time_width = 10
+        real(wp) :: rms(size(name))
         integer :: k, width
 
+        rms = sqrt(mean_of(range%square))
         width = max(len("driving force"), maxval(len_trim(name)))
         write (unit, "(a)") ""
         write (unit, "(a)") "  "//left(title, width)//right("lowest", number_width)// &
@@ -515,7 +524,7 @@ contains
                 right(significant(range%lowest(k)%time), time_width)// &
                 right(significant(range%highest(k)%value), number_width)// &
                 right(significant(range%highest(k)%time), time_width)// &
-                right(significant(sqrt(range%sum_of_squares(k)/n_solved)), number_width)
+                right(significant(rms(k)), number_width)
         end do
     end subroutine print_range
 
@@ -589,6 +598,15 @@ contains
         text = to_text(event%n)//trim(merge(" sample ", " samples", event%n == 1))//", first at t = "//significant(event%first) &
                //" s"
     end function times_text
+
+    !> "20 passed on the smooth continuation, the first before t = 0.72 s"
+    function crossings_text(summary) result(text)
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+
+        text = to_text(summary%n_passed)//" passed on the smooth continuation"
+        if (summary%crossing%n > 0) text = text//", the first before t = "//significant(summary%crossing%first)//" s"
+    end function crossings_text
 
     function gravity_text(scene) result(text)
         type(scene_type), intent(in) :: scene

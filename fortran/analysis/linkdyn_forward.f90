@@ -80,7 +80,8 @@ module linkdyn_forward
         real(wp), allocatable :: y(:, :)               !! reached by the steps (lane, n)
         real(wp), allocatable :: output(:, :)          !! at the instant of output (lane, n)
         type(turn_count) :: turns                      !! of the samples given
-        integer :: n_crossed = 0                       !! change points passed before the last sample given
+        integer :: n_crossed = 0                       !! change points passed before the last sample computed
+        integer :: n_passed = 0                        !! before the last sample given, or where the run has stopped
         real(wp), allocatable :: kink(:)               !! instants ahead at which a law changes its formula, increasing [s]
         logical :: has_stopped = .false.
         logical :: is_over = .false.                   !! an event has ended it, of which the last sample tells
@@ -316,7 +317,7 @@ contains
         type(sample_assembly) :: assembly
         real(wp) :: work
         logical :: is_lost(size(instants))
-        integer :: i, first, phase, n_found
+        integer :: i, first, phase, n_found, n_passed(0:size(instants))
 
         t = instants
         n_done = 0
@@ -338,6 +339,7 @@ contains
         results%forces%roads = road_counts()
         n_done = 0
         n_found = 0
+        n_passed(0) = run%n_passed
         first = 0
         do i = 1, size(t)
             if (.not. run%has_stopped) call go_to(run, t(i))
@@ -376,12 +378,14 @@ contains
             if (associated(results%brake)) results%brake(:, i) = run%system%brake(1, run%model%motor%actuator)
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
+            n_passed(i) = passed_now(run)
             n_done = i
             if (run%is_over) exit
         end do
         if (n_done > 0) run%t_given = t(n_done)
         if (first > 0) call find_forces(first, n_done)
         n_done = n_found
+        run%n_passed = n_passed(n_done)
 
     contains
 
@@ -402,6 +406,14 @@ contains
             if (.not. is_interrupted()) n_found = last
         end subroutine find_forces
     end subroutine advance_forward
+
+    !> Change points passed up to the sample computed last, or, where the run cannot go on to it, up to where it has stopped.
+    pure integer function passed_now(run) result(n)
+        type(forward_run), intent(in) :: run
+
+        n = run%n_crossed
+        if (run%has_stopped .and. .not. run%is_over) n = max(n, run%system%assembly%n_crossed(1))
+    end function passed_now
 
     !> A sample's coordinates as the user has them, and what was integrated in their place.
     subroutine tell_coordinates(run, q, qd, i, results)

@@ -441,7 +441,7 @@ contains
             n_growth, growth, n_assembly, assembly, n_friction, friction, n_friction_power, friction_power, &
             n_motor, transmission_force, motor_torque, motor_speed, motor_power, transmission_loss, n_current, motor_current, &
             n_margin, torque_margin, n_contact, contact_force, n_pressure, pressure_angle, &
-            sample_status, roads, lost_sample, lost_in_words, code, message)
+            sample_status, roads, n_passed, lost_sample, lost_in_words, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: handle
         character(len=*), intent(in) :: solver
@@ -481,6 +481,7 @@ contains
         integer(c_int), intent(inout), target :: assembly(n_assembly)                            ! (n)
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: roads(3)            ! samples closed in closed form, by iteration; handed to the dense solver
+        integer(c_int), intent(out) :: n_passed            ! change points, where the samples follow each other
         integer(c_int), intent(out) :: lost_sample         ! the first to which the assembly was not followed, from 1; 0: none
         character(len=512), intent(out) :: lost_in_words   ! why
         integer(c_int), intent(out) :: code
@@ -528,6 +529,7 @@ contains
                                  sample_status, found, status, [(t(min(i, n_t)), i=1, n)])
         end if
         roads = [found%roads%closed, found%roads%iterated, found%roads%dense]
+        n_passed = found%n_passed
         lost_sample = found%lost_sample
         lost_in_words = found%lost_in_words
         call leave_scene(handle, scene)
@@ -590,7 +592,7 @@ contains
 
     !> Go on through some instants, for a time; the rest of the arrays is left alone.
     subroutine api_advance(run_handle, n, t, seconds, n_values, values, n_numbers, numbers, n_done, reached, statistics, roads, &
-            rounding, stopped, coordinates, n_event, is_over, code, message)
+            n_passed, rounding, stopped, coordinates, n_event, is_over, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: run_handle
         integer(c_int), intent(in) :: n, n_values, n_numbers
@@ -602,6 +604,7 @@ contains
         real(c_double), intent(out) :: reached             ! [s]
         integer(c_int), intent(out) :: statistics(3)       ! steps, rejected steps, right-hand sides
         integer(c_int), intent(out) :: roads(3)            ! of these instants, as in `api_inverse`
+        integer(c_int), intent(out) :: n_passed            ! change points, since the start
         character(len=256), intent(out) :: rounding        ! what it left of the tolerances; blank if these were met
         character(len=256), intent(out) :: stopped         ! why the run stopped early; blank if it did not
         character(len=512), intent(out) :: coordinates     ! which were integrated when; blank if none was exchanged
@@ -619,6 +622,7 @@ contains
         reached = 0
         statistics = 0
         roads = 0
+        n_passed = 0
         rounding = ""
         stopped = ""
         coordinates = ""
@@ -655,6 +659,7 @@ contains
                 statistics = [integrator%n_step, integrator%n_rejected, integrator%n_evaluation]
             end associate
             reached = time_reached(here%watched)
+            n_passed = here%watched%run%n_passed
             if (here%watched%run%has_stopped) stopped = here%watched%run%reason
             coordinates = coordinates_in_words(here%watched%run)
             rounding = rounding_in_words(here%watched%run)

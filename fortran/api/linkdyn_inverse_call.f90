@@ -52,6 +52,7 @@ module linkdyn_inverse_call
         type(road_counts) :: roads
         integer :: lost_sample = 0                       !! the first to which the assembly was not followed; 0: none
         character(len=message_len) :: lost_in_words = ""
+        integer :: n_passed = 0                          !! change points, where the samples follow each other
     end type inverse_report
 
 contains
@@ -169,6 +170,7 @@ contains
             report%roads = results%roads
             report%lost_sample = results%lost_sample
             report%lost_in_words = results%lost_in_words
+            report%n_passed = trail%n_crossed
             if (is_wanted(result_driving_power) .or. is_wanted(result_driving_speed)) call give_power(model%n_actuator)
             if (associated(results%transmission_force)) call give_motor_loads(size(model%motor))
         end associate

@@ -73,6 +73,7 @@ module linkdyn_assembly_trail
         logical :: has_begun = .false.
         logical :: is_needed = .false.              !! the assembly may change
         logical :: is_lost = .false.                !! the last samples could not be reached
+        integer :: n_crossed = 0                    !! change points passed up to the last sample that was
         real(wp), allocatable :: q(:)               !! of the last sample that was (n_q)
         real(wp), allocatable :: branch(:)          !! (n_branch)
         real(wp), allocatable :: place(:, :)        !! (place_size, n_link)
@@ -494,7 +495,9 @@ contains
         assembly%status(sample) = status_of_way(report%outcome(lane))
         if (report%n_crossed(lane) > 0) assembly%reached(sample) = reached_crossing
         call keep_lane(model, trail%state, lane, sample, assembly)
-        if (assembly%status(sample) == sample_ok) call come_to(model, lane, q, trail)
+        if (assembly%status(sample) /= sample_ok) return
+        trail%n_crossed = trail%n_crossed + report%n_crossed(lane)
+        call come_to(model, lane, q, trail)
     end subroutine take_outcome
 
     ! ---------------------------------------------------------------- after samples that could not be reached

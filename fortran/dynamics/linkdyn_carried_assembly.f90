@@ -266,22 +266,38 @@ contains
     end subroutine count_crossings
 
     !> Change points between the accepted state and the one evaluated last: those of the way to it, or, where it set out from
-    !> too near one to tell, those seen by the sides on which the mechanism was and is.
+    !> too near one to tell, those seen by the sides on which the mechanism was and is. Loops that lie flat together, as those of
+    !> a row of parallelograms do, are at one change point.
     pure function crossed(model, assembly, margin) result(n)
         type(model_type), intent(in) :: model
         type(carried_assembly), intent(in) :: assembly
         real(wp), intent(in) :: margin(:, :)           !! (lane, n_map)
         integer :: n(lanes)
-        real(wp) :: least(n_map(model))
+        logical :: is_crossed(lanes, n_map(model))
+        integer :: lane
+
+        is_crossed = abs(margin) > spread(model%least_margin, 1, lanes) .and. assembly%side*margin < 0
+        n = assembly%n_crossed_tried
+        do lane = 1, lanes
+            if (.not. any(is_crossed(lane, :))) cycle
+            n(lane) = max(n(lane), number_of_places(pack(assembly%side(lane, :), is_crossed(lane, :)), &
+                                                    pack(margin(lane, :), is_crossed(lane, :))))
+        end do
+    end function crossed
+
+    !> At how many places margins change their signs between two states, as far as straight lines can tell.
+    pure integer function number_of_places(before, now) result(n)
+        real(wp), intent(in) :: before(:), now(:)      !! of opposite signs
+        real(wp), parameter :: together = 0.01_wp      !! of the way
+        real(wp) :: place(size(now))
         integer :: m
 
-        least = model%least_margin
+        place = before/(before - now)
         n = 0
-        do m = 1, size(least)
-            where (abs(margin(:, m)) > least(m)) n = n + merge(1, 0, assembly%side(:, m)*margin(:, m) < 0)
+        do m = 1, size(place)
+            if (all(abs(place(:m - 1) - place(m)) > together)) n = n + 1
         end do
-        n = max(n, assembly%n_crossed_tried)
-    end function crossed
+    end function number_of_places
 
     !> Change points passed since the start up to the state evaluated last, which may lie before the one accepted: a step that has
     !> to pass a rough place goes beyond the samples within it.

@@ -1,7 +1,8 @@
 """Averages over the samples of a run: the one definition of mean and rms, which summary, sheets, sweeps and cycle results share.
 
 A sample stands for the time from half-way to the sample before to half-way to the one after; the first and the last for the whole
-of their one gap. Evenly spaced samples so count alike, as those of a batch or a sweep do.
+of their one gap. Evenly spaced samples so count alike, as those of a batch or a sweep do, and those whose instants do not increase:
+poses without time in a file of the command. The command's summary has the same in Fortran (app/linkdyn_time_mean.f90).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def shares(run: xr.Dataset) -> Values:
     n = run.sizes["sample"]
     if "time" in run.coords and n > 1:
         gaps = np.diff(run.time.values)
-        weights = (np.append(gaps[0], gaps) + np.append(gaps, gaps[-1])) / 2
+        weights = (np.append(gaps[0], gaps) + np.append(gaps, gaps[-1])) / 2 if np.all(gaps > 0) else np.ones(n)
     else:
         weights = np.ones(n)
     weights = np.where(good_samples(run), weights, 0.0)

@@ -310,7 +310,7 @@ class Inverse:
         in_order: bool,
         inputs: tuple[Floats, Floats, Floats, Floats, Floats],
         outputs: dict[str, NDArray[Any]],
-    ) -> tuple[NDArray[np.intc], int, str]:
+    ) -> tuple[NDArray[np.intc], int, int, str]:
         """Some samples, into the arrays given.
 
         Parameters
@@ -328,13 +328,15 @@ class Inverse:
         -------
         roads
             Samples whose links were placed in closed form, by iteration; that the dense solver took over.
+        passed
+            Change points passed, where the samples follow each other.
         lost, why
             The first sample to which the assembly could not be followed, from 1, and why; 0 and "" if there is none.
         """
         settings = (self._handle, self._solver, threads, first, int(in_order), self._wanted)
         arrays = [_flat(outputs[name]) if name in outputs else nothing for name, nothing in self._places]
-        roads, lost, why = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
-        return roads, lost, why.decode("utf-8", errors="replace").strip() if lost else ""
+        roads, passed, lost, why = _listen(_api.api_inverse, *settings, *map(_flat, inputs), *arrays, outputs["status"])
+        return roads, passed, lost, why.decode("utf-8", errors="replace").strip() if lost else ""
 
 
 class _Row:
@@ -389,6 +391,8 @@ class Run:
         """Steps, rejected steps, right-hand sides."""
         self.roads = np.zeros(3, dtype=np.intc)
         """As `inverse` returns them."""
+        self.n_passed = 0
+        """Change points passed since the start, up to the last instant dealt with or where the run stopped."""
         self.rounding = ""
         """What it left of the tolerances; empty if these were met."""
         self.stopped = ""
@@ -421,7 +425,7 @@ class Run:
         """
         kinds: tuple[type, ...] = (np.float64, np.intc)
         rows = {kind: _Row(len(t), kind, shapes) for kind in kinds}
-        n_done, self.reached, self.statistics, roads, rounding, stopped, coordinates, self.n_events, is_over, code, message = (
+        n_done, self.reached, self.statistics, roads, self.n_passed, rounding, stopped, coordinates, self.n_events, is_over, code, message = (
             _api.api_advance(self._handle, t, seconds, rows[np.float64].values, rows[np.intc].values)
         )
         check(code, message)

@@ -28,7 +28,7 @@ __all__ = ["FILE", "FOLDER", "RunTemplate", "ensemble_dataset", "inputs_of", "ne
 
 INPUTS = ("time", "q", "qd", "qdd")
 """Variables that are given, not computed."""
-CHANGE_POINT, ANEW = 1, 2
+ANEW = 2
 """What "assembly" says of a sample where it does not follow from the sample before by continuity alone."""
 ROADS = ("samples_closed_form", "samples_iterated", "samples_dense")
 """Attributes: how many samples took which road."""
@@ -170,6 +170,7 @@ class RunTemplate:
         self,
         arrays: Mapping[str, NDArray[Any]],
         roads: NDArray[np.intc],
+        passed: int,
         wrench: Mapping[str, NDArray[np.float64]] | None = None,
     ) -> xr.Dataset:
         """The Dataset of a run.
@@ -180,6 +181,8 @@ class RunTemplate:
             Values by name, sample first; not copied.
         roads
             Samples whose links were placed in closed form, by iteration; that the dense solver took over.
+        passed
+            Change points passed.
         wrench
             (N, component) loads that were given, by their markers, world axes.
         """
@@ -195,7 +198,7 @@ class RunTemplate:
         data = xr.Dataset(variables, coordinates, attributes)
         if "assembly" in data:
             found = data["assembly"].values[data["status"].values == 0]
-            data.attrs["change_points_passed"] = int(np.count_nonzero(found == CHANGE_POINT))
+            data.attrs["change_points_passed"] = passed
             data.attrs["assemblies_found_anew"] = int(np.count_nonzero(found == ANEW))
         return data
 

@@ -476,9 +476,9 @@ class Scene:
             given = self._given(q, qd, qdd)
             load = self._loads_at(job, t, len(given["q"]))
         extra = self._wrenches(wrench, len(given["q"]))
-        outputs, roads, failure = self._run(job, threads, given, load, extra, self._instant_or_0(t))
+        outputs, roads, passed, failure = self._run(job, threads, given, load, extra, self._instant_or_0(t))
         told = self._told(extra, len(given["q"]))
-        data = job.template().fill(given | outputs, roads, told)
+        data = job.template().fill(given | outputs, roads, passed, told)
         data.encoding |= self._origin
         if "assembly" in data or failure:
             data.attrs["failure"] = failure
@@ -616,7 +616,7 @@ class Scene:
 
         def result() -> xr.Dataset:
             arrays = {name: values[:n_done] for name, values in found.items()}
-            data = template.fill(arrays, run.roads)
+            data = template.fill(arrays, run.roads, run.n_passed)
             data.encoding |= self._origin
             names = ("steps", "rejected_steps", "right_hand_sides")
             data.attrs |= {"method": method, **dict(zip(names, map(int, run.statistics)))}
@@ -935,10 +935,10 @@ class Scene:
         load: NDArray[np.float64],
         wrench: dict[str, NDArray[np.float64]],
         t: NDArray[np.float64],
-    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], str]:
+    ) -> tuple[dict[str, NDArray[Any]], NDArray[np.intc], int, str]:
         """Blocks of samples through the engine; loads are spread over the samples block by block.
 
-        Results by name, the roads that samples took, and why the first sample was lost that was: its assembly along a motion,
+        Results by name, the roads that samples took, the change points passed on their way, and why the first sample was lost that was: its assembly along a motion,
         or a joint that friction locks.
         """
         n, threads, roads = len(given["q"]), as_count("threads", threads), np.zeros(3, dtype=np.intc)
@@ -948,18 +948,18 @@ class Scene:
         t = given["time"] if in_order else t
         # A motion that may change its assembly on the way is one piece.
         length = max(1, n) if in_order else BLOCK
-        failure = ""
+        failure, passed = "", 0
         for first in range(0, n, length):
             block = slice(first, min(first + length, n))
             loads = _spread(load, list(wrench.values()), block, n)
             inputs = (given["q"][block], given["qd"][block], given["qdd"][block], loads, t if len(t) == 1 else t[block])
             places = outputs if n <= length else {name: values[block] for name, values in outputs.items()}
-            taken, lost, why = job.engine.run(threads, first, in_order, inputs, places)
+            taken, passed, lost, why = job.engine.run(threads, first, in_order, inputs, places)
             roads += taken
             if lost and not failure:
                 place = f"t = {given['time'][lost - 1]:.6g} s" if in_order else f"sample {first + lost - 1}"
                 failure = f"{place}: {why}"
-        return outputs, roads, failure
+        return outputs, roads, passed, failure
 
     def _loads_at(self, job: _Job, t: ArrayLike | None, n: int) -> NDArray[np.float64]:
         """The scene's loads (N or 1, n_load, 6) at the instants of a batch."""

@@ -17,6 +17,7 @@ import tomli_w
 import xarray as xr
 
 import linkdyn
+import sheet_file
 from linkdyn.cli import executable, quadruple_twin
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -121,6 +122,70 @@ def test_states_of_positions_alone(tmp_path):
     assert not still.qd.any() and not still.qdd.any()
     refused(run("inverse", scene, "--states", "some.csv", cwd=tmp_path), "some.csv", "no column 'qdd J1'", "positions alone")
     refused(run("inverse", scene, "--states", "late.csv", cwd=tmp_path), "late.csv:3", "'time' does not increase")
+
+
+def mean_square(t, force, ok):
+    """Over the gaps, half of each for the sample on either side; the first and the last stand for their whole gap."""
+    gap = np.diff(t)
+    square, weight = np.where(ok, force, 0) ** 2, ok.astype(float)
+    total = [float((gap / 2) @ (x[:-1] + x[1:]) + gap[0] / 2 * x[0] + gap[-1] / 2 * x[-1]) for x in (square, weight)]
+    return total[0] / total[1]
+
+
+def printed_rms(said):
+    """Of the only actuator, or of the first."""
+    lines = said.stdout.splitlines()
+    return float(lines[next(i for i, line in enumerate(lines) if line.endswith(" rms")) + 1].split()[-1])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_one_rms(threads, tmp_path):
+    """Uneven instants over several blocks, samples that fail in the middle and beside blocks' ends: summary, accessor and sheet."""
+    scene, n = ROOT / "tests" / "assemblies" / "crank_out_of_reach.toml", 40000
+    t = 3 * np.linspace(0, 1, n) ** 2.5
+    q = 0.5 * np.sin(3 * t) + np.pi * (np.isin(np.arange(n), [2047, 16384, 20000, 30001]))
+    qd = 1.5 * np.cos(3 * t)
+    rows = np.column_stack([t, q, qd, 40 * np.exp(-t)])
+    np.savetxt(tmp_path / "motion.csv", rows, delimiter=",", header="time,q A,qd A,qdd A", comments="", fmt="%.17g")
+    options = ("--states", "motion.csv", "--threads", threads)
+    written = run("inverse", scene, *options, "-o", "run.nc", cwd=tmp_path)
+    passing = run("inverse", scene, *options, "--no-output", cwd=tmp_path)
+    data = linkdyn.read(tmp_path / "run.nc")
+    ok = data.status.values == 0
+    assert np.count_nonzero(~ok) == 4 and "4 of 40000" in written.stdout
+    force = data.driving_force.values[:, 0]
+    want = np.sqrt(mean_square(t, force, ok))
+    assert abs(np.sqrt(np.mean(force[ok] ** 2)) / want - 1) > 0.05, "each alike would be another number"
+    assert float(data.linkdyn.rms()[0]) == pytest.approx(want, rel=1e-12)
+    assert printed_rms(written) == printed_rms(passing) == pytest.approx(want, rel=1e-5)
+    _, tables = sheet_file.read(linkdyn.sheet(data, tmp_path / "run.html"))
+    assert sheet_file.column(tables["Drives"], 5)[0] == pytest.approx(want, rel=1e-12)
+
+
+def test_one_rms_of_few_samples_and_of_poses(tmp_path):
+    """Poses have no time: each counts alike. Of two samples either stands for their gap, one is its own."""
+    scene, q = ROOT / "examples" / "fourbar" / "scene.toml", [0.3, 1.1, 1.2, 4.0]
+    for name, text in (("poses", "q J1\n" + "".join(f"{x}\n" for x in q)), ("two", "time,q J1,qd J1,qdd J1\n0,0.3,0,0\n1,1.1,0,0\n"),
+                       ("one", "time,q J1,qd J1,qdd J1\n0,0.3,0,0\n")):
+        (tmp_path / f"{name}.csv").write_text(text)
+        said = run("inverse", scene, "--states", f"{name}.csv", "-o", f"{name}.nc", cwd=tmp_path)
+        data = linkdyn.read(tmp_path / f"{name}.nc")
+        want = float(np.sqrt((data.driving_force.values[:, 0] ** 2).mean()))
+        assert float(data.linkdyn.rms()[0]) == pytest.approx(want, rel=1e-12) and printed_rms(said) == pytest.approx(want, rel=1e-5)
+
+
+def test_one_rms_of_a_run_that_an_event_ends(tmp_path):
+    """The last gap is shorter than the others."""
+    text = (ROOT / "examples" / "fourbar_start" / "scene.toml").read_text()
+    event = '[measures]\nangle = { joint = "J1" }\n[[event]]\nname = "there"\nwhen = "angle - 0.55 rad"\ndo = "stop"\n'
+    (tmp_path / "scene.toml").write_text(f"{text}\n{event}")
+    said = run("forward", "scene.toml", "--until", 2, "--samples", 11, "-o", "run.nc", cwd=tmp_path)
+    assert said.returncode == DONE, said
+    data = linkdyn.read(tmp_path / "run.nc")
+    t, force = data.time.values, data.driving_force.values[:, 0]
+    assert len(t) > 3 and t[-1] - t[-2] < 0.19
+    want = np.sqrt(mean_square(t, force, np.ones(len(t), dtype=bool)))
+    assert float(data.linkdyn.rms()[0]) == pytest.approx(want, rel=1e-12) and printed_rms(said) == pytest.approx(want, rel=1e-5)
 
 
 def test_version_and_help():

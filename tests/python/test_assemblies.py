@@ -305,6 +305,64 @@ def test_ensemble_goes_as_forward_runs_do(parallelogram: dict[str, Any]) -> None
     assert np.all(stopping.good_until < 1) and np.all(np.isnan(stopping.q.values[:, -1]))
 
 
+@pytest.mark.parametrize("n", [2, 5, 41, 1001])
+def test_change_points_are_counted_not_samples(parallelogram: dict[str, Any], n: int, tmp_path: Path) -> None:
+    """As many whatever the samples are, told alike by the command, which has blocks of 256, and by Python."""
+    for way in ("inverse", "forward"):
+        given = copy.deepcopy(parallelogram)
+        t = np.linspace(0, 4 if way == "inverse" else 2, n)
+        given["time"] = {"end": float(t[-1]), "samples": n}
+        scene = linkdyn.Scene(given)
+        data = scene.inverse() if way == "inverse" else scene.forward(t=t)
+        want = np.floor(float(data.q.values[-1, 0]) / np.pi)
+        assert data.attrs.get("stopped", "") == "" and data.status.values[-1] == OK and want == (4 if way == "inverse" else want) > 1
+        assert data.attrs["change_points_passed"] == want
+        (tmp_path / "scene.toml").write_text(scene.text)
+        said = run(way, tmp_path / "scene.toml", "-o", tmp_path / "run.nc")
+        assert f"change points    {want:.0f} passed on the smooth continuation, the first before t = " in said.stdout, said
+        assert int(linkdyn.read(tmp_path / "run.nc").attrs["change_points_passed"]) == want
+
+
+def test_loops_that_lie_flat_together_are_at_one_change_point() -> None:
+    """A row of two parallelograms; and two that lie flat one after the other are at two."""
+    for apart, want in ((0.0, 1), (0.3, 2)):
+        links, joints = [], []
+        for name, turned in (("a", 0.0), ("b", apart)):
+            x, y = 2 * np.cos(turned), 2 * np.sin(turned)
+            ground = {f"{name}D": [x, y]}
+            links += [{"name": f"{name}coupler", "mass": 1.0, "inertia": 0.1, "markers": {"B": [0, 0], "C": [x, y]}},
+                      {"name": f"{name}rocker", "mass": 1.0, "inertia": 0.1, "markers": {"D": [0, 0], "C": [1, 0]}}]
+            joints += [{"name": f"{name}B", "type": "revolute", "between": ["crank.B", f"{name}coupler.B"]},
+                       {"name": f"{name}C", "type": "revolute", "between": [f"{name}coupler.C", f"{name}rocker.C"]},
+                       {"name": f"{name}D", "type": "revolute", "between": [f"frame.{name}D", f"{name}rocker.D"], "start": 1.0}]
+            frame = ground if name == "a" else frame | ground
+        given = {"space": "planar", "gravity": [0, 0], "frame": {"markers": {"A": [0, 0], **frame}}, "link": [
+            {"name": "crank", "mass": 1.0, "inertia": 0.1, "markers": {"A": [0, 0], "B": [1, 0]}}, *links],
+            "joint": [{"name": "A", "type": "revolute", "between": ["frame.A", "crank.A"]}, *joints],
+            "coordinate": [{"joint": "A", "start": {"position": 1.0, "velocity": -1.0}}],
+            "actuator": [{"joint": "A", "law": {"type": "constant", "value": 0.0}}]}
+        for n in (2, 50):
+            data = linkdyn.Scene(given).forward(t=np.linspace(0, 1.5, n))
+            assert np.all(data.status == OK) and data.q.values[-1, 0] < 0
+            assert data.attrs["change_points_passed"] == want
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs"])
+def test_a_change_point_that_a_flagged_sample_is_on_is_counted(method: str, tmp_path: Path) -> None:
+    """The first sample beyond, or at the very place, is flagged: the run has passed it all the same."""
+    given = read("parallelogram.toml")
+    given["gravity"] = [0, 0]
+    given["coordinate"][0]["start"]["velocity"] = -1.0
+    scene = linkdyn.Scene(given)
+    data = scene.forward(t=[0, 0.5, 1.0, 1.0 + 1e-6, 1.5], method=method)
+    assert data.attrs["stopped"] == "" and data.status.values[-1] == OK and np.any(data.status.values[2:4] != OK)
+    assert data.attrs["change_points_passed"] == 1
+    (tmp_path / "scene.toml").write_text(scene.text)
+    said = run("forward", tmp_path / "scene.toml", "--until", 2, "--samples", 3, "--method", method, "-o", tmp_path / "run.nc")
+    assert "failed samples   1 of 3" in said.stdout and "change points    1 passed" in said.stdout, said
+    assert int(linkdyn.read(tmp_path / "run.nc").attrs["change_points_passed"]) == 1
+
+
 def test_end_of_reach_is_no_change_point() -> None:
     """There two assemblies meet, too, but none goes on."""
     for choice in ("pass", "stop"):
@@ -459,7 +517,7 @@ def test_words_name_loop_sample_and_range(tmp_path: Path) -> None:
 def test_summary_tells_assembly_and_change_points(tmp_path: Path) -> None:
     result = run("inverse", SCENES / "rusr_parallelogram.toml", "-o", tmp_path / "run.nc")
     assert "as 'start' says" in result.stdout
-    assert "change points" in result.stdout and "4 samples" in result.stdout
+    assert "change points    4 passed" in result.stdout
     assert "branch +1" in run("explain", SCENES / "crank_out_of_reach.toml").stdout
 
 
