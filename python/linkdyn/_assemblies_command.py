@@ -41,7 +41,7 @@ def assemblies_command(arguments: Sequence[str]) -> int:
     for one in found:
         say(f"{one.number:4}  {one.words or 'the only one: nothing is to be chosen'}")
     if not found.is_complete:
-        print("      and more: the list ends here")
+        say("      and more: the list ends here")
     if options.picture is None:
         return 0
     draw_into_files()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from typing import NoReturn
 
 from ._printable import printable
 
-__all__ = ["BAD_INPUT", "SOME_FAILED", "Parser", "draw_into_files", "refuse", "say"]
+__all__ = ["BAD_INPUT", "SOME_FAILED", "Parser", "draw_into_files", "emit", "refuse", "say"]
 
 BAD_INPUT, SOME_FAILED = 2, 3
 """Exit statuses, as the executable has them."""
@@ -40,7 +41,17 @@ def refuse(message: str) -> int:
 
 def say(text: str) -> None:
     """Lines on standard output, whatever stands in names and titles."""
-    print(printable(text, has_lines=True))
+    emit(printable(text, has_lines=True) + "\n")
+
+
+def emit(text: str) -> None:
+    """Text on standard output as it is; the command ends at once where that does not take it."""
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())    # at its end Python would try once more
+        sys.exit(refuse(f"standard output: cannot be written: {error.strerror}"))
 
 
 def draw_into_files() -> None:

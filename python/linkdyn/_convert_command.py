@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ._commands import Parser, refuse, say
+from ._commands import Parser, emit, refuse, say
 
 __all__ = ["convert_command", "parser"]
 
@@ -44,7 +44,7 @@ def convert_command(arguments: Sequence[str]) -> int:
     except FileNotFoundError:
         return refuse(f"{options.source}: cannot be read: No such file or directory")
     if options.output == "-":
-        print(found.text, end="")
+        emit(found.text)
         return 0
     try:
         found._write(options.output, replaces=options.force)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ._commands import Parser, refuse, say
+from ._commands import Parser, emit, refuse, say
 from ._output import write_output
 from .errors import FileError, InputError
 
@@ -83,7 +83,7 @@ def new_command(arguments: Sequence[str]) -> int:
         if options.output is not None or options.force:
             return refuse("new: no KIND given (linkdyn new lists them)")
         for kind, summary in kinds().items():
-            print(f"  {kind:14}{summary}")
+            say(f"  {kind:14}{summary}")
         return 0
     try:
         text = text_of(options.kind)
@@ -91,7 +91,7 @@ def new_command(arguments: Sequence[str]) -> int:
         return refuse(str(error))
     target = options.output if options.output is not None else f"{options.kind}.toml"
     if target == "-":
-        print(text, end="")
+        emit(text)
         return 0
     try:
         write_output(target, text, replaces=options.force)

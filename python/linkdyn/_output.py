@@ -88,10 +88,14 @@ def refuse_inputs(target: str | os.PathLike[str], inputs: Inputs) -> None:
     FileError
         It is; the message says which.
     """
+    try:
+        there = os.stat(target)
+    except (OSError, ValueError):    # nothing is replaced
+        return
     for file, what in inputs:
         try:
-            is_same = os.path.samefile(target, file)
-        except (OSError, ValueError):    # one of them is not there
+            is_same = os.path.samestat(there, os.stat(file))
+        except (OSError, ValueError):    # no file
             continue
         if is_same:
             raise _cannot(os.fspath(target), f"{what} (expected another file)")

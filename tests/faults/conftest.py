@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import subprocess
 from pathlib import Path
 
@@ -51,3 +53,16 @@ def scene(tsai_file: Path, tmp_path: Path) -> Path:
 def names(tmp_path: Path):
     """What lies in the folder now."""
     return lambda: sorted(path.name for path in tmp_path.iterdir())
+
+
+@pytest.fixture()
+def devices(tmp_path) -> Path:
+    """The system's null and full, made once more: as root a faulty program would destroy those of the machine."""
+    folder = tmp_path / "devices"
+    folder.mkdir()
+    try:
+        os.mknod(folder / "null", stat.S_IFCHR | 0o666, os.makedev(1, 3))
+        os.mknod(folder / "full", stat.S_IFCHR | 0o666, os.makedev(1, 7))
+    except PermissionError:
+        return Path("/dev")    # nobody else can destroy them
+    return folder

@@ -56,19 +56,6 @@ def test_pipe_is_written_through(kind, program, scene, tmp_path):
         assert xr.load_dataset(copy).sizes["sample"] > 100
 
 
-@pytest.fixture()
-def devices(tmp_path) -> Path:
-    """The system's null and full, made once more: as root a faulty program would destroy those of the machine."""
-    folder = tmp_path / "devices"
-    folder.mkdir()
-    try:
-        os.mknod(folder / "null", stat.S_IFCHR | 0o666, os.makedev(1, 3))
-        os.mknod(folder / "full", stat.S_IFCHR | 0o666, os.makedev(1, 7))
-    except PermissionError:
-        return Path("/dev")    # nobody else can destroy them
-    return folder
-
-
 @pytest.mark.parametrize("link", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
 def test_device_is_never_replaced(kind, link, program, scene, devices, tmp_path):

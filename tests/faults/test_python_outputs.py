@@ -121,18 +121,19 @@ def test_pipes_are_written_through(writer, folder):
     assert len(got) > 100 and stat.S_ISFIFO(pipe.lstat().st_mode)
 
 
-def test_links_are_followed(writer, folder):
+def test_links_are_followed(writer, folder, devices):
     ending, write = writer
     (folder / "data").mkdir()
-    for name, target in (("there", "data/there"), ("new", "first"), ("first", "data/new"), ("null", "/dev/null")):
-        (folder / f"{name}{ending}").symlink_to(target if target == "/dev/null" else f"{target}{ending}")
+    for name, target in (("there", "data/there"), ("new", "first"), ("first", "data/new")):
+        (folder / f"{name}{ending}").symlink_to(f"{target}{ending}")
+    (folder / f"null{ending}").symlink_to(devices / "null")
     there = folder / "data" / f"there{ending}"
     there.write_text("earlier")
     there.chmod(0o640)
     for name in ("there", "new", "null"):
         write(f"{name}{ending}")
     assert all((folder / f"{name}{ending}").is_symlink() for name in ("there", "new", "first", "null"))
-    assert stat.S_ISCHR(os.stat("/dev/null").st_mode) and stat.S_IMODE(there.stat().st_mode) == 0o640
+    assert stat.S_ISCHR((devices / "null").lstat().st_mode) and stat.S_IMODE(there.stat().st_mode) == 0o640
     assert {path.name for path in (folder / "data").iterdir()} == {f"there{ending}", f"new{ending}"}
     assert there.stat().st_size > 100 and (folder / "data" / f"new{ending}").stat().st_size > 100
 
@@ -239,11 +240,19 @@ def test_limit_on_files_is_a_full_disk(name, folder, request):
     assert target.read_text() == "earlier" and not left_over(folder)
 
 
-def test_full_device(writer, folder):
+def test_full_device(writer, folder, devices):
     ending, write = writer
-    (folder / f"full{ending}").symlink_to("/dev/full")
+    (folder / f"full{ending}").symlink_to(devices / "full")
     with pytest.raises(linkdyn.FileError, match=f"full{ending}: cannot be written: No space left on device"):
         write(f"full{ending}")
+
+
+@pytest.mark.parametrize("words", [["draw", "scene.toml"], ["assemblies", "scene.toml"], ["new"], ["new", "arm", "-o", "-"], ["inverse", "scene.toml", "-q", "--sheet", "x.html"]], ids=" ".join)
+def test_full_standard_output(words, devices):
+    with (devices / "full").open("wb") as full:
+        result = subprocess.run([sys.executable, "-m", "linkdyn", *words], stdout=full, stderr=subprocess.PIPE, timeout=120)
+    is_silent = "-q" in words    # nothing is written
+    assert (result.returncode, result.stderr) == ((0, b"") if is_silent else (2, b"linkdyn: standard output: cannot be written: No space left on device\n"))
 
 
 def test_parts_of_killed_processes_are_removed(folder):
