@@ -332,10 +332,12 @@ def test_order_of_samples_does_not_matter() -> None:
 
 
 def test_error_estimates() -> None:
-    """Of a similar mechanism the curve is similar."""
+    """A spline's second derivatives magnify what its points round by one over the square of their distance, 1,460 here; estimates are
+    some twenty times too large, and accelerations make less than all of the force."""
     for name in ("roller, slides", "face, turns"):
         run = linkdyn.Scene(CAMS[name]).inverse(want="all", error=True)
-        assert (run.driving_force_error / np.abs(run.driving_force).max()).max() < 1e-11
+        magnified = 20 * np.finfo(float).eps * (240 / (2 * np.pi)) ** 2
+        assert 0 < (run.driving_force_error / np.abs(run.driving_force).max()).max() < 5 * magnified
 
 
 def test_nothing_but_a_curve() -> None:
