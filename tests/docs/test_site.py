@@ -25,6 +25,14 @@ def test_links_between_pages(page):
     assert not missing
 
 
+def test_anchors_are_their_own():
+    """The site has one room for the names of all pages: one that stands on two of them leads to either."""
+    pages = {page: set(re.findall(r'<a id="([^"]+)">', page.read_text(encoding="utf-8"))) for page in sorted((ROOT / "docs").glob("*.md"))}
+    for page, anchors in pages.items():
+        for other, others in pages.items():
+            assert page >= other or not anchors & others, (page.name, other.name)
+
+
 def test_every_example_is_in_the_gallery():
     found = [example for _, members in examples(ROOT / "examples") for example in members]
     assert len(found) > 20    # that none is missing `examples` checks itself
