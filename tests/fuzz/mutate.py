@@ -75,20 +75,25 @@ def pick(dice: random.Random, scene: Any, wanted: Callable[[Any], bool]) -> Path
     return dice.choice(found) if found else None
 
 
-def change_number(dice: random.Random, scene: Any) -> str | None:
+def vary(dice: random.Random, scene: Any, other: Callable[[Any], Any]) -> str | None:
+    """Another number for one of a scene's."""
     path = pick(dice, scene, is_number)
     if path is None:
         return None
     old = at(scene, path)
-    kind = dice.randrange(3)
-    if kind == 0:
-        new: Any = old * dice.choice(FACTORS)
-    elif kind == 1:
-        new = old + dice.gauss(0, 1)
-    else:
-        new = dice.choice(NUMBERS)
+    new = other(old)
     put(scene, path, new)
     return f"{words(path)}: {shown(old)} -> {shown(new)}"
+
+
+def change_number(dice: random.Random, scene: Any) -> str | None:
+    def other(old: Any) -> Any:
+        kind = dice.randrange(3)
+        if kind == 0:
+            return old * dice.choice(FACTORS)
+        return old + dice.gauss(0, 1) if kind == 1 else dice.choice(NUMBERS)
+
+    return vary(dice, scene, other)
 
 
 def change_text(dice: random.Random, scene: Any) -> str | None:
@@ -232,16 +237,11 @@ OF_SCENES = (change_number,) * 10 + (change_text,) * 3 + (
 
 def change_slightly(dice: random.Random, scene: Any, n: int) -> list[str]:
     """Numbers of a scene, so that most scenes are mechanisms afterwards."""
-    said = []
-    for _ in range(n):
-        path = pick(dice, scene, is_number)
-        if path is None:
-            break
-        old = at(scene, path)
-        new = old * dice.choice(SLIGHT_FACTORS) if dice.random() < 0.7 else old + dice.gauss(0, 0.3)
-        put(scene, path, new)
-        said.append(f"{words(path)}: {shown(old)} -> {shown(new)}")
-    return said
+
+    def other(old: Any) -> Any:
+        return old * dice.choice(SLIGHT_FACTORS) if dice.random() < 0.7 else old + dice.gauss(0, 0.3)
+
+    return [said for _ in range(n) if (said := vary(dice, scene, other)) is not None]
 
 
 def mutate_scene(dice: random.Random, scene: dict[str, Any], other: dict[str, Any], n: int) -> list[str]:

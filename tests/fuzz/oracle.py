@@ -1,7 +1,8 @@
 """What is wrong with an answer, in words; nothing if nothing is.
 
 Status 0 means right: numbers beside it are finite, two solvers that share only the equations agree to within their estimates,
-and so do two integrators, whose motion has the forces that inverse dynamics finds for it. What is refused is refused by one of the package's own errors, in one line that names a place.
+and so do two integrators, whose motion has the forces that inverse dynamics finds for it. What is refused is refused by one of
+the package's own errors, in one line that names a place.
 """
 
 from __future__ import annotations
