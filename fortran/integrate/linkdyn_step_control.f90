@@ -598,9 +598,8 @@ contains
             call add_exactly(way + taken%rest, self%y, self%rest)
             self%t = taken%t(1) + share*taken%length(1)
         end if
-        call system%evaluate_alone(self%t, self%y, self%rate, has_failed)
-        self%n_evaluation = self%n_evaluation + 1
-        self%knows_rate = .not. has_failed
+        self%knows_rate = .false.
+        call find_rates(self, system)
         self%last = self%t - taken%t(1)
         taken%length = self%last
         call self%end_taken(taken)
