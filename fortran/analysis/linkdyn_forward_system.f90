@@ -35,7 +35,7 @@ module linkdyn_forward_system
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
-    use linkdyn_motor_laws, only: torque_of_law, brake_torque, is_braked
+    use linkdyn_motor_laws, only: torque_of_law, brake_torque
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop
@@ -486,11 +486,8 @@ contains
                 do lane = 1, n
                     associate (effort => self%record%samples%effort(i, lane))
                         speed = motor%ratio*self%record%samples%qd(k, lane)
-                        braked = 0
-                        if (motor%brake%is_given) then
-                            if (is_braked(motor%brake, min(t(lane), self%t_braked(lane)), self%switched(lane, i), &
-                                          self%is_on(lane, i))) braked = brake_torque(motor, speed)
-                        end if
+                        braked = brake_torque(motor, min(t(lane), self%t_braked(lane)), self%switched(lane, i), &
+                                              self%is_on(lane, i), speed)
                         effort = motor%ratio*(torque_of_law(motor, drive%side, effort, speed) - braked)
                     end associate
                 end do
@@ -515,11 +512,7 @@ contains
                            force => workspace%driving_force(:, i))
                     if (self%equations%unknown%drive(i) .or. drive%side == side_joint) cycle
                     speed = motor%ratio*workspace%driving_rate(:, i)
-                    if (motor%brake%is_given) then
-                        self%brake(:, i) = 0
-                        where (is_braked(motor%brake, min(t, self%t_braked), self%switched(:, i), self%is_on(:, i))) &
-                            self%brake(:, i) = brake_torque(motor, speed)
-                    end if
+                    self%brake(:, i) = brake_torque(motor, min(t, self%t_braked), self%switched(:, i), self%is_on(:, i), speed)
                     force = motor%ratio*(torque_of_law(motor, drive%side, force, speed) - self%brake(:, i))
                 end associate
             end do

@@ -5,7 +5,7 @@ module linkdyn_motor_laws
     use linkdyn_scene, only: motor_spec, brake_spec, side_voltage, law_none
     implicit none (type, external)
     private
-    public :: torque_of_law, available_torque, brake_torque, is_braked
+    public :: torque_of_law, available_torque, brake_torque
 
 contains
 
@@ -63,12 +63,16 @@ contains
         end function torque_on_curve
     end function available_torque
 
-    !> What a brake that is on takes of the motor's torque: against the motion, smooth near rest as friction is.
-    elemental real(wp) function brake_torque(motor, speed) result(torque)
+    !> What the brake takes of a motor's torque, if there is one and it is on: against the motion, smooth near rest as friction is.
+    elemental real(wp) function brake_torque(motor, t, switched, was_on, speed) result(torque)
         type(motor_spec), intent(in) :: motor
+        real(wp), intent(in) :: t, switched            !! as of `is_braked` [s]
+        logical, intent(in) :: was_on
         real(wp), intent(in) :: speed                  !! [rad/s]
 
-        torque = motor%brake%torque*tanh(speed/motor%creep_speed)
+        torque = 0
+        if (.not. motor%brake%is_given) return
+        if (is_braked(motor%brake, t, switched, was_on)) torque = motor%brake%torque*tanh(speed/motor%creep_speed)
     end function brake_torque
 
     !> Is a brake on? What has happened last counts: that it began so, an instant that has come, an event.

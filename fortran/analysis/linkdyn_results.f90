@@ -201,16 +201,13 @@ contains
         character(len=*), intent(in) :: text         !! names of `wanted_name`
         type(wanted_type), intent(out) :: wanted
         type(status_type), intent(inout) :: status   !! bad input if a name is unknown
-        integer :: first, comma
+        integer :: first
         character(len=:), allocatable :: word
 
         wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false.)
         first = 1
         do while (first <= len(text) + 1)
-            comma = index(text(first:), ",")
-            if (comma == 0) comma = len(text) - first + 2
-            word = trim(adjustl(text(first:first + comma - 2)))
-            first = first + comma
+            call take_word(text, first, word)
             select case (word)
             case ("driving_force")
                 wanted%driving_force = .true.
@@ -240,32 +237,46 @@ contains
         end do
     end subroutine choose_wanted
 
+    !> The next word of a list with commas; the place behind it is beyond the text by two or more after the last.
+    subroutine take_word(text, first, word)
+        character(len=*), intent(in) :: text
+        integer, intent(inout) :: first              !! where it begins; where the next one does
+        character(len=:), allocatable, intent(out) :: word
+        integer :: comma
+
+        comma = index(text(first:), ",")
+        if (comma == 0) comma = len(text) - first + 2
+        word = trim(adjustl(text(first:first + comma - 2)))
+        first = first + comma
+    end subroutine take_word
+
     !> Results for which the scene has no part are refused where they are asked for by name; `all` leaves them out.
     subroutine refuse_absent(text, scene, status)
         character(len=*), intent(in) :: text         !! the wish list
         type(scene_type), intent(in) :: scene
         type(status_type), intent(inout) :: status   !! bad input
-        integer :: n_rubbing
+        character(len=:), allocatable :: word
+        integer :: first, n_rubbing
 
         n_rubbing = 0
         if (allocated(scene%friction)) n_rubbing = size(scene%friction)
-        if (n_rubbing == 0) call refuse("friction", "no joint of the scene has friction")
-        if (.not. any(scene%actuator%motor%is_given)) call refuse("motor", "no actuator of the scene has a drive")
+        first = 1
+        do while (status%is_ok() .and. first <= len(text) + 1)
+            call take_word(text, first, word)
+            select case (word)
+            case ("friction")
+                if (n_rubbing == 0) call refuse("no joint of the scene has friction")
+            case ("motor")
+                if (.not. any(scene%actuator%motor%is_given)) call refuse("no actuator of the scene has a drive")
+            end select
+        end do
 
     contains
 
-        subroutine refuse(word, why)
-            character(len=*), intent(in) :: word, why
-            character(len=len(text)) :: rest
-            integer :: comma
+        subroutine refuse(why)
+            character(len=*), intent(in) :: why
 
-            rest = text
-            do while (rest /= "")
-                comma = index(rest//",", ",")
-                if (status%is_ok() .and. adjustl(rest(:comma - 1)) == word) call fail(status, status_bad_input, "want: '"//word// &
-                    "': "//why//" (expected results that it has, or 'all' of them)")
-                rest = rest(min(comma + 1, len(rest) + 1):)
-            end do
+            call fail(status, status_bad_input, "want: '"//word//"': "//why//" (expected results that it has, or 'all' of them)")
         end subroutine refuse
     end subroutine refuse_absent
 
