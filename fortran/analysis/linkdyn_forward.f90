@@ -33,6 +33,7 @@ module linkdyn_forward
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: law_kinks
     use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_led_mechanism, only: follows_assembly
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
@@ -645,6 +646,8 @@ contains
                 reason = reason//"rounding leaves too few digits of the rates, as it does where two assemblies meet"
             case (stop_law)
                 reason = reason//"the energy would change by more than the forces supply: the links would jump to another assembly"
+                if (any([method_rk4, method_msbdf] == run%integrator%options%method)) reason = reason// &
+                    ", or "//trim(method_name(run%integrator%options%method))//" takes too long steps"
             case (stop_pace)
                 reason = reason//"steps of "//to_text(run%integrator%last_step)//" s would not come to the end"
                 if (run%system%n_jump > many_jumps) reason = reason//": a law jumps to and fro, as a sign() does at rest "// &
@@ -796,7 +799,7 @@ contains
             if (.not. n_evaluation > evaluations_before_record(model)) return
             call build_forward_system(model, options%stage_solver, teller, status)
             if (.not. status%is_ok()) return
-            teller%wants_work = .false.
+            teller%wants_work = follows_assembly(model)
             allocate (y(lanes, teller%n))
             call fill_start(model, teller%layout, spread(q_start(:, 1), 1, lanes), spread(qd_start(:, 1), 1, lanes), y)
             call teller%begin(options%t_start, y)
@@ -836,7 +839,7 @@ contains
             call build_forward_system(model, options%stage_solver, run%system, status)
             call release_texts()
             if (status%is_ok()) then
-                run%system%wants_work = .false.
+                run%system%wants_work = follows_assembly(model)    ! whose energy tells wrong steps
                 run%system%n_told = min(lanes, size(q_start, 2) - (block - 1)*lanes)
                 call run%system%share_record(teller)
                 allocate (run%y(lanes, run%system%n))

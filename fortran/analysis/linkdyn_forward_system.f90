@@ -39,7 +39,7 @@ module linkdyn_forward_system
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop
-    use linkdyn_status, only: status_type, sample_ok, sample_undefined
+    use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
@@ -53,6 +53,14 @@ module linkdyn_forward_system
         type(carried_assembly) :: assembly
         logical :: wants_work = .true.
         real(wp) :: surplus(lanes) = 0                 !! energy of the accepted state, less what was supplied [J]
+        real(wp) :: gained(lanes) = 0                  !! of it by the step that led there [J]
+        real(wp) :: moved(lanes) = 0                   !! energy that was in motion or exchanged in that step [J]
+        real(wp) :: kinetic(lanes) = 0                 !! of the accepted state [J]
+        real(wp) :: supplied(lanes) = 0                !! until then [J]
+        real(wp) :: resolved(lanes) = 0                !! what rounding leaves of these [J]
+        real(wp) :: usual_error(lanes) = 0             !! part that steps gain of what is moved, away from change points
+        real(wp) :: margin(lanes) = huge(1.0_wp)       !! least one of the accepted state, when it was looked at last
+        integer :: n_crossed(lanes) = 0                !! and change points passed by then
         real(wp) :: surplus_noise = 0                  !! what rounding makes of it [J]
         real(wp), private :: surplus_noise_tried = 0   !! the same of the state looked at last
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
@@ -101,7 +109,7 @@ module linkdyn_forward_system
         procedure :: share_record
         procedure :: accept => accept_forward
         procedure :: note_turns => note_turns_forward
-        procedure :: broken_law
+        procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
         procedure :: evaluate_guards => evaluate_events
         procedure :: meet_crossings => meet_events
@@ -325,8 +333,7 @@ contains
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
             call accept_assembly(self%model, t, is_accepted, self%assembly)
-            call energy_of_motion(self%model, self%assembly%state, self%surplus)
-            self%surplus = self%surplus - y(:, self%layout%supplied)
+            call weigh_energy(self, y)
             self%surplus_noise = self%surplus_noise_tried
         end if
         call accept_motion(t, is_accepted, self%of_motion)
@@ -335,6 +342,50 @@ contains
         end if
         if (self%watch%is_on) call watch_coordinates(self, t, y)
     end subroutine accept_forward
+
+    !> Energy of the accepted state, and what the step that led there has made of it.
+    subroutine weigh_energy(self, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: y(:, :)                !! there
+        real(wp), dimension(lanes) :: energy, kinetic, surplus
+
+        call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
+        associate (supplied => y(:, self%layout%supplied))
+            surplus = energy - supplied
+            self%gained = surplus - self%surplus
+            self%moved = kinetic + self%kinetic + abs(supplied - self%supplied)
+            self%resolved = epsilon(1.0_wp)*(abs(energy) + kinetic + abs(supplied))
+            self%surplus = surplus
+            self%kinetic = kinetic
+            self%supplied = supplied
+        end associate
+    end subroutine weigh_energy
+
+    !> Has the last step made energy of nothing, or lost it? A method that estimates its errors, or takes steps that are short
+    !> enough, errs by far less. Where two assemblies meet rates may be nothing but rounding: a step there may err little more
+    !> than those before it have done.
+    function has_broken_law(self) result(is_broken)
+        class(forward_system), intent(inout) :: self
+        logical :: is_broken(lanes)
+        real(wp), parameter :: gross = 0.01_wp         !! part of the energy in motion: a hundred such steps, and nothing is left
+        real(wp), parameter :: fine = 1.0e-6_wp        !! in digits that a result must have
+        real(wp), parameter :: more = 100
+        real(wp), parameter :: rounding = 1.0e6_wp     !! of positions near a change point, in units in the last place
+        real(wp), parameter :: near = 1.0e-3_wp        !! margin at which rates lose digits
+        real(wp), dimension(lanes) :: error, margin
+        logical :: is_near(lanes)
+
+        is_broken = .false.
+        if (.not. (self%assembly%is_needed .and. self%wants_work)) return
+        margin = minval(abs(self%assembly%margin), dim=2)
+        is_near = min(margin, self%margin) < near .or. self%assembly%n_crossed > self%n_crossed
+        error = max(abs(self%gained) - rounding*self%resolved, 0.0_wp)/max(self%moved, tiny(1.0_wp))
+        is_broken = error > merge(min(max(fine, more*self%usual_error), gross), gross, is_near)
+        where (.not. is_near) self%usual_error = error
+        self%margin = margin
+        self%n_crossed = self%assembly%n_crossed
+        where (is_broken .and. self%obstacle == sample_ok) self%obstacle = sample_branch_lost
+    end function has_broken_law
 
     !> Ways to the next states begin where these have their turns left out.
     subroutine note_turns_forward(self, turns)
@@ -760,7 +811,7 @@ contains
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t, y(:, :)             !! (n, state)
         real(wp), intent(out) :: surplus(:)            !! [J] (state)
-        real(wp) :: lane_y(lanes, self%n), energy(lanes), instant(lanes)
+        real(wp) :: lane_y(lanes, self%n), energy(lanes), kinetic(lanes), instant(lanes)
         integer :: first, lane
 
         instant = t
@@ -770,7 +821,7 @@ contains
             end do
             call unpack_state(self%model, self%layout, instant, lane_y, self%turns, self%assembly%state)
             call evaluate_on_assembly(self%model, instant, self%assembly, self%assembly%state)
-            call energy_of_motion(self%model, self%assembly%state, energy)
+            call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
             energy = energy - lane_y(:, self%layout%supplied)
             do lane = 1, min(lanes, size(surplus) - first + 1)
                 surplus(first + lane - 1) = energy(lane)

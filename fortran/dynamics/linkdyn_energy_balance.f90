@@ -20,11 +20,12 @@ module linkdyn_energy_balance
 contains
 
     !> Kinetic energy, and that of gravity; not that of payloads, whose mass may change.
-    subroutine energy_of_motion(model, state, energy)
+    subroutine energy_of_motion(model, state, energy, kinetic)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state     !! positions and velocities
         real(wp), intent(out) :: energy(lanes)         !! [J]
-        real(wp), dimension(lanes) :: kinetic, potential, of_springs
+        real(wp), intent(out) :: kinetic(lanes)        !! part of it [J]
+        real(wp), dimension(lanes) :: potential, of_springs
 
         call measure_energy(model, state, kinetic, potential)
         call spring_energy(model, state, of_springs)

@@ -282,7 +282,7 @@ contains
         real(wp), parameter :: slack = 1.0e-6_wp    !! of a step: a span that is a whole number of steps but for rounding
         real(wp) :: h, kept(lanes, system%n)
         logical :: failed(lanes)
-        integer :: k
+        integer :: k, n_jump
 
         if (self%i_step == self%n_span) then
             self%span_start = self%t
@@ -302,6 +302,7 @@ contains
                 cycle
             end if
             kept = y
+            n_jump = system%n_jump
             call rk4_step(system, spread(self%t, 1, lanes), spread(h, 1, lanes), y, self%work, failed)
             call self%pause%note_work()
             self%n_evaluation = self%n_evaluation + 4
@@ -312,15 +313,38 @@ contains
             self%i_step = self%i_step + 1
             self%t = self%span_start + self%i_step*h
             if (self%i_step == self%n_span) self%t = t_end
-            where (.not. self%failed) self%good_until = self%t
             if (all(self%failed)) self%reason = reason_of_solution(y(1, :))
             if (all(self%failed)) return
             call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
+            call undo_broken_steps(self, system, n_jump, kept, y)
+            if (all(self%failed)) return
+            where (.not. self%failed) self%good_until = self%t
             call take_turns_off(self, system, y)
             call note_step(self, h)
             if (system%wants_rest) return
         end do
     end subroutine advance_rk4
+
+    !> Lanes that a step has led against the law of the system stay where they were. Where rates jump nothing is said: the stages
+    !> of a step weigh the energy of both sides.
+    subroutine undo_broken_steps(self, system, n_jump, kept, y)
+        type(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        integer, intent(in) :: n_jump                           !! of the system, before the step
+        real(wp), intent(in) :: kept(:, :)                      !! solution there (lane, n)
+        real(wp), intent(inout) :: y(:, :)                      !! after it
+        logical :: is_broken(lanes)
+        integer :: k
+
+        if (system%n_jump > n_jump) return
+        is_broken = system%has_broken_law() .and. .not. self%failed
+        if (.not. any(is_broken)) return
+        do k = 1, size(y, 2)
+            where (is_broken) y(:, k) = kept(:, k)
+        end do
+        self%failed = self%failed .or. is_broken
+        if (all(self%failed)) self%reason = stop_law
+    end subroutine undo_broken_steps
 
     !> One of the equal steps, in parts where guards cross: each lane has its own.
     subroutine step_watching(self, system, h, t_end, y)
@@ -334,7 +358,7 @@ contains
         real(wp), dimension(lanes) :: t, length, share
         logical, dimension(lanes) :: failed, is_moving, is_hit, has_changed, is_over
         real(wp) :: t_next, t_before(lanes)
-        integer :: part, k, n_idle
+        integer :: part, k, n_idle, n_jump
 
         t_next = self%span_start + (self%i_step + 1)*h
         if (self%i_step + 1 == self%n_span) t_next = t_end
@@ -348,6 +372,7 @@ contains
             is_moving = length > 0 .and. .not. self%failed
             if (.not. any(is_moving)) exit
             call note_rk4_start(system, t, length, y, self%work, taken)
+            n_jump = system%n_jump
             call rk4_step(system, t, length, y, self%work, failed)
             self%n_evaluation = self%n_evaluation + 6
             call self%pause%note_work()
@@ -367,8 +392,14 @@ contains
             call taken%retake(system, share, y)
             t = t + share*length
             where (.not. is_hit .and. is_moving) t = t_next
-            where (is_moving) self%good_until = t
             call system%accept(t, y, is_moving)
+            call undo_broken_steps(self, system, n_jump, taken%y, y)
+            is_moving = is_moving .and. .not. self%failed
+            is_hit = is_hit .and. is_moving
+            do k = 1, system%n_guard
+                self%has_crossed(:, k) = self%has_crossed(:, k) .and. is_moving
+            end do
+            where (is_moving) self%good_until = t
             has_changed = .false.
             is_over = .false.
             if (any(is_hit)) then
@@ -404,14 +435,17 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
-        real(wp) :: h, t_before, solution(size(y, 2))
+        real(wp) :: h, t_before, solution(size(y, 2)), kept(lanes, size(y, 2))
         logical :: ok
+        integer :: n_jump
 
         solution = y(1, :)
         do while (self%t < t_end)
             if (must_pause(self)) exit
             h = self%next_step
             t_before = self%t
+            kept = y
+            n_jump = system%n_jump
             call self%gsl%take_step(self%t, t_end, h, solution, ok)
             call self%pause%note_work()
             if (.not. ok .or. .not. all(abs(solution) <= huge(1.0_wp)) .or. self%t <= t_before) then
@@ -422,6 +456,9 @@ contains
             end if
             if (system%n_guard > 0) call look_through(self, system, t_before, y, solution)
             call go_on(self, system, solution, self%t - t_before, y)
+            if (.not. all(self%failed)) call undo_broken_steps(self, system, n_jump, kept, y)
+            if (all(self%failed) .and. self%reason == stop_law) self%good_until = t_before
+            if (all(self%failed)) exit
             if (self%is_at_crossing) call meet(self, system, y)
             if (system%n_guard > 0) solution = y(1, :)
             if (all(self%failed)) exit

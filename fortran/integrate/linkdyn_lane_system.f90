@@ -36,7 +36,7 @@ module linkdyn_lane_system
         procedure :: meet_crossings
         procedure(evaluate_rates), deferred :: evaluate
         procedure :: evaluate_alone
-        procedure :: broken_law
+        procedure :: broken_law, has_broken_law
         procedure :: leads_too_far
         procedure :: accept
         procedure :: note_turns
@@ -84,6 +84,15 @@ contains
 
         part = 0
     end function broken_law
+
+    !> Does the step to the accepted state break such a law grossly? For methods of no error estimate, or one that sees but
+    !> few places of a step.
+    function has_broken_law(self) result(is_broken)
+        class(lane_system), intent(inout) :: self
+        logical :: is_broken(lanes)
+
+        is_broken = .false.
+    end function has_broken_law
 
     !> Does the state evaluated last lie beyond where the caller would have come to rest? A shorter step gets there.
     logical function leads_too_far(self)

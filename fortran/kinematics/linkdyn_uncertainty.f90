@@ -16,21 +16,24 @@ contains
     !> With s the sine of a dyad's transmission angle, a rounding eps of the lengths moves the inner joint by eps/s and changes
     !> s by the part eps/s^2, and so the rates. Their error enters the accelerations squared in the rates, over s once more.
     !> Where the gap nearly lies in the way in which both links move it, rates and accelerations stay small, as at a change
-    !> point, and so do the forces, which the error of the accelerations enters over s again. A condition number of the map
-    !> alone would not tell this place from a dead point, where all of them grow and keep their digits.
+    !> point, and so do the forces, which the error of the accelerations enters over s again. So it is where there is no gap at
+    !> all, as in a parallelogram. A condition number of the map alone would not tell these places from a dead point, where
+    !> accelerations are the gap over s, and all of them grow and keep their digits.
     elemental real(wp) function uncertainty_of_motion(sine, reach, speed, gap, acceleration, gap2) result(part)
         real(wp), intent(in) :: sine              !! of a dyad; of a group its margin, which takes the same part
         real(wp), intent(in) :: reach             !! on what radius the links' points turn [m]; huge: they do not
         real(wp), intent(in) :: speed             !! the largest found [m/s]
         real(wp), intent(in) :: gap               !! what the map was given for it [m/s]
         real(wp), intent(in) :: acceleration, gap2    !! likewise [m/s2]
-        real(wp) :: turn, error, curve, whole
+        real(wp) :: turn, error, curve, whole, at_dead_point
 
         turn = epsilon(1.0_wp)/sine**2
         error = turn*(speed + gap)
         curve = speed**2/reach
         whole = max(acceleration, gap2, curve, tiny(1.0_wp))
-        part = max(turn, (turn*(acceleration + gap2) + 2*speed*error/(reach*sine))/whole*max(1.0_wp, gap2/(sine*whole)))
+        at_dead_point = sine*whole/max(gap2, tiny(1.0_wp))    ! it would be one
+        part = max(turn, (turn*(acceleration + gap2) + 2*speed*error/(reach*sine))/whole &
+                   *max(1/at_dead_point, min(at_dead_point, 1/sine)))
         ! At a dead point itself nothing is known.
         part = merge(part, huge(1.0_wp), part <= huge(1.0_wp))
     end function uncertainty_of_motion

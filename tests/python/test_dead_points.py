@@ -131,9 +131,11 @@ def test_parallelogram_stays_one(step: float) -> None:
     run = linkage(1.0, 2.0, 1.0, 2.0, step).inverse(want="joint_variable")
     theta = run.q.values[:, 0]
     turn = run.joint_variable.sel(variable="C.angle").values - theta
-    # Rounding of the lengths, over the sine of the transmission angle.
-    limit = 16 * EPS / np.abs(np.sin(theta)) ** 2
-    assert (np.abs(np.angle(np.exp(1j * turn))) <= limit).all()
+    # Rounding of the lengths, over the sine of the transmission angle; where it leaves forces less than three digits, no numbers.
+    sine = np.abs(np.sin(theta))
+    ok = run.status.values == 0
+    assert (sine[~ok] ** 4 < 16 * EPS / 1e-3).all()
+    assert (np.abs(np.angle(np.exp(1j * turn[ok]))) <= 16 * EPS / sine[ok] ** 2).all()
 
 
 @pytest.mark.parametrize("excess", [1e-2, 1e-4, 1e-6])

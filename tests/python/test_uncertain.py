@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 import linkdyn
 
@@ -65,3 +67,63 @@ def test_change_point_of_a_parallelogram(
             assert np.isnan(run.driving_force.values[-1]).all()
     assert len(set(found)) == 1
     assert (found[0] == 0) == (angle > flagged)
+
+
+def free_parallelogram() -> dict[str, Any]:
+    """On its way through its change point at theta = 0, where M theta'' = -2 g cos(theta) with M = 1.7 kg m2."""
+    links = [("crank", "A", "B", 1.0), ("coupler", "B", "C", 2.0), ("rocker", "D", "C", 1.0)]
+    pairs = [("A", "frame", "crank"), ("B", "crank", "coupler"), ("C", "coupler", "rocker"), ("D", "frame", "rocker")]
+    return {
+        "space": "planar",
+        "gravity": [0.0, -9.81],
+        "frame": {"markers": {"A": [0.0, 0.0], "D": [2.0, 0.0]}},
+        "link": [
+            {"name": name, "mass": 1.0, "inertia": 0.1, "cog": [length / 2, 0.0], "markers": {a: [0.0, 0.0], b: [length, 0.0]}}
+            for name, a, b, length in links
+        ],
+        "joint": [{"name": j, "type": "revolute", "between": [f"{one}.{j}", f"{other}.{j}"]} for j, one, other in pairs],
+        "coordinate": [{"joint": "A", "start": {"position": 1.0, "velocity": -1.0}}],
+        "actuator": [{"joint": "A", "law": {"type": "constant", "value": 0.0}}],
+    }
+
+
+def forward(scene: linkdyn.Scene, t: np.ndarray, method: str, **options: float) -> Any:
+    try:
+        return scene.forward(t=t, method=method, **options)
+    except linkdyn.UnavailableError:
+        pytest.skip("built without GSL")
+
+
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "rkf45", "seulex", "msbdf", "rk4"])
+def test_runs_by_way_of_a_change_point(method: str) -> None:
+    """An instant of output however near it: results are right or flagged, reactions too, and so is what follows."""
+    scene = linkdyn.Scene(free_parallelogram())
+
+    def rates(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], -2 * 9.81 * np.cos(y[0]) / 1.7]
+
+    way = solve_ivp(rates, (0, 1.5), [1.0, -1.0], rtol=1e-13, atol=1e-13, method="DOP853", dense_output=True).sol
+    instant = brentq(lambda t: way(t)[0], 0.0, 0.6)
+    across = scene.inverse(q=[[0.05]], qd=[way(instant)[1:]], qdd=[rates(0.0, [0.05, 0.0])[1:]])
+    largest = 1.1 * np.abs(across.reaction.values).max()
+    for part in (0.0, 1e-7, 1e-6, 3e-6, 1e-5, 3e-5, 1e-4, 3e-4, 1e-3, 3e-3):
+        for side in (-1.0, 1.0):
+            t = np.array([0.0, instant + side * part / way(instant)[1], 1.5])
+            run = forward(scene, t, method)
+            ok = run.status.values == 0
+            # rk4 knows a wrong step by a millionth of the energy in motion.
+            assert np.abs(run.q.values[ok, 0] - way(t)[0][ok]).max() < 1e-5
+            assert np.abs(run.reaction.values[ok]).max() < largest
+
+
+@pytest.mark.parametrize(
+    ("method", "options"), [("rk4", {"step": 1e-2}), ("rk4", {"step": 1e-3}), ("msbdf", {"rtol": 1e-3, "atol": 1e-3})]
+)
+def test_steps_that_leap_over_a_peak_end_the_run(method: str, options: dict[str, float]) -> None:
+    """A follower longer by 1e-6 m: near its change points forces rise for a moment that coarse steps pass by, and energy with them."""
+    scene = free_parallelogram()
+    scene["link"][2]["markers"]["C"] = [1.000001, 0.0]
+    run = forward(linkdyn.Scene(scene), np.linspace(0.0, 1.5, 16), method, **options)
+    energy = (run.kinetic_energy + run.potential_energy).values[run.status.values == 0]
+    assert "energy would change" in run.attrs["stopped"] and "too long" in run.attrs["stopped"]
+    assert np.ptp(energy) < 0.05 * energy[0]
