@@ -76,7 +76,6 @@ contains
         if (size(q, 2) == 0) return
         ! on which turn of a thread a nut is predicted, only the lanes look at
         if (any(is_threaded(model%joint%kind))) return
-        if (model%n_cam > 0) return                            ! where a cam is touched, too
         own = turning_each(model)
         sample%n = size(q, 2)
         sample%of(in_q)%x = q

@@ -1,0 +1,125 @@
+/* Look-ups in closed curves on vectors: the same bits on every machine, since nothing here is contracted. What they find is said
+ * in fortran/record/linkdyn_piecewise.f90, where the table is made: number of pieces, whether it is polar, coefficients of both
+ * components, x and y of the points at which pieces begin.
+ *
+ * Needs: vd, vi (vectors of doubles and of 64-bit integers), VECTOR_LANES, DUP(x), vector_sine_cosine.
+ */
+/* a where yes, else b */
+#define CHOICE(yes, a, b) ((vd)(((vi)(a) & (vi)(yes)) | ((vi)(b) & ~(vi)(yes))))
+
+/* Polynomials of a component on a piece of each lane, with its coefficients. */
+static inline void vector_take_coefficients(const double *table, vi piece, int component, vd c[4])
+{
+    const double *first = table + TABLE_HEAD + component*4*(long)table[0];
+    for (int k = 0; k < 4; k++)
+        for (int l = 0; l < VECTOR_LANES; l++) c[k][l] = first[4*piece[l] + k];
+}
+
+static inline vd vector_polynomial(const vd c[4], int order, vd t)
+{
+    switch (order) {
+    case 0: return c[0] + t*(c[1] + t*(c[2] + t*c[3]));
+    case 1: return c[1] + t*(DUP(2.0)*c[2] + t*(DUP(3.0)*c[3]));
+    case 2: return DUP(2.0)*c[2] + t*(DUP(6.0)*c[3]);
+    default: return DUP(6.0)*c[3] + DUP(0.0)*t;
+    }
+}
+
+/* A component at a place, or a derivative of it: `which` is 4 component + order. */
+static inline vd vector_piece(vd place, const double *table, long which)
+{
+    const vd last = DUP(table[0] - 1.0);
+    vd within = CHOICE(place > DUP(0.0), place, DUP(0.0)), c[4];
+    within = CHOICE(within < last, within, last);
+    vi piece;
+    for (int l = 0; l < VECTOR_LANES; l++) piece[l] = (int64_t)within[l];
+    vd whole;
+    for (int l = 0; l < VECTOR_LANES; l++) whole[l] = (double)piece[l];
+    vector_take_coefficients(table, piece, (int)(which/4), c);
+    return vector_polynomial(c, (int)(which%4), place - whole);
+}
+
+/* What vanishes at the best place, and how it grows with the part of the piece. */
+static inline void vector_look(const vd c[2][4], int is_polar, int is_farthest, vd part, vd a, vd b, vd *slope, vd *growth)
+{
+    const vd u = vector_polynomial(c[0], 0, part), u1 = vector_polynomial(c[0], 1, part), u2 = vector_polynomial(c[0], 2, part);
+    const vd v = vector_polynomial(c[1], 0, part), v1 = vector_polynomial(c[1], 1, part), v2 = vector_polynomial(c[1], 2, part);
+    vd p[2] = {a, b}, at[2] = {u, v}, first[2] = {u1, v1}, second[2] = {u2, v2};
+    if (is_polar) {
+        vd sine, cosine;
+        vector_sine_cosine(v, &sine, &cosine);
+        p[0] = cosine*a + sine*b;
+        p[1] = cosine*b - sine*a;
+        at[0] = u;
+        at[1] = DUP(0.0);
+        first[1] = u*v1;
+        second[0] = u2 - u*v1*v1;
+        second[1] = DUP(2.0)*u1*v1;
+    }
+    if (is_farthest) {
+        *slope = -(first[0]*p[0] + first[1]*p[1]);
+        *growth = -(second[0]*p[0] + second[1]*p[1]);
+    } else {
+        *slope = (at[0] - p[0])*first[0] + (at[1] - p[1])*first[1];
+        *growth = (first[0]*first[0] + first[1]*first[1]) + ((at[0] - p[0])*second[0] + (at[1] - p[1])*second[1]);
+    }
+}
+
+/* The point at which a piece begins that is nearest to (a, b), or farthest in that direction: the first of the best. */
+static inline vi vector_best_piece(const double *table, int is_farthest, vd a, vd b)
+{
+    const long n = (long)table[0];
+    const double *x = table + TABLE_HEAD + 8*n, *y = x + n;
+    vd best;
+    vi piece = {0};
+    for (long k = 0; k < n; k++) {
+        const vd xk = DUP(x[k]), yk = DUP(y[k]);
+        vd far;
+        if (is_farthest) far = -(xk*a + yk*b);
+        else far = (xk - a)*(xk - a) + (yk - b)*(yk - b);
+        if (k == 0) {
+            best = far;
+            continue;
+        }
+        const vi better = (vi)(far < best);
+        best = CHOICE(better, far, best);
+        piece = (((vi){0} + k) & better) | (piece & ~better);
+    }
+    return piece;
+}
+
+/* The place nearest to a point, or farthest in a direction. Lanes that are done wait for the others. */
+static inline vd vector_place(vd a, vd b, const double *table, long is_farthest)
+{
+    const int is_polar = table[1] > 0.0, is_far = is_farthest != 0;
+    const long n = (long)table[0];
+    vi piece = vector_best_piece(table, is_far, a, b);
+    vd c[2][4], slope, growth;
+    for (int k = 0; k < 2; k++) vector_take_coefficients(table, piece, k, c[k]);
+    vector_look(c, is_polar, is_far, DUP(0.0), a, b, &slope, &growth);
+    const vi before = (vi)(slope > DUP(0.0));
+    for (int l = 0; l < VECTOR_LANES; l++)
+        if (before[l]) piece[l] = piece[l] > 0 ? piece[l] - 1 : n - 1;
+    for (int k = 0; k < 2; k++) vector_take_coefficients(table, piece, k, c[k]);
+    vd part = CHOICE(before, DUP(1.0), DUP(0.0)), low = DUP(0.0), high = DUP(1.0);
+    vi busy = ~(vi){0};
+    for (int step = 0; step < MOST_PLACE_STEPS; step++) {
+        vector_look(c, is_polar, is_far, part, a, b, &slope, &growth);
+        const vi above = (vi)(slope > DUP(0.0));
+        high = CHOICE(above, part, high);
+        low = CHOICE(above, low, part);
+        vd next = part - slope/growth;
+        const vi sound = (vi)(growth > DUP(0.0)) & (vi)(next >= low) & (vi)(next <= high);
+        next = CHOICE(sound, next, (low + high)*DUP(0.5));
+        const vd move = (vd)((vi)(next - part) & INT64_MAX);
+        busy &= ~(vi)(move <= DUP(0x1p-52));
+        int is_any = 0;
+        for (int l = 0; l < VECTOR_LANES; l++) is_any |= busy[l] != 0;
+        if (!is_any) break;
+        part = CHOICE(busy, next, part);
+    }
+    vd whole;
+    for (int l = 0; l < VECTOR_LANES; l++) whole[l] = (double)piece[l];
+    return whole + part;
+}
+#undef CHOICE
