@@ -43,6 +43,8 @@ typedef int64_t wide_vi __attribute__((vector_size(8*VECTOR_LANES), may_alias));
 #define vector_whole wide_whole
 #define vector_take_coefficients wide_take_coefficients
 #define vector_polynomial wide_polynomial
+#define vector_small_sine_cosine wide_small_sine_cosine
+#define vector_take_axes wide_take_axes
 #define vector_look wide_look
 #define vector_best_piece wide_best_piece
 #define vector_piece wide_piece
@@ -99,6 +101,8 @@ typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
 #undef vector_whole
 #undef vector_take_coefficients
 #undef vector_polynomial
+#undef vector_small_sine_cosine
+#undef vector_take_axes
 #undef vector_look
 #undef vector_best_piece
 #undef vector_piece
@@ -116,6 +120,8 @@ typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
 #define vector_whole one_whole
 #define vector_take_coefficients one_take_coefficients
 #define vector_polynomial one_polynomial
+#define vector_small_sine_cosine one_small_sine_cosine
+#define vector_take_axes one_take_axes
 #define vector_look one_look
 #define vector_best_piece one_best_piece
 #define vector_piece one_piece

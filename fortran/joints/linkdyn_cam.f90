@@ -16,7 +16,7 @@ module linkdyn_cam
     use linkdyn_vector, only: vector, operator(+), operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: cam, cam_touch
+    public :: cam, cam_touch, pieces_of
 
     !> Where curve and follower touch, in the axes of the first marker.
     type :: cam_touch
@@ -63,6 +63,7 @@ contains
         n = size(curve%u) - 1
         pieces%is_polar = curve%is_polar
         pieces%knot = curve%knot
+        if (curve%is_polar) pieces%axis = reshape([([cos(curve%u(i)), sin(curve%u(i))], i=1, n)], [2, n])
         allocate (pieces%c(4, n, 2), source=0.0_wp)
         do i = 1, n
             associate (h => curve%u(i + 1) - curve%u(i))

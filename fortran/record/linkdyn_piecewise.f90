@@ -14,11 +14,14 @@ module linkdyn_piecewise
     public :: piecewise_curve, look_up, look_at, curve_of, which_of, packed
 
     integer, parameter :: most_steps = 60
+    real(wp), parameter :: small = 0.78_wp         !! angle of a piece up to which sine and cosine take no reduction [rad]
+    real(wp), parameter :: nearly = sqrt(epsilon(1.0_wp))/64    !! Newton's method squares what is left
 
     type :: piecewise_curve
         logical :: is_polar = .false.              !! radius and angle, which grows evenly on each piece; else x and y
         real(wp), allocatable :: c(:, :, :)        !! coefficients of powers 0 to 3 of the part (4, n, 2)
         real(wp), allocatable :: knot(:, :)        !! points at which pieces begin (2, n)
+        real(wp), allocatable :: axis(:, :)        !! and their directions, if it is polar (2, n)
     end type piecewise_curve
 
 contains
@@ -47,12 +50,16 @@ contains
         which_of = modulo(look, 8)
     end function which_of
 
-    !> All of a curve in one row, as look-ups on lanes read it: pieces, whether it is polar, coefficients, points.
+    !> All of a curve in one row, as look-ups on lanes read it.
     pure function packed(curve) result(row)
         type(piecewise_curve), intent(in) :: curve
         real(wp), allocatable :: row(:)
+        real(wp) :: form
 
-        row = [real(size(curve%knot, 2), wp), merge(1.0_wp, 0.0_wp, curve%is_polar), curve%c, curve%knot(1, :), curve%knot(2, :)]
+        form = 0
+        if (curve%is_polar) form = merge(1.0_wp, 2.0_wp, all(abs(curve%c(2, :, 2)) <= small))
+        row = [real(size(curve%knot, 2), wp), form, curve%c, curve%knot(1, :), curve%knot(2, :)]
+        if (curve%is_polar) row = [row, curve%axis(1, :), curve%axis(2, :)]
     end function packed
 
     ! ---------------------------------------------------------------- looking up
@@ -105,7 +112,8 @@ contains
         type(piecewise_curve), intent(in) :: curve
         logical, intent(in) :: is_nearest          !! to the point (a, b); else farthest in that direction
         real(wp), intent(in) :: a, b
-        real(wp) :: best, far, slope, growth, low, high, part, next
+        real(wp) :: best, far, slope, growth, low, high, part, next, move
+        logical :: is_sound
         integer :: i, k, n, step
 
         n = size(curve%knot, 2)
@@ -136,37 +144,41 @@ contains
                 low = part
             end if
             next = part - slope/growth
-            if (.not. (growth > 0 .and. next >= low .and. next <= high)) next = (low + high)*0.5_wp
-            if (abs(next - part) <= epsilon(1.0_wp)) exit
+            is_sound = growth > 0 .and. next >= low .and. next <= high
+            if (.not. is_sound) next = (low + high)*0.5_wp
+            move = abs(next - part)
             part = next
+            if (move <= epsilon(1.0_wp) .or. (is_sound .and. move <= nearly)) exit
         end do
         place = i + part
     end function best_place
 
-    !> What vanishes at the best place, and how it grows with the part of piece i. In polar coordinates in axes along the radius
-    !> and square to it.
+    !> What vanishes at the best place, and how it grows with the part of piece i. Polar in axes along the radius and square to it,
+    !> which have turned since the piece began.
     pure subroutine look(curve, is_nearest, i, part, a, b, slope, growth)
         type(piecewise_curve), intent(in) :: curve
         logical, intent(in) :: is_nearest
         integer, intent(in) :: i
         real(wp), intent(in) :: part, a, b
         real(wp), intent(out) :: slope, growth
-        real(wp) :: u(0:2), v(0:2), c(2), c1(2), c2(2), p(2)
+        real(wp) :: u(0:2), c(2), c1(2), c2(2), p(2), q(2), turned
 
         u = [polynomial(curve%c(:, i + 1, 1), 0, part), polynomial(curve%c(:, i + 1, 1), 1, part), &
              polynomial(curve%c(:, i + 1, 1), 2, part)]
-        v = [polynomial(curve%c(:, i + 1, 2), 0, part), polynomial(curve%c(:, i + 1, 2), 1, part), &
-             polynomial(curve%c(:, i + 1, 2), 2, part)]
         if (curve%is_polar) then
-            p = [cos(v(0))*a + sin(v(0))*b, cos(v(0))*b - sin(v(0))*a]
-            c = [u(0), 0.0_wp]
-            c1 = [u(1), u(0)*v(1)]
-            c2 = [u(2) - u(0)*v(1)*v(1), 2*u(1)*v(1)]
+            associate (axis => curve%axis(:, i + 1), v => curve%c(2, i + 1, 2))
+                q = [axis(1)*a + axis(2)*b, axis(1)*b - axis(2)*a]
+                turned = v*part
+                p = [cos(turned)*q(1) + sin(turned)*q(2), cos(turned)*q(2) - sin(turned)*q(1)]
+                c = [u(0), 0.0_wp]
+                c1 = [u(1), u(0)*v]
+                c2 = [u(2) - u(0)*v*v, 2*u(1)*v]
+            end associate
         else
             p = [a, b]
-            c = [u(0), v(0)]
-            c1 = [u(1), v(1)]
-            c2 = [u(2), v(2)]
+            c = [u(0), polynomial(curve%c(:, i + 1, 2), 0, part)]
+            c1 = [u(1), polynomial(curve%c(:, i + 1, 2), 1, part)]
+            c2 = [u(2), polynomial(curve%c(:, i + 1, 2), 2, part)]
         end if
         if (is_nearest) then
             slope = (c(1) - p(1))*c1(1) + (c(2) - p(2))*c1(2)

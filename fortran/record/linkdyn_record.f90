@@ -162,6 +162,7 @@ contains
         do i = 1, n
             call move_alloc(record%curve(i)%c, more(i)%c)
             call move_alloc(record%curve(i)%knot, more(i)%knot)
+            if (allocated(record%curve(i)%axis)) call move_alloc(record%curve(i)%axis, more(i)%axis)
             more(i)%is_polar = record%curve(i)%is_polar
         end do
         more(n + 1) = curve
