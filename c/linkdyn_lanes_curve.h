@@ -103,27 +103,41 @@ static inline void vector_look(const vd c[2][4], double form, int is_farthest, v
     }
 }
 
-/* The point at which a piece begins that is nearest to (a, b), or farthest in that direction: the first of the best. */
+/* How far points are from (a, b), squared; against the direction (a, b), if the farthest is looked for. */
+static inline vd vector_far(int is_farthest, vd x, vd y, vd a, vd b)
+{
+    return is_farthest ? -(x*a + y*b) : (x - a)*(x - a) + (y - b)*(y - b);
+}
+
+/* The point at which a piece begins that is nearest to (a, b), or farthest in that direction: the first of the best. Points are
+ * looked at in rows, so that a processor has several to do at a time; a row keeps the first of its own. */
 static inline vi vector_best_piece(const double *table, int is_farthest, vd a, vd b)
 {
+    enum { ROWS = VECTOR_LANES == 1 ? 8 : 2 };
     const long n = (long)table[0];
     const double *x = table + TABLE_HEAD + 8*n, *y = x + n;
-    vd best;
-    vi piece = {0};
-    for (long k = 0; k < n; k++) {
-        const vd xk = DUP(x[k]), yk = DUP(y[k]);
-        vd far;
-        if (is_farthest) far = -(xk*a + yk*b);
-        else far = (xk - a)*(xk - a) + (yk - b)*(yk - b);
-        if (k == 0) {
-            best = far;
-            continue;
-        }
-        const vi better = (vi)(far < best);
-        best = CHOICE(better, far, best);
-        piece = (((vi){0} + k) & better) | (piece & ~better);
+    vd best[ROWS];
+    vi piece[ROWS];
+    for (long k = 0; k < ROWS; k++) {
+        const long i = k < n ? k : 0;
+        best[k] = vector_far(is_farthest, DUP(x[i]), DUP(y[i]), a, b);
+        piece[k] = (vi){0} + i;
     }
-    return piece;
+    for (long k = ROWS; k < n; k += ROWS) {
+        _Pragma("GCC unroll 8") for (int r = 0; r < ROWS; r++) {
+            const long i = k + r < n ? k + r : 0;
+            const vd far = vector_far(is_farthest, DUP(x[i]), DUP(y[i]), a, b);
+            const vi better = (vi)(far < best[r]);
+            best[r] = CHOICE(better, far, best[r]);
+            piece[r] = (((vi){0} + i) & better) | (piece[r] & ~better);
+        }
+    }
+    for (int r = 1; r < ROWS; r++) {
+        const vi better = (vi)(best[r] < best[0]) | ((vi)(best[r] == best[0]) & (vi)(piece[r] < piece[0]));
+        best[0] = CHOICE(better, best[r], best[0]);
+        piece[0] = (piece[r] & better) | (piece[0] & ~better);
+    }
+    return piece[0];
 }
 
 /* The place nearest to a point, or farthest in a direction. Lanes that are done wait for the others. */

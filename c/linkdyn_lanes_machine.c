@@ -46,6 +46,7 @@ typedef int64_t wide_vi __attribute__((vector_size(8*VECTOR_LANES), may_alias));
 #define vector_small_sine_cosine wide_small_sine_cosine
 #define vector_take_axes wide_take_axes
 #define vector_look wide_look
+#define vector_far wide_far
 #define vector_best_piece wide_best_piece
 #define vector_piece wide_piece
 #define vector_place wide_place
@@ -104,6 +105,7 @@ typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
 #undef vector_small_sine_cosine
 #undef vector_take_axes
 #undef vector_look
+#undef vector_far
 #undef vector_best_piece
 #undef vector_piece
 #undef vector_place
@@ -123,6 +125,7 @@ typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
 #define vector_small_sine_cosine one_small_sine_cosine
 #define vector_take_axes one_take_axes
 #define vector_look one_look
+#define vector_far one_far
 #define vector_best_piece one_best_piece
 #define vector_piece one_piece
 #define vector_place one_place

@@ -20,7 +20,7 @@ module linkdyn_carried_assembly
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly
-    public :: keep_evaluated, count_passed, leaves_doubt
+    public :: keep_evaluated, count_passed, leaves_doubt, secant
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
