@@ -569,7 +569,16 @@ contains
         self%may_record = self%record%recorded%is_usable
         if (self%may_record) self%may_record = agrees_with_lanes(self, t)
         if (self%may_record) call record_motion_forces(self%of_motion)
+        if (self%may_record) call help_lanes(self)
     end subroutine make_record
+
+    !> Groups are closed by the record's programs where lanes look at a state, too.
+    subroutine help_lanes(self)
+        class(forward_system), intent(inout) :: self
+
+        nullify (self%assembly%closer)
+        if (size(self%model%group) > 0) self%assembly%closer => self%record%recorded%closing
+    end subroutine help_lanes
 
     !> Use the record of another system of the same scene.
     subroutine share_record(self, other)
@@ -580,6 +589,7 @@ contains
         if (.not. self%may_record) return
         call share_forward_record(self%model, other%record%recorded, self%record)
         call share_motion_forces(other%of_motion, self%of_motion)
+        call help_lanes(self)
     end subroutine share_record
 
     !> dy/dt of the lanes used; the others are like the last of these.
