@@ -271,7 +271,13 @@ static void put_call(struct allocation *a, const struct lane_step *s, const int 
         if (is_operand || !is_over(a, slot)) store(a, slot);
         release(a, slot);
     }
-    if (s->kind == LANE_ARCTANGENT)
+    if (s->kind == LANE_PIECE)
+        put(a, (struct emit_step){.kind = EMIT_PIECE, .d = s->out, .z = {IN_SLOT, s->c}, .table = a->line->n_constant + s->table,
+            .which = s->which});
+    else if (s->kind == LANE_NEAREST || s->kind == LANE_FARTHEST)
+        put(a, (struct emit_step){.kind = EMIT_PLACE, .d = s->out, .y = s->b, .z = {IN_SLOT, s->c},
+            .table = a->line->n_constant + s->table, .which = s->kind == LANE_FARTHEST});
+    else if (s->kind == LANE_ARCTANGENT)
         put(a, (struct emit_step){.kind = EMIT_ARCTANGENT, .d = s->out, .y = s->x, .z = {IN_SLOT, s->c}});
     else
         put(a, (struct emit_step){.kind = EMIT_SINE_COSINE, .d = s->out, .y = s->second, .z = {IN_SLOT, s->c}});
@@ -295,7 +301,7 @@ static void put_step(struct allocation *a, const struct lane_step *s, const stru
         if (a->home[operand[i]] != NO_REGISTER) a->pinned |= (uint32_t)1 << a->home[operand[i]];
     }
     switch (s->kind) {
-    case LANE_SINE_COSINE: case LANE_ARCTANGENT:
+    case LANE_SINE_COSINE: case LANE_ARCTANGENT: case LANE_PIECE: case LANE_NEAREST: case LANE_FARTHEST:
         put_call(a, s, operand, needs);
         return;
     case LANE_MULTIPLY_ADD: d = put_multiply_add(a, EMIT_MULTIPLY_ADD_132, s->x, s->b, s->c); break;

@@ -19,7 +19,7 @@ bool has_many_registers(code_set set) {
 }
 
 // The most bytes that a step, and the frame of a function, may take.
-constexpr size_t step_bytes = 40, function_bytes = 96, literal_bytes = 4096;
+constexpr size_t step_bytes = 64, function_bytes = 96, literal_bytes = 4096;
 
 enum { less_ordered = 0x11, nearest_even = 8 };    // _CMP_LT_OQ; rounding without the exception for what is lost
 
@@ -120,6 +120,21 @@ struct emitter : CodeGenerator {
 #undef MULTIPLY_ADD
         case EMIT_SINE_COSINE: call_on_slots((size_t)functions.sine_cosine, z.index, s.d, s.y); break;
         case EMIT_ARCTANGENT: call_on_slots((size_t)functions.arctangent, s.y, z.index, s.d); break;
+        case EMIT_PIECE:
+            lea(rdi, slot(z.index));
+            lea(rsi, slot(s.d));
+            lea(rdx, ptr[r14 + (size_t)s.table*8]);
+            mov(ecx, s.which);
+            call_function((size_t)functions.piece);
+            break;
+        case EMIT_PLACE:
+            lea(rdi, slot(z.index));
+            lea(rsi, slot(s.y));
+            lea(rdx, slot(s.d));
+            lea(rcx, ptr[r14 + (size_t)s.table*8]);
+            mov(r8d, s.which);
+            call_function((size_t)functions.place);
+            break;
         }
     }
 #undef FORM
@@ -128,6 +143,10 @@ struct emitter : CodeGenerator {
         lea(rdi, slot(a));
         lea(rsi, slot(b));
         lea(rdx, slot(c));
+        call_function(function);
+    }
+
+    void call_function(size_t function) {
         mov(rax, function);
         call(rax);
     }

@@ -34,7 +34,9 @@ enum emit_kind {
     EMIT_MULTIPLY_SUBTRACT_132, EMIT_MULTIPLY_SUBTRACT_213, EMIT_MULTIPLY_SUBTRACT_231,
     EMIT_SUBTRACT_PRODUCT_132, EMIT_SUBTRACT_PRODUCT_213, EMIT_SUBTRACT_PRODUCT_231,
     EMIT_SINE_COSINE,           /* slots d, y = sine and cosine of slot z: a call, all registers are lost */
-    EMIT_ARCTANGENT             /* slot d = angle of (x: slot z, y: slot y): a call */
+    EMIT_ARCTANGENT,            /* slot d = angle of (x: slot z, y: slot y): a call */
+    EMIT_PIECE,                 /* slot d = what `which` says of the table behind constant `table` at slot z: a call */
+    EMIT_PLACE                  /* slot d = the place found there for slots z, y; `which`: the farthest one: a call */
 };
 
 struct emit_step {
@@ -42,12 +44,15 @@ struct emit_step {
     int16_t x;                  /* a register */
     int32_t d, y;               /* registers, or slots */
     struct place z;
+    int32_t table, which;
 };
 
 /* What code calls for the functions that are no instructions; pointers to one column. */
 struct lane_functions {
     void (*sine_cosine)(const double *x, double *sine, double *cosine);
     void (*arctangent)(const double *y, const double *x, double *angle);
+    void (*piece)(const double *place, double *out, const double *table, long which);
+    void (*place)(const double *a, const double *b, double *out, const double *table, long is_farthest);
 };
 
 /* Runs one group on columns of slots. */

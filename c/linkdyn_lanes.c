@@ -73,7 +73,12 @@ static void pack_instructions(struct packed *p, const int *reads)
             const struct lane_step *s = &line->step[k];
             const int has_accumulator = last >= 0 && s->c == line->step[last].out && s->x != s->c && s->b != s->c;
             struct instruction32 c = {0, s->out, 0, 0, s->c};
-            if (s->kind == LANE_SINE_COSINE) {
+            if (s->kind > LANE_SINE_COSINE) {
+                c.code = s->kind*8;
+                c.a = line->n_constant + s->table;
+                c.b = s->kind == LANE_PIECE ? s->which : s->b;
+                last = -1;
+            } else if (s->kind == LANE_SINE_COSINE) {
                 c.code = LANE_SINE_COSINE*8 + (has_accumulator ? FORM_ACCUMULATOR : 0);
                 c.b = s->second;
                 last = -1;
@@ -103,15 +108,16 @@ void linkdyn_unpack(struct packed *p)
     free(p);
 }
 
-/* Slots are counted from 0 here; an operand that is not there is -1. NULL: no memory. */
+/* Slots are counted from 0 here; an operand that is not there is -1. The table is what look-ups read. NULL: no memory. */
 struct packed *linkdyn_pack(int n_step, const struct record_step *step, const int32_t *output, int n_group, const int32_t *output_end,
-                            const int32_t *step_end, int n_slot, int first_constant, int n_constant, const double *constant)
+                            const int32_t *step_end, int n_slot, int first_constant, int n_constant, const double *constant,
+                            int n_table, const double *table)
 {
     struct packed *p = calloc(1, sizeof *p);
     if (!p) return NULL;
     p->line = (struct lane_line){.n_slot = n_slot, .first_constant = first_constant, .n_constant = n_constant};
-    p->is_wide = n_slot > UINT16_MAX || n_constant > UINT16_MAX;
-    p->constant = malloc(sizeof(double)*(n_constant + 1));
+    p->is_wide = n_slot > UINT16_MAX || n_constant + n_table > UINT16_MAX;
+    p->constant = malloc(sizeof(double)*(n_constant + n_table + 1));
     p->group = malloc(sizeof(int)*(n_group + 1));
     p->step = calloc(n_step + n_group + 1, p->is_wide ? sizeof(struct instruction32) : sizeof(struct instruction16));
     int *reads = NULL;
@@ -122,6 +128,7 @@ struct packed *linkdyn_pack(int n_step, const struct record_step *step, const in
         return NULL;
     }
     memcpy(p->constant, constant, sizeof(double)*n_constant);
+    memcpy(p->constant + n_constant, table, sizeof(double)*n_table);
     pack_instructions(p, reads);
     free(reads);
     return p;

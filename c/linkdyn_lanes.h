@@ -28,6 +28,9 @@ enum {
     LANE_SELECT,              /* b if x > 0, else c */
     LANE_ARCTANGENT,          /* angle of (c, x) */
     LANE_SINE_COSINE,         /* sine of c to `out`, cosine to slot b */
+    LANE_PIECE,               /* a component of a curve at place c, or a derivative of it */
+    LANE_NEAREST,             /* the place of a curve nearest to the point (c, b) */
+    LANE_FARTHEST,            /* the place of a curve farthest in the direction (c, b) */
     LANE_END,
     LANE_KINDS
 };
@@ -46,6 +49,7 @@ struct lane_step {
     int kind, out;              /* LANE_*, the slot of the result */
     int second;                 /* of the cosine */
     int x, b, c;
+    int table, which;           /* of look-ups: where the curve begins in the table, and what of it */
 };
 struct lane_line {
     int n_step;
@@ -54,7 +58,7 @@ struct lane_line {
     int32_t *output_end;
     int *step_end;
     int32_t *output;            /* slots */
-    int n_slot, first_constant, n_constant;
+    int n_slot, first_constant, n_constant;    /* what look-ups read stands behind the constants */
 };
 
 struct instruction16 { uint16_t code, out, a, b, c; };

@@ -23,6 +23,7 @@
 #define WIDE_VECTORS 8
 #endif
 enum { LANES = VECTOR_LANES*WIDE_VECTORS };
+enum { TABLE_HEAD = 2, MOST_PLACE_STEPS = 60 };    /* of look-ups in curves */
 
 #define CONCAT2(a, b) a##b
 #define CONCAT(a, b) CONCAT2(a, b)
@@ -40,7 +41,17 @@ typedef int64_t wide_vi __attribute__((vector_size(8*VECTOR_LANES), may_alias));
 #define vector_sine_cosine wide_sine_cosine
 #define vector_arctangent wide_arctangent
 #define vector_whole wide_whole
+#define vector_take_coefficients wide_take_coefficients
+#define vector_polynomial wide_polynomial
+#define vector_small_sine_cosine wide_small_sine_cosine
+#define vector_take_axes wide_take_axes
+#define vector_look wide_look
+#define vector_far wide_far
+#define vector_best_piece wide_best_piece
+#define vector_piece wide_piece
+#define vector_place wide_place
 #include "linkdyn_lanes_math.h"
+#include "linkdyn_lanes_curve.h"
 
 #if VECTOR_LANES == 8
 static inline vd wide_multiply_add(vd a, vd b, vd c) { return (vd)_mm512_fmadd_pd((__m512d)a, (__m512d)b, (__m512d)c); }
@@ -89,6 +100,15 @@ typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
 #undef vector_sine_cosine
 #undef vector_arctangent
 #undef vector_whole
+#undef vector_take_coefficients
+#undef vector_polynomial
+#undef vector_small_sine_cosine
+#undef vector_take_axes
+#undef vector_look
+#undef vector_far
+#undef vector_best_piece
+#undef vector_piece
+#undef vector_place
 #undef vector_multiply_add
 #undef vector_multiply_subtract
 #undef vector_subtract_product
@@ -100,7 +120,17 @@ typedef int64_t one_vi __attribute__((vector_size(8), may_alias));
 #define vector_sine_cosine one_sine_cosine
 #define vector_arctangent one_arctangent
 #define vector_whole one_whole
+#define vector_take_coefficients one_take_coefficients
+#define vector_polynomial one_polynomial
+#define vector_small_sine_cosine one_small_sine_cosine
+#define vector_take_axes one_take_axes
+#define vector_look one_look
+#define vector_far one_far
+#define vector_best_piece one_best_piece
+#define vector_piece one_piece
+#define vector_place one_place
 #include "linkdyn_lanes_math.h"
+#include "linkdyn_lanes_curve.h"
 
 static inline vd one_multiply_add(vd a, vd b, vd c) { return (vd){__builtin_fma(a[0], b[0], c[0])}; }
 static inline vd one_multiply_subtract(vd a, vd b, vd c) { return (vd){__builtin_fma(a[0], b[0], -c[0])}; }
@@ -141,6 +171,16 @@ static void call_wide_arctangent(const double *y, const double *x, double *angle
     *(wide_vd *)angle = wide_arctangent(*(const wide_vd *)y, *(const wide_vd *)x);
 }
 
+static void call_wide_piece(const double *place, double *out, const double *table, long which)
+{
+    *(wide_vd *)out = wide_piece(*(const wide_vd *)place, table, which);
+}
+
+static void call_wide_place(const double *a, const double *b, double *out, const double *table, long is_farthest)
+{
+    *(wide_vd *)out = wide_place(*(const wide_vd *)a, *(const wide_vd *)b, table, is_farthest);
+}
+
 static void call_one_sine_cosine(const double *x, double *sine, double *cosine)
 {
     one_vd s, c;
@@ -152,6 +192,16 @@ static void call_one_sine_cosine(const double *x, double *sine, double *cosine)
 static void call_one_arctangent(const double *y, const double *x, double *angle)
 {
     *(one_vd *)angle = one_arctangent(*(const one_vd *)y, *(const one_vd *)x);
+}
+
+static void call_one_piece(const double *place, double *out, const double *table, long which)
+{
+    *(one_vd *)out = one_piece(*(const one_vd *)place, table, which);
+}
+
+static void call_one_place(const double *a, const double *b, double *out, const double *table, long is_farthest)
+{
+    *(one_vd *)out = one_place(*(const one_vd *)a, *(const one_vd *)b, table, is_farthest);
 }
 
 /* ---------------------------------------------------------------- samples into lanes and back */
@@ -278,6 +328,7 @@ const struct lane_machine CONCAT(linkdyn_machine_, MACHINE) = {
     0,
 #endif
     run16, run32, run_one16, run_one32,
-    {call_wide_sine_cosine, call_wide_arctangent}, {call_one_sine_cosine, call_one_arctangent},
+    {call_wide_sine_cosine, call_wide_arctangent, call_wide_piece, call_wide_place},
+    {call_one_sine_cosine, call_one_arctangent, call_one_piece, call_one_place},
     gather, scatter,
 };

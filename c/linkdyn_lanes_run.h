@@ -33,6 +33,7 @@ static void RUN(const struct INSTRUCTION *step, double *slot, const double *cons
     static const void *const handler[LANE_KINDS*8] = {
         KINDS(ADDRESSES)
         [LANE_SINE_COSINE*8] = &&do_sine_cosine, [LANE_SINE_COSINE*8 + 1] = &&do_sine_cosine_acc,
+        [LANE_PIECE*8] = &&do_piece, [LANE_NEAREST*8] = &&do_nearest, [LANE_FARTHEST*8] = &&do_farthest,
         [LANE_END*8] = &&end,
     };
     vd *const s = (vd *)slot;
@@ -67,6 +68,23 @@ do_sine_cosine: {
         step++;
         goto *handler[step->code];
     }
+do_piece: {
+        const vd *c = s + (long)VECTORS*step->c;
+        vd *out = s + (long)VECTORS*step->out;
+        for (int i = 0; i < VECTORS; i++) out[i] = vector_piece(c[i], constant + step->a, step->b);
+        step++;
+        goto *handler[step->code];
+    }
+#define PLACE_HANDLER(label, is_farthest) \
+    label: { \
+        const vd *b = s + (long)VECTORS*step->b, *c = s + (long)VECTORS*step->c; \
+        vd *out = s + (long)VECTORS*step->out; \
+        for (int i = 0; i < VECTORS; i++) out[i] = vector_place(c[i], b[i], constant + step->a, is_farthest); \
+        step++; \
+        goto *handler[step->code]; \
+    }
+    PLACE_HANDLER(do_nearest, 0)
+    PLACE_HANDLER(do_farthest, 1)
 end:
     return;
 }
@@ -74,6 +92,7 @@ end:
 #undef ADDRESSES
 #undef HANDLER
 #undef HANDLERS
+#undef PLACE_HANDLER
 #undef FORMS
 #undef KINDS
 #undef UNROLLED

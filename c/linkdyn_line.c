@@ -6,7 +6,7 @@
 
 /* Instructions as the schedule numbers them: the operations of a record, then those that join two. */
 enum { OP_ADD = 4, OP_SUBTRACT, OP_MULTIPLY, OP_RECIPROCAL, OP_ROOT, OP_SINE, OP_COSINE, OP_ARCTANGENT, OP_MINIMUM, OP_MAXIMUM,
-       OP_ABSOLUTE, OP_SELECT, OP_WHOLE, OP_MULTIPLY_ADD, OP_MULTIPLY_SUBTRACT, OP_SUBTRACT_PRODUCT };
+       OP_ABSOLUTE, OP_SELECT, OP_WHOLE, OP_PIECE, OP_NEAREST, OP_FARTHEST, OP_MULTIPLY_ADD, OP_MULTIPLY_SUBTRACT, OP_SUBTRACT_PRODUCT };
 
 int linkdyn_is_constant(const struct lane_line *line, int slot)
 {
@@ -58,6 +58,16 @@ static struct lane_step step_of(const struct lane_line *line, const struct recor
     case OP_ROOT: r.kind = LANE_ROOT; break;
     case OP_ABSOLUTE: r.kind = LANE_ABSOLUTE; break;
     case OP_WHOLE: r.kind = LANE_WHOLE; break;
+    case OP_PIECE:
+        r.kind = LANE_PIECE;
+        r.table = s->table;
+        r.which = s->which;
+        break;
+    case OP_NEAREST: case OP_FARTHEST:
+        r.kind = s->kind == OP_NEAREST ? LANE_NEAREST : LANE_FARTHEST;
+        r.table = s->table;
+        r.b = o[1];
+        break;
     default: r.kind = LANE_SINE_COSINE; break;
     }
     return r;
@@ -95,7 +105,7 @@ int linkdyn_make_line(int n_step, const struct record_step *step, const int32_t 
         while (k < step_end[g]) {
             struct lane_step *s = &line->step[line->n_step++];
             *s = step_of(line, &step[k], last);
-            last = s->kind == LANE_SINE_COSINE ? NO_SLOT : s->out;
+            last = leaves_accumulator(s->kind) ? s->out : NO_SLOT;
             k += s->kind == LANE_SINE_COSINE ? join_sine_cosine(line, &step[k], step_end[g] - k, s) : 1;
         }
         line->step_end[g] = line->n_step;

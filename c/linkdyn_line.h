@@ -5,8 +5,11 @@
 #include "linkdyn_lanes.h"
 
 /* A step as the schedule numbers them: an operation of records, or one that joins two; slots are counted from 0, an operand
- * that is not there is negative. */
-struct record_step { int32_t kind, result, operand[3]; };
+ * that is not there is negative. Of a look-up: where its curve begins in the table, and what of it. */
+struct record_step { int32_t kind, result, operand[3], table, which; };
+
+/* Is the result of a step in registers when the next one begins? Not if a function has made it. */
+static inline int leaves_accumulator(int kind) { return kind < LANE_SINE_COSINE; }
 
 /* Two slots change places. */
 static inline void swap_slots(int *a, int *b)

@@ -84,6 +84,7 @@ contains
         call add(number("sine") + number("cosine"), "sines and cosines")
         call add(number("arctangent"), "angles")
         call add(number("minimum") + number("maximum") + number("absolute") + number("select") + number("whole"), "choices")
+        call add(number("piece") + number("nearest") + number("farthest"), "look-ups in curves")
         text = text//")"
 
     contains

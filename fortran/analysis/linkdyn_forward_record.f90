@@ -2,20 +2,22 @@
 module linkdyn_forward_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_base_motion, only: evaluate_base
-    use linkdyn_carried_assembly, only: carried_assembly, leaves_doubt
+    use linkdyn_carried_assembly, only: carried_assembly, leaves_doubt, secant
+    use linkdyn_closing_programs, only: make_closing_programs
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: contact_type
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_drives, only: coordinate_of_actuator
     use linkdyn_equations, only: unknown_choice, choose_poses
     use linkdyn_forward_state, only: state_layout, fill_start
-    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion
+    use linkdyn_group_stride, only: close_places, predicted
+    use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_place
     use linkdyn_joint_rates, only: coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_laws, only: evaluate_law
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type, step_pose, gives_attitude
+    use linkdyn_model, only: model_type, step_pose, gives_attitude, place_size
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_rate_program, only: rate_outputs
@@ -23,10 +25,11 @@ module linkdyn_forward_record
         free_rate_samples, run_rates, apply_laws
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint
+    use linkdyn_uncertainty, only: is_surely_certain
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
-    public :: place_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
+    public :: place_states, close_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
 
     !> A record, and the samples of one run.
     type :: forward_record
@@ -43,13 +46,14 @@ module linkdyn_forward_record
 contains
 
     !> May the scene have a record? Attitudes must come all in the same way, no coordinate stand in for another one,
-    !> whose turns a record does not count; motors that laws are about must drive coordinates.
+    !> whose turns a record does not count; motors that laws are about must drive coordinates. Groups are closed by iteration from
+    !> coordinates alone.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         integer :: i
 
-        can_be_recorded = size(model%group) == 0 .and. all(model%scene%coordinate%for_joint == 0) &
+        can_be_recorded = (size(model%group) == 0 .or. model%n_attitude == 0) .and. all(model%scene%coordinate%for_joint == 0) &
                           .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
         can_be_recorded = can_be_recorded .and. motors_can_be_recorded(model, layout)
         do i = 1, size(model%step)
@@ -81,7 +85,12 @@ contains
         request%has_friction = size(model%contact) > 0
         request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
-        call record_rates(model, request, wants_power, representatives(model, layout, pose), stand, record%recorded)
+        call record_rates(model, request, wants_power, representatives(model, layout, pose, assembly), stand, record%recorded)
+        if (record%recorded%is_usable .and. size(model%group) > 0) then
+            call make_closing_programs(model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), &
+                                       record%recorded%closing)
+            record%recorded%is_usable = record%recorded%closing%is_usable
+        end if
         call release_texts()
         if (record%recorded%is_usable) call prepare_samples(model, record)
     end subroutine make_forward_record
@@ -106,16 +115,19 @@ contains
     end subroutine free_forward_record
 
     !> Poses as samples of the program's inputs.
-    function representatives(model, layout, pose) result(sample)
+    function representatives(model, layout, pose, assembly) result(sample)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: pose(:, :)             !! (n_q, n)
+        type(sample_assembly), intent(in) :: assembly  !! there
         type(sample_set) :: sample
         real(wp) :: y(lanes, layout%n)
         integer :: i, p
 
         sample%n = size(pose, 2)
         sample%of(in_q)%x = pose
+        if (size(model%group) > 0) sample%of(in_place)%x = &
+            reshape(assembly%place(:, :, :sample%n), [place_size(model)*model%n_link, sample%n])
         allocate (sample%of(in_quaternion)%x(4*model%n_attitude, sample%n))
         sample%of(in_quaternion)%x = 0
         do i = 1, sample%n
@@ -261,6 +273,37 @@ contains
         end function turns_of
     end subroutine place_states
 
+    !> Where the links of groups are at the first n states placed, from where those of the accepted state lead. What does not
+    !> converge as it must, or lies too near a singular position to be surely certain, is left.
+    subroutine close_states(model, assembly, n, record)
+        type(model_type), intent(in) :: model
+        type(carried_assembly), intent(in) :: assembly !! of the accepted state
+        integer, intent(in) :: n
+        type(forward_record), intent(inout) :: record
+        real(wp) :: place(place_size(model), model%n_link, n)
+        logical :: is_closed(n)
+        integer :: lane, g
+
+        if (size(model%group) == 0) return
+        associate (samples => record%samples)
+            do lane = 1, n
+                place(:, :, lane) = predicted(model, assembly%place(lane, :, :), assembly%column(lane, :, :, :), &
+                                              samples%q(:, lane) - assembly%q(lane, :))
+            end do
+            is_closed = .not. samples%is_left(:n)
+            call close_places(model, record%recorded%closing, samples%q(:, :n), samples%branch(:, :n), place, &
+                              samples%group_margin(:, :n), is_closed)
+            do lane = 1, n
+                samples%place(:, lane) = reshape(place(:, :, lane), [size(samples%place, 1)])
+                do g = 1, size(model%group)
+                    is_closed(lane) = is_closed(lane) .and. is_surely_certain(samples%group_margin(g, lane), &
+                                                                              size(model%group(g)%unit))
+                end do
+            end do
+            samples%is_left(:n) = .not. is_closed
+        end associate
+    end subroutine close_states
+
     !> May a mechanism have left its assembly on the way to the state that the record was run on last in a lane? Judged as lanes
     !> are.
     pure logical function may_change_assembly(model, assembly, lane, t, record) result(may)
@@ -270,12 +313,21 @@ contains
         real(wp), intent(in) :: t                      !! [s]
         type(forward_record), intent(in) :: record
         real(wp) :: ahead
+        integer :: n_group
 
-        associate (found => record%samples%found(:, lane), out => record%recorded%out, n => model%n_branch)
+        n_group = size(model%group)
+        associate (found => record%samples%found(:, lane), out => record%recorded%out, n => model%n_branch, &
+                   of_groups => record%samples%group_margin(:, lane))
             ahead = t - assembly%t(lane)
             may = any(leaves_doubt(model%scene%passes_change_points, model%least_margin(:n), assembly%margin(lane, :n), &
                                    ahead*assembly%drift(lane, :n), found(out%margin:out%margin + n - 1), &
                                    ahead*found(out%drift:out%drift + n - 1)))
+            if (n_group == 0) return
+            associate (least => model%least_margin(n + 1:n + n_group), before => assembly%margin(lane, n + 1:n + n_group), &
+                       drift => assembly%drift(lane, n + 1:n + n_group))
+                may = may .or. any(leaves_doubt(model%scene%passes_change_points, least, before, ahead*drift, of_groups, &
+                                                ahead*secant(before, of_groups, ahead)))
+            end associate
         end associate
     end function may_change_assembly
 

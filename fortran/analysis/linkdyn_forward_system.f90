@@ -18,7 +18,7 @@ module linkdyn_forward_system
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, choose_poses, solver_elimination, solver_reduced
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
-        place_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
+        place_states, close_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
         pack_rates, read_coordinates
     use linkdyn_impacts, only: find_impacts
@@ -620,7 +620,16 @@ contains
         self%may_record = self%record%recorded%is_usable
         if (self%may_record) self%may_record = agrees_with_lanes(self, t)
         if (self%may_record) call record_motion_forces(self%of_motion)
+        if (self%may_record) call help_lanes(self)
     end subroutine make_record
+
+    !> Groups are closed by the record's programs where lanes look at a state, too.
+    subroutine help_lanes(self)
+        class(forward_system), intent(inout) :: self
+
+        nullify (self%assembly%closer)
+        if (size(self%model%group) > 0) self%assembly%closer => self%record%recorded%closing
+    end subroutine help_lanes
 
     !> Use the record of another system of the same scene.
     subroutine share_record(self, other)
@@ -631,6 +640,7 @@ contains
         if (.not. self%may_record) return
         call share_forward_record(self%model, other%record%recorded, self%record)
         call share_motion_forces(other%of_motion, self%of_motion)
+        call help_lanes(self)
     end subroutine share_record
 
     !> dy/dt of the lanes used; the others are like the last of these.
@@ -660,6 +670,7 @@ contains
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
             samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
+            call close_states(self%model, self%assembly, n, self%record)
             if (has_motor_laws) call drive_record_by_motors(self, n, t)
             call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), &
                             rate(:, self%layout%supplied), laws_are_there=has_motor_laws)
@@ -710,6 +721,7 @@ contains
             call fill_start(self%model, self%layout, q, qd, y)
             call self%evaluate_on_lanes(spread(t, 1, lanes), y, by_lanes, failed)
             if (self%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
+            if (size(self%model%group) > 0) call stand_there()
             call evaluate_by_record(self, spread(t, 1, lanes), y, by_record, is_left)
             do lane = 1, min(lanes, size(pose, 2) - first + 1)
                 if (failed(lane) .or. is_left(lane)) cycle
@@ -725,6 +737,14 @@ contains
         agrees = n_compared > 0 .and. 2*n_alike > n_compared
 
     contains
+
+        !> The record closes groups from where the lanes have found them, far from the start.
+        subroutine stand_there()
+            self%assembly%q = q
+            self%assembly%place = self%workspace%state%group%place
+            self%assembly%margin = margin
+            self%assembly%drift = 0
+        end subroutine stand_there
 
         logical function has_same_margins(lane)
             integer, intent(in) :: lane

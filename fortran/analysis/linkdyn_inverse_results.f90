@@ -4,7 +4,7 @@ module linkdyn_inverse_results
     use linkdyn_catalogue, only: result_qdd, result_driving_force, result_reaction, result_joint_variable, result_joint_rate, &
         result_power_imbalance, result_transmission_angle, result_kinetic_energy, result_potential_energy, result_closure, &
         result_position, result_rotation, result_driving_position, result_driving_speed, result_friction, result_friction_power, &
-        result_transmission_force
+        result_transmission_force, result_contact_force, result_pressure_angle
     use linkdyn_kinds, only: wp
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: result_list, add_target
@@ -139,6 +139,10 @@ contains
             call add_target(list, result_transmission_angle, size(results%transmission_angle, 1), n, results%transmission_angle)
         if (associated(results%acceleration)) &
             call add_target(list, result_qdd, size(results%acceleration, 1), n, results%acceleration)
+        if (associated(results%contact_force)) &
+            call add_target(list, result_contact_force, size(results%contact_force, 1), n, results%contact_force)
+        if (associated(results%pressure_angle)) &
+            call add_target(list, result_pressure_angle, size(results%pressure_angle, 1), n, results%pressure_angle)
         if (associated(results%kinetic_energy)) call add_target(list, result_kinetic_energy, 1, n, results%kinetic_energy)
         if (associated(results%potential_energy)) call add_target(list, result_potential_energy, 1, n, results%potential_energy)
         if (associated(results%closure)) call add_target(list, result_closure, 1, n, results%closure)

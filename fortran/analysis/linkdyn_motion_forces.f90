@@ -6,7 +6,7 @@ module linkdyn_motion_forces
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
         solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
-        place_states, may_change_assembly
+        place_states, close_states, may_change_assembly
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_inverse, only: are_alike
     use linkdyn_kinds, only: wp
@@ -183,6 +183,7 @@ contains
         if (forces%assembly%is_needed) branch = forces%assembly%branch
         call place_states(forces%model, forces%layout, n, t, nothing, nothing, branch, spread(.false., 1, size(force, 2)), &
                           no_force, forces%record)
+        call close_states(forces%model, forces%assembly, n, forces%record)
         associate (recorded => forces%record%recorded, samples => forces%record%samples)
             call run_rates(recorded, n, samples)
             serves = .not. any(samples%is_left(:n))

@@ -1,6 +1,7 @@
 !> The mechanism while it is traced: the plan, its numbers as values, the inputs, and the motion found so far.
 module linkdyn_mechanism
     use linkdyn_bodies, only: bodies_type, make_bodies, rotation_of, point_position
+    use linkdyn_cam, only: cam
     use linkdyn_inertia_wrench, only: mass_properties
     use linkdyn_joint_kind, only: marker_pair
     use linkdyn_joint_kinds, only: joint_kind_box, make_joint_kind
@@ -121,6 +122,10 @@ contains
             do j = 1, size(joint)
                 call make_joint_kind(joint(j)%kind, mechanism%kind(j))
                 call make_joint_kind(joint(j)%told_kind, mechanism%told_kind(j))
+                select type (kind => mechanism%kind(j)%is)
+                type is (cam)
+                    call kind%take(mechanism%model%scene%joint(j)%cam)
+                end select
                 if (.not. mechanism%kind(j)%is%is_threaded) cycle
                 mechanism%kind(j)%is%pitch = mechanism%number(mechanism%at%pitch(j))
                 mechanism%told_kind(j)%is%pitch = mechanism%kind(j)%is%pitch

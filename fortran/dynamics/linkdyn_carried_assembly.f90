@@ -7,20 +7,22 @@ module linkdyn_carried_assembly
     use linkdyn_assembly_trail, only: sample_assembly, keep_lane, reached_crossing
     use linkdyn_following, only: way_report, is_step_sound, way_arrived, way_at_singularity, way_forks, &
         largest_contraction
+    use linkdyn_group_motion, only: group_closer
+    use linkdyn_group_stride, only: close_places
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: run_program
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics, lead_mechanism, status_of_way, measure_margins, n_map, span_of, &
         follows_assembly
-    use linkdyn_model, only: model_type, link_freedom, gives_attitude, attitude_angles
+    use linkdyn_model, only: model_type, link_freedom, place_size, gives_attitude, attitude_angles
     use linkdyn_newton_group, only: shifted, place_rates
     use linkdyn_quaternion, only: quaternion_of_rpy
     use linkdyn_status, only: sample_ok, sample_branch_lost
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly
-    public :: keep_evaluated, count_passed, leaves_doubt
+    public :: keep_evaluated, count_passed, leaves_doubt, secant
 
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
@@ -36,6 +38,7 @@ module linkdyn_carried_assembly
         integer :: n_crossed(lanes) = 0                !! change points passed since the start
         integer :: n_crossed_tried(lanes) = 0          !! on the way to the state tried last
         integer :: map_lost(lanes) = 0                 !! at fault where two assemblies met on a way tried near here; 0: none
+        class(group_closer), pointer :: closer => null()   !! makes the groups' steps towards a state tried; null: lanes alone do
         type(kinematic_state) :: state                 !! scratch: positions and velocities of the state to be accepted
     end type carried_assembly
 
@@ -98,6 +101,7 @@ contains
         state%way_status = sample_ok
         if (size(model%group) > 0) then
             call predict_places(model, assembly, state)
+            if (associated(assembly%closer)) call close_ahead(model, assembly%closer, state)
             state%group%moves = .true.
         end if
         call run_program(model, state)
@@ -138,6 +142,34 @@ contains
             end do
         end do
     end subroutine predict_places
+
+    !> The groups' links where somebody else's steps lead from there: lanes find little left to do. What does not converge as it must
+    !> stays where it is predicted.
+    subroutine close_ahead(model, closer, state)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        type(kinematic_state), intent(inout) :: state
+        real(wp) :: at(model%n_q, lanes), branch(model%n_branch, lanes), place(place_size(model), model%n_link, lanes)
+        real(wp) :: margin(size(model%group), lanes)
+        logical :: is_closed(lanes)
+        integer :: lane, g
+
+        at = transpose(state%q)
+        if (model%n_branch > 0) branch = transpose(state%branch)
+        do lane = 1, lanes
+            place(:, :, lane) = state%group%place(lane, :, :)
+        end do
+        is_closed = .true.
+        call close_places(model, closer, at, branch, place, margin, is_closed)
+        do lane = 1, lanes
+            if (.not. is_closed(lane)) cycle
+            do g = 1, size(model%group)
+                associate (link => model%group(g)%link)
+                    state%group%place(lane, :, link) = place(:, link, lane)
+                end associate
+            end do
+        end do
+    end subroutine close_ahead
 
     !> The doubtful lanes back to the accepted assembly, where their way begins.
     subroutine stand_where(model, doubtful, assembly, state)

@@ -17,7 +17,7 @@ module linkdyn_group_stride
         least_group_margin
     implicit none (type, external)
     private
-    public :: group_stride, stride_groups, find_tangents, predicted, close_from
+    public :: group_stride, stride_groups, find_tangents, predicted, close_from, close_places
 
     integer, parameter :: most_steps = 8            !! of Newton's method, which squares the error
     integer, parameter :: n_behind = 6              !! samples that a curve is laid through
@@ -167,6 +167,26 @@ contains
         found%place = place
         call close_samples(model, closer, at, way, branch, 1, size(at, 2), found)
     end subroutine close_from
+
+    !> Close the groups at some samples, each with branches of its own, from places near to them: nothing of a way.
+    subroutine close_places(model, closer, at, branch, place, margin, is_closed)
+        type(model_type), intent(in) :: model
+        class(group_closer), intent(in) :: closer
+        real(wp), intent(in), contiguous :: at(:, :)           !! (n_q, sample)
+        real(wp), intent(in), contiguous :: branch(:, :)       !! (n_branch, sample)
+        real(wp), intent(inout), contiguous :: place(:, :, :)  !! (place_size, n_link, sample)
+        real(wp), intent(out) :: margin(:, :)                  !! (n_group, sample)
+        logical, intent(inout) :: is_closed(:)                 !! false: do not try (sample)
+        real(wp) :: at_rest(size(at, 1), size(at, 2)), rate(link_freedom(model), model%n_link, size(at, 2))
+        integer :: g
+
+        at_rest = 0
+        margin = 0
+        do g = 1, size(model%group)
+            if (.not. any(is_closed)) return
+            call close_group(model, g, closer, at, at_rest, branch, place, rate, margin(g, :), is_closed)
+        end do
+    end subroutine close_places
 
     subroutine make_room(model, first, last, stride)
         type(model_type), intent(in) :: model

@@ -9,10 +9,12 @@
 module linkdyn_force_system
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_bodies, only: world_axes, own_axes
+    use linkdyn_cam, only: cam
     use linkdyn_inertia_wrench, only: inertia_wrench, mass_properties
     use linkdyn_joint_table, only: along_axes, along_x_and_y, along_z, along_normal
     use linkdyn_layout, only: layout_type, about_cog, about_origin
-    use linkdyn_mechanism, only: mechanism_type, wheel_wrench, properties_of, marker_point, marker_frame, point_of_action
+    use linkdyn_mechanism, only: mechanism_type, wheel_wrench, properties_of, marker_point, marker_frame, point_of_action, &
+        pair_of
     use linkdyn_model, only: holds_spin
     use linkdyn_scene, only: name_len
     use linkdyn_system, only: system_type, unknown, require, solved
@@ -29,6 +31,7 @@ module linkdyn_force_system
     type :: force_unknowns
         type(acting_type), allocatable :: reaction(:)  !! (joint)
         type(acting_type), allocatable :: tooth(:)     !! of gears, on each of both links by itself
+        type(value), allocatable :: press(:)           !! (cam) force on the follower along the curve's normal [N]
         type(value), allocatable :: effort(:)          !! (actuator) driving force or torque, known or unknown [N, N m]
         type(value), allocatable :: transmitted(:)     !! (actuator) what of it acts on the links: without the rotor's inertia
         logical :: wants_names = .false.               !! for a matrix that people read
@@ -50,7 +53,7 @@ contains
 
         allocate (unknowns%reaction(mechanism%model%n_joint), unknowns%effort(mechanism%model%n_actuator), &
                   unknowns%transmitted(mechanism%model%n_actuator))
-        allocate (unknowns%name(0), unknowns%equation(0), unknowns%tooth(0))
+        allocate (unknowns%name(0), unknowns%equation(0), unknowns%tooth(0), unknowns%press(mechanism%model%n_cam))
         do j = 1, mechanism%model%n_joint
             call add_reaction(mechanism, layout%unknown_side(j), j, system, unknowns)
         end do
@@ -71,6 +74,10 @@ contains
                 return
             end if
             if (side > 0) acting%turning = mechanism%bodies%body(joint%link(side))%turning
+            if (joint%cam > 0) then
+                call add_press(joint%cam)
+                return
+            end if
             acting%force = sum_along(kind%forces, is_force=.true.)
             acting%moment = zero_vector()
             if (kind%is_threaded) call add_thread(kind%pitch)
@@ -110,6 +117,24 @@ contains
                 unknowns%tooth = [unknowns%tooth, half]
             end do
         end subroutine add_tooth
+
+        !> One force, along the normal where the curve is touched; a face is pressed beside its marker.
+        subroutine add_press(c)
+            integer, intent(in) :: c
+
+            unknowns%press(c) = unknown(system)
+            if (unknowns%wants_names) unknowns%name = [character(len=label_len) :: unknowns%name, &
+                                                       trim(mechanism%model%joint(j)%name)//" Fn"]
+            associate (size => unknowns%press(c))
+                select type (kind => mechanism%kind(j)%is)
+                type is (cam)
+                    acting%force = size*turned(mechanism%bodies, kind%normal(pair_of(mechanism, j)), 0, acting%turning)
+                    acting%moment = size*turned(mechanism%bodies, kind%arm(pair_of(mechanism, j))*unit_vector(3), 0, &
+                                                acting%turning)
+                end select
+            end associate
+            unknowns%reaction(j) = acting
+        end subroutine add_press
 
         !> A force along the axis and the moment about it that comes with it: together they have no power.
         subroutine add_thread(pitch)

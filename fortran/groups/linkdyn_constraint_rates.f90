@@ -11,7 +11,7 @@ module linkdyn_constraint_rates
     use linkdyn_rates, only: rate_map, set_rate, rate_of
     use linkdyn_record, only: new_unknown
     use linkdyn_substitution, only: substitution, replace, substituted
-    use linkdyn_value, only: value, operator(+), operator(-), operator(*), sin, cos, atan2
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sin, cos, atan2
     use linkdyn_vector, only: vector, rotation, components, operator(+), operator(-), operator(*), operator(.cross.), &
         operator(.rotate.)
     implicit none (type, external)
@@ -42,9 +42,15 @@ contains
         type(constraint_type) :: constraint
         type(rate_map) :: rates
         type(marker_pair) :: pair
+        type(value), allocatable :: still(:)
+        integer :: k
 
         call free_pair(mechanism, j, constraint, rates, pair)
         constraint%c = mechanism%kind(j)%is%constraints(pair)
+        still = mechanism%kind(j)%is%standing(pair)
+        do k = 1, size(still)
+            call set_rate(rates, still(k), zero())
+        end do
         call differentiate(constraint, rates)
     end function constraints_of_joint
 

@@ -41,6 +41,7 @@ module linkdyn_joint_kind
         procedure(constraints_interface), deferred :: constraints
         procedure(shift_interface), deferred :: shift
         procedure(variables_interface), deferred :: variables
+        procedure :: standing
         procedure :: variable_constraint
         procedure :: axis_side
         procedure :: drive_axis
@@ -89,6 +90,15 @@ contains
         self%forces = force_directions(kind)
         self%moments = moment_directions(kind)
     end subroutine describe
+
+    !> Values in the constraints whose rates are left out of these, for what they do to them vanishes. Nearly all joints have none.
+    function standing(self, pair) result(v)
+        class(joint_kind), intent(in) :: self
+        type(marker_pair), intent(in) :: pair
+        type(value), allocatable :: v(:)
+
+        allocate (v(0))
+    end function standing
 
     !> What vanishes while a variable is q. Of an angle that wraps full turns do not count.
     function variable_constraint(self, pair, k, q) result(c)

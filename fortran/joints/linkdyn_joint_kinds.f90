@@ -1,5 +1,6 @@
 !> The kinds of joints that there are. A new kind is a row of the table, a module of its own and a case here.
 module linkdyn_joint_kinds
+    use linkdyn_cam, only: cam
     use linkdyn_cylindrical, only: cylindrical
     use linkdyn_fixed, only: fixed
     use linkdyn_joint_kind, only: joint_kind
@@ -55,8 +56,10 @@ contains
             allocate (groove :: box%is)
         case (joint_plate)
             allocate (plate :: box%is)
-        case (joint_loose, joint_cam)                  ! where a cam is touched no record knows: such scenes have none
+        case (joint_loose)
             allocate (loose :: box%is)
+        case (joint_cam)
+            allocate (cam :: box%is)
         case default
             allocate (attitude_part :: box%is)
         end select

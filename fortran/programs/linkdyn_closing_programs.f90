@@ -16,7 +16,7 @@ module linkdyn_closing_programs
     use linkdyn_placing, only: place_group
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, program_space, sample_arrays, output_list, add_output, output_target, goes_to, &
-        make_scene_program, free_scene_program, free_program_space, load_samples, run_samples
+        make_scene_program, free_scene_program, free_program_space, load_samples, run_samples, run_one_sample
     use linkdyn_trace, only: traced_type, begin_trace, trace_steps, alarm_of
     use linkdyn_value, only: value, zero, constant, operator(+), operator(*), square
     implicit none (type, external)
@@ -39,7 +39,7 @@ module linkdyn_closing_programs
 
     !> Scratch of one thread.
     type :: closing_space
-        type(program_space), allocatable :: slots(:)           !! (group)
+        type(program_space), allocatable :: slots(:), one(:)   !! (group) for blocks, and for single samples
         type(closing_space), pointer :: next => null()         !! idle as well
     end type closing_space
 
@@ -76,7 +76,6 @@ contains
         if (size(q, 2) == 0) return
         ! on which turn of a thread a nut is predicted, only the lanes look at
         if (any(is_threaded(model%joint%kind))) return
-        if (model%n_cam > 0) return                            ! where a cam is touched, too
         own = turning_each(model)
         sample%n = size(q, 2)
         sample%of(in_q)%x = q
@@ -260,15 +259,15 @@ contains
 
         place_row(1:size(place, 1)*size(place, 2), 1:size(place, 3)) => place
         call take_space(self, space)
-        call run_steps(self%of(g), q, qd, branch, place_row, space%slots(g), correction, rate, margin, is_sure)
+        call run_steps(self%of(g), q, qd, branch, place_row, space%slots(g), space%one(g), correction, rate, margin, is_sure)
         call return_space(self, space)
     end subroutine make_steps_by_record
 
     !> The program of one group, sample after sample.
-    subroutine run_steps(closing, q, qd, branch, place, slots, correction, rate, margin, is_sure)
+    subroutine run_steps(closing, q, qd, branch, place, slots, one, correction, rate, margin, is_sure)
         type(closing_program), intent(in) :: closing
         real(wp), intent(in), contiguous, target :: q(:, :), qd(:, :), branch(:, :), place(:, :)    !! (number, sample)
-        type(program_space), intent(inout) :: slots
+        type(program_space), intent(inout) :: slots, one
         real(wp), intent(out), contiguous, target :: correction(:, :), rate(:, :)                   !! (row, sample)
         real(wp), intent(out) :: margin(:)
         logical, intent(out) :: is_sure(:)
@@ -284,11 +283,15 @@ contains
         arrays%of(in_place)%x => place
         to = [goes_to(out_correction, correction), goes_to(out_rate, rate), goes_to(out_response, response), &
               goes_to(out_determinant, determinant), goes_to(out_closing_alarm, alarm)]
-        do first = 1, n, block_lanes()
-            count = min(block_lanes(), n - first + 1)
-            call load_samples(closing%program, arrays, first, count, slots)
-            call run_samples(closing%program, slots, first, count, to)
-        end do
+        if (n == 1) then
+            call run_alone()
+        else
+            do first = 1, n, block_lanes()
+                count = min(block_lanes(), n - first + 1)
+                call load_samples(closing%program, arrays, first, count, slots)
+                call run_samples(closing%program, slots, first, count, to)
+            end do
+        end if
         ! A direction of n has the n-th part of a unit vector's square, on average.
         margin = sign(sqrt(n_probe/(closing%n*response(1, :))), closing%sense*determinant(1, :))
         ! Written so that what is no number is not sure.
@@ -296,6 +299,20 @@ contains
         do i = 1, n
             is_sure(i) = is_sure(i) .and. all(abs(correction(:, i)) <= huge(1.0_wp)) .and. all(abs(rate(:, i)) <= huge(1.0_wp))
         end do
+
+    contains
+
+        !> One sample, as a run has it, which takes a part of what a block takes. Its outputs come in their order.
+        subroutine run_alone()
+            real(wp) :: output(2*closing%n + 3)
+
+            call run_one_sample(closing%program, arrays, one, output)
+            correction(:, 1) = output(:closing%n)
+            response(1, 1) = output(closing%n + 1)
+            determinant(1, 1) = output(closing%n + 2)
+            alarm(1, 1) = output(closing%n + 3)
+            rate(:, 1) = output(closing%n + 4:)
+        end subroutine run_alone
     end subroutine run_steps
 
     !> Idle scratch, or new.
@@ -309,7 +326,7 @@ contains
         call release_lock()
         if (associated(space)) return
         allocate (space)
-        allocate (space%slots(size(self%of)))
+        allocate (space%slots(size(self%of)), space%one(size(self%of)))
     end subroutine take_space
 
     subroutine return_space(self, space)
@@ -335,6 +352,7 @@ contains
                 self%pool%first => space%next
                 do g = 1, size(space%slots)
                     call free_program_space(space%slots(g))
+                    call free_program_space(space%one(g))
                 end do
                 deallocate (space)
             end do

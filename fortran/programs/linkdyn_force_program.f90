@@ -1,7 +1,7 @@
 !> The program of inverse dynamics: from a motion and loads to driving forces, reactions and what else is wanted, with all
 !> eliminations inside.
 module linkdyn_force_program
-    use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction
+    use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction, result_contact_force
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_layout, only: sparse_layout
     use linkdyn_model, only: model_type
@@ -75,6 +75,7 @@ contains
 
         is_last = .false.
         if (allocated(traced%contact)) return      ! friction comes from reactions
-        if (.not. any(wanted == result_reaction)) is_last = are_among(traced, traced%unknowns%transmitted)
+        if (any(wanted == result_reaction .or. wanted == result_contact_force)) return
+        is_last = are_among(traced, traced%unknowns%transmitted)
     end function wanted_last
 end module linkdyn_force_program

@@ -152,7 +152,7 @@ contains
         logical, intent(out) :: is_planned                     !! false: there is no pose, or no such plan
         real(wp), intent(in), optional :: place(:, :, :)       !! (place_size, n_link, pose)
 
-        is_planned = size(q, 2) > 0 .and. model%n_cam == 0     ! where a cam is touched only the lanes know
+        is_planned = size(q, 2) > 0
         if (is_planned) is_planned = plan_for_records(model, stand, own)
         if (.not. is_planned) return
         allocate (request%has_load(6, own%n_load))

@@ -5,13 +5,14 @@
 module linkdyn_recorded_rates
     use linkdyn_base_motion, only: base_size
     use linkdyn_block, only: block_lanes
+    use linkdyn_closing_programs, only: closing_programs
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, &
-        in_branch, in_pull, in_base, in_payload
+        in_branch, in_pull, in_base, in_payload, in_place
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
     use linkdyn_measure_program, only: make_measure_program, out_measures
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, place_size
     use linkdyn_rate_program, only: rate_outputs, make_rate_program, out_rates
     use linkdyn_recorded_forces, only: plan_for_records
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
@@ -33,6 +34,7 @@ module linkdyn_recorded_rates
         type(scene_program) :: measures                !! what laws over the state depend on; not made if there are none
         type(rate_outputs) :: out
         type(friction_programs) :: friction            !! not made if nothing rubs
+        type(closing_programs) :: closing              !! Newton's steps of groups, by whoever makes the record; else it takes no places
     end type recorded_rates
 
     !> Samples of one thread: what its record takes and gives.
@@ -43,6 +45,7 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: target(:, :) => null()        !! of drives' laws: value and rate (2 n_actuator, sample)
         real(wp), pointer, contiguous :: effort(:, :) => null()        !! driving forces given (n_actuator, sample) [N, N m]
         real(wp), pointer, contiguous :: branch(:, :) => null()        !! (n_branch, sample)
+        real(wp), pointer, contiguous :: place(:, :) => null()         !! of links closed by iteration (place_size n_link, sample)
         real(wp), pointer, contiguous :: pull(:, :) => null()          !! of springs' laws over the state (n_spring, sample) [N, N m]
         real(wp), pointer, contiguous :: base(:, :) => null()          !! what is felt of the frame's motion (base_size, sample)
         real(wp), pointer, contiguous :: payload(:, :) => null()       !! masses that links carry (n_payload, sample) [kg]
@@ -51,6 +54,7 @@ module linkdyn_recorded_rates
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
         real(wp), allocatable :: mode(:)                               !! of laws that jump (sample)
         real(wp), pointer, contiguous :: found(:, :) => null()         !! as `rate_outputs` tells (value, sample)
+        real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration (n_group, sample)
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
         type(sample_arrays), private :: arrays
         type(program_space), private :: one, block, one_measured, block_measured
@@ -86,6 +90,7 @@ contains
         call free_scene_program(recorded%program)
         call free_scene_program(recorded%measures)
         call free_friction_programs(recorded%friction)
+        call recorded%closing%free()
         if (associated(recorded%model)) deallocate (recorded%model)
         recorded%is_usable = .false.
     end subroutine free_rates
@@ -105,6 +110,7 @@ contains
             call add(in_target, 2*model%n_actuator, samples%target)
             call add(in_effort, model%n_actuator, samples%effort)
             call add(in_branch, model%n_branch, samples%branch)
+            call add(in_place, merge(place_size(model)*model%n_link, 0, recorded%closing%is_usable), samples%place)
             call add(in_pull, size(model%scene%spring), samples%pull)
             call add(in_base, base_size(model), samples%base)
             call add(in_payload, size(model%payload), samples%payload)
@@ -112,6 +118,7 @@ contains
                       source=0.0_wp)
         end associate
         allocate (samples%found(recorded%out%n, n), samples%is_left(n), samples%t(n), samples%mode(n))
+        allocate (samples%group_margin(size(recorded%model%group), n), source=0.0_wp)
         samples%t = 0
         samples%mode = 0
 
@@ -131,7 +138,7 @@ contains
 
         if (.not. associated(samples%found)) return
         deallocate (samples%q, samples%qd, samples%qdd, samples%quaternion, samples%load, samples%target, samples%effort, &
-                    samples%branch, samples%pull, samples%base, samples%payload, samples%measured, samples%found)
+                    samples%branch, samples%place, samples%pull, samples%base, samples%payload, samples%measured, samples%found)
         call free_friction_space(samples%friction)
         call free_program_space(samples%one_measured)
         call free_program_space(samples%block_measured)

@@ -6,7 +6,7 @@ module linkdyn_samples
     private
     public :: sample_arrays, result_target, result_list, most_results, add_target, set_block
 
-    integer, parameter :: most_results = 16
+    integer, parameter :: most_results = 24
 
     !> Where the values of one result go.
     type :: result_target

@@ -1,5 +1,6 @@
 !> The results that there are, and how each is computed from a traced scene.
 module linkdyn_catalogue
+    use linkdyn_cam_quantities, only: contact_forces, pressure_angles
     use linkdyn_force_system, only: reaction_of
     use linkdyn_friction_quantities, only: friction_wrenches, friction_powers
     use linkdyn_joint_variables, only: one_variable, variable_rate
@@ -88,7 +89,7 @@ contains
         integer, intent(in) :: id                       !! one of `result_*`
 
         needs_equations = any(id == [result_qdd, result_driving_force, result_reaction, result_power_imbalance, &
-                                     result_friction, result_friction_power, result_transmission_force])
+                                     result_friction, result_friction_power, result_transmission_force, result_contact_force])
     end function needs_equations
 
     !> The values of one result, as samples store them; none for what no kernel computes.
@@ -138,6 +139,10 @@ contains
                 v = friction_wrenches(traced)
             case (result_friction_power)
                 v = friction_powers(traced)
+            case (result_contact_force)
+                v = contact_forces(traced)
+            case (result_pressure_angle)
+                v = pressure_angles(mechanism)
             case (result_kinetic_energy)
                 v = [kinetic_energy(mechanism)]
             case (result_potential_energy)

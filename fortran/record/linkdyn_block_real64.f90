@@ -4,6 +4,7 @@ module linkdyn_block
     use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_int, c_int32_t, c_int64_t, c_long, c_double, c_f_pointer
     use linkdyn_kernel, only: kernel_type
     use linkdyn_kinds, only: wp
+    use linkdyn_piecewise, only: packed, curve_of, which_of
     implicit none (type, external)
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
@@ -37,12 +38,13 @@ module linkdyn_block
             integer(c_int) :: fuses
         end function machine_fuses
 
-        function pack_kernel(n_step, step, output, n_group, output_end, step_end, n_slot, first_constant, n_constant, constant) &
+        function pack_kernel(n_step, step, output, n_group, output_end, step_end, n_slot, first_constant, n_constant, constant, &
+                             n_table, table) &
             bind(c, name="linkdyn_pack") result(packed)
             import :: c_int, c_int32_t, c_double, c_ptr
-            integer(c_int), value :: n_step, n_group, n_slot, first_constant, n_constant
-            integer(c_int32_t), intent(in) :: step(5, *), output(*), output_end(*), step_end(*)
-            real(c_double), intent(in) :: constant(*)
+            integer(c_int), value :: n_step, n_group, n_slot, first_constant, n_constant, n_table
+            integer(c_int32_t), intent(in) :: step(7, *), output(*), output_end(*), step_end(*)
+            real(c_double), intent(in) :: constant(*), table(*)
             type(c_ptr) :: packed
         end function pack_kernel
 
@@ -109,11 +111,18 @@ contains
     subroutine make_program(kernel, program)
         type(kernel_type), intent(in) :: kernel
         type(program_type), intent(out) :: program
-        integer(c_int32_t) :: step(5, size(kernel%step))
-        integer :: k
+        integer(c_int32_t) :: step(7, size(kernel%step))
+        real(wp), allocatable :: table(:)
+        integer :: k, first(size(kernel%curve))            ! of each curve in the table, counted from 0
 
+        allocate (table(0))
+        do k = 1, size(kernel%curve)
+            first(k) = size(table)
+            table = [table, packed(kernel%curve(k))]
+        end do
         do k = 1, size(kernel%step)
-            step(:, k) = [kernel%step(k)%kind, kernel%step(k)%result - 1, kernel%step(k)%operand - 1]
+            step(:, k) = [kernel%step(k)%kind, kernel%step(k)%result - 1, kernel%step(k)%operand - 1, 0, 0]
+            if (kernel%step(k)%look > 0) step(6:, k) = [first(curve_of(kernel%step(k)%look)), which_of(kernel%step(k)%look)]
         end do
         program%n_input = kernel%n_input
         program%n_output = kernel%n_output
@@ -123,7 +132,7 @@ contains
         program%group_end = kernel%group_end
         program%packed = pack_kernel(size(kernel%step), step, program%output_slot, size(kernel%group_end), program%group_end, &
                                      int(kernel%step_end, c_int32_t), kernel%n_slot, kernel%n_input, kernel%n_constant, &
-                                     kernel%constant)
+                                     kernel%constant, size(table), table)
     end subroutine make_program
 
     subroutine free_program(program)

@@ -6,13 +6,13 @@
 module linkdyn_folding
     use, intrinsic :: iso_fortran_env, only: real128
     use linkdyn_operation, only: operate, op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, op_cosine, &
-        op_arctangent, op_minimum, op_maximum, op_absolute, op_select, op_whole
+        op_arctangent, op_minimum, op_maximum, op_absolute, op_select, op_whole, op_piece, op_nearest, op_farthest
     use linkdyn_record, only: value, record_type, open_record_of_thread, find_node, constant_in_quad, is_zero, is_one, &
         is_constant, constant_of, declare_inverse, negated, zero, one
     implicit none (type, external)
     private
     public :: sum_of, product_of, reciprocal_of, root_of, sine_of, cosine_of, arctangent_of
-    public :: smaller_of, larger_of, magnitude_of, selected, whole_of, result_of
+    public :: smaller_of, larger_of, magnitude_of, selected, whole_of, looked_up, result_of
 
 contains
 
@@ -202,10 +202,25 @@ contains
         end if
     end function selected
 
+    !> What stands in a curve; b is ignored where the look-up takes one operand.
+    function looked_up(kind, look, a, b) result(r)
+        integer, intent(in) :: kind                 !! a look-up
+        integer, intent(in) :: look                 !! in which curve for what
+        type(value), intent(in) :: a, b
+        type(value) :: r
+        type(value) :: first, second
+
+        first = positive(a)
+        second%node = 0
+        if (kind /= op_piece) second = positive(b)
+        r = value(new_node(kind, first%node, second%node, look), 1)
+    end function looked_up
+
     !> Any operation, by its kind; operands that it does not take are ignored.
-    function result_of(kind, a, b, c) result(r)
+    function result_of(kind, a, b, c, look) result(r)
         integer, intent(in) :: kind                 !! one of `op_*` with operands
         type(value), intent(in) :: a, b, c
+        integer, intent(in), optional :: look       !! of a look-up: in which curve for what
         type(value) :: r
 
         select case (kind)
@@ -233,6 +248,8 @@ contains
             r = magnitude_of(a)
         case (op_whole)
             r = whole_of(a)
+        case (op_piece, op_nearest, op_farthest)
+            r = looked_up(kind, look, a, b)
         case default
             r = selected(a, b, c)
         end select

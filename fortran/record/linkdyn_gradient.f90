@@ -3,9 +3,10 @@
 !> One sweep from the value down to what it is made of gives all its derivatives at the price of a few evaluations.
 !> Applied to the solution of linear equations, by their right-hand sides, it solves with the transposed matrix.
 module linkdyn_gradient
+    use linkdyn_curve_values, only: slopes_of_look_up
     use linkdyn_kinds, only: wp
     use linkdyn_operation, only: n_operand, op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, op_cosine, &
-        op_arctangent, op_minimum, op_maximum, op_absolute, op_select
+        op_arctangent, op_minimum, op_maximum, op_absolute, op_select, op_piece, op_nearest, op_farthest
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), operator(*), sin, cos, reciprocal, select, square
     implicit none (type, external)
@@ -55,7 +56,7 @@ contains
         !> To the operands of a node.
         subroutine hand_down(node)
             integer, intent(in) :: node
-            type(value) :: a, b, c, d, v
+            type(value) :: a, b, c, d, v, slope(2)
 
             if (n_operand(record%kind(node)) == 0) return
             a = operand(1)
@@ -92,6 +93,13 @@ contains
                 call give(2, select(a - b, zero(), d))
             case (op_absolute)
                 call give(1, select(a, d, -d))
+            case (op_piece)
+                slope = slopes_of_look_up(op_piece, record%operand(3, node), a, a, v)
+                call give(1, d*slope(1))
+            case (op_nearest, op_farthest)
+                slope = slopes_of_look_up(record%kind(node), record%operand(3, node), a, b, v)
+                call give(1, d*slope(1))
+                call give(2, d*slope(2))
             case (op_select)
                 call give(2, select(a, d, zero()))
                 call give(3, select(a, zero(), d))

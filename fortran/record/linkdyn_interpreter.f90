@@ -4,7 +4,8 @@ module linkdyn_interpreter
     use linkdyn_kernel, only: kernel_type
     use linkdyn_kinds, only: wp
     use linkdyn_multiply_add, only: multiply_add
-    use linkdyn_operation, only: operate
+    use linkdyn_operation, only: operate, op_piece, op_nearest, op_farthest
+    use linkdyn_piecewise, only: look_up, curve_of, which_of
     use linkdyn_schedule, only: op_multiply_add, op_multiply_subtract, op_subtract_product
     implicit none (type, external)
     private
@@ -55,6 +56,8 @@ contains
                     slot(s%result) = multiply_add(a, b, -c)
                 case (op_subtract_product)
                     slot(s%result) = multiply_add(-a, b, c)
+                case (op_piece, op_nearest, op_farthest)
+                    slot(s%result) = look_up(kernel%curve(curve_of(s%look)), s%kind, which_of(s%look), a, b)
                 case default
                     slot(s%result) = operate(s%kind, a, b, c)
                 end select

@@ -7,6 +7,7 @@
 module linkdyn_kernel
     use linkdyn_kinds, only: wp
     use linkdyn_operation, only: operation_name, n_operand, n_operation, op_constant, op_input
+    use linkdyn_piecewise, only: piecewise_curve
     use linkdyn_record, only: record_type, value
     use linkdyn_schedule, only: instruction, schedule_type, make_schedule, instruction_name
     implicit none (type, external)
@@ -20,6 +21,7 @@ module linkdyn_kernel
         integer :: n_slot = 0
         integer :: n_constant = 0
         real(wp), allocatable :: constant(:)           !! in slots n_input + 1, ...
+        type(piecewise_curve), allocatable :: curve(:) !! in which it looks up
         type(instruction), allocatable :: step(:)      !! operands and results are slots
         integer, allocatable :: output_slot(:)         !! (output)
         integer, allocatable :: output_sign(:)         !! (output) +1 or -1
@@ -52,6 +54,7 @@ contains
         slot = 0
         kernel%n_input = record%n_input
         kernel%n_output = size(output)
+        kernel%curve = record%curve
         slot(record%node_of_input(:record%n_input)) = [(node, node=1, record%n_input)]
         kernel%uses = schedule%is_needed(record%node_of_input(:record%n_input))
         if (present(given)) then

@@ -4,10 +4,11 @@
 !> by `set_rate`; `rate_of` follows the operations down to these. Anything else that nothing depends on stands still.
 !> Rates may contain unknowns: the rate of a constraint, with unknown velocities, is a row of equations.
 module linkdyn_rates
+    use linkdyn_curve_values, only: slopes_of_look_up
     use linkdyn_kinds, only: wp
     use linkdyn_node_values, only: node_values
     use linkdyn_operation, only: n_operand, op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_sine, op_cosine, &
-        op_arctangent, op_minimum, op_maximum, op_absolute, op_select
+        op_arctangent, op_minimum, op_maximum, op_absolute, op_select, op_piece, op_nearest, op_farthest
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sin, cos, reciprocal, select, square
     implicit none (type, external)
@@ -92,7 +93,7 @@ contains
         function rate_of_node(node) result(rate)
             integer, intent(in) :: node
             type(value) :: rate
-            type(value) :: a, b, c, da, db, dc, v
+            type(value) :: a, b, c, da, db, dc, v, slope(2)
 
             if (n_operand(record%kind(node)) == 0) then
                 rate = zero()
@@ -127,6 +128,12 @@ contains
                 rate = select(a, da, -da)
             case (op_select)
                 rate = select(a, db, dc)
+            case (op_piece)
+                slope = slopes_of_look_up(op_piece, record%operand(3, node), a, a, v)
+                rate = slope(1)*da
+            case (op_nearest, op_farthest)
+                slope = slopes_of_look_up(record%kind(node), record%operand(3, node), a, b, v)
+                rate = slope(1)*da + slope(2)*db
             case default
                 rate = zero()    ! whole numbers stand still
             end select

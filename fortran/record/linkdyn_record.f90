@@ -9,11 +9,12 @@ module linkdyn_record
     use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_loc, c_f_pointer, c_associated
     use, intrinsic :: iso_fortran_env, only: int64, real128
     use linkdyn_kinds, only: wp
-    use linkdyn_operation, only: operate, op_constant, op_input, op_unknown
+    use linkdyn_operation, only: operate, is_look_up, op_constant, op_input, op_unknown
+    use linkdyn_piecewise, only: piecewise_curve, look_up, curve_of, which_of
     implicit none (type, external)
     private
     public :: value, record_type, open_record, close_record, open_record_of_thread
-    public :: constant, constant_in_quad, zero, one, new_input, new_unknown, find_node
+    public :: constant, constant_in_quad, zero, one, new_input, new_unknown, find_node, add_curve
     public :: is_constant, is_zero, is_one, number_of, constant_of, declare_inverse, negated
 
     integer, parameter :: first_capacity = 1024     !! nodes; doubled when full, a power of two
@@ -31,12 +32,14 @@ module linkdyn_record
         integer :: n_constant = 0
         integer :: n_sample = 0
         integer, allocatable :: kind(:)             !! (node) one of `op_*`
-        integer, allocatable :: operand(:, :)       !! (3, node); of a constant, an input, an unknown: its index
+        integer, allocatable :: operand(:, :)       !! (3, node); of a constant, an input, an unknown: its index; the third of a
+                                                    !! look-up: of which curve what (see `look_at`)
         integer, allocatable :: inverse(:)          !! (node) what it is the reciprocal of, with a sign; 0: not known
         real(wp), allocatable :: number(:, :)       !! (sample, node)
         real(real128), allocatable :: constant(:)   !! (constant)
         integer, allocatable :: node_of_unknown(:)  !! (unknown)
         integer, allocatable :: node_of_input(:)    !! (input)
+        type(piecewise_curve), allocatable :: curve(:)    !! in which the scene looks up
         integer, allocatable, private :: table(:)   !! nodes by their hash
         type(c_ptr), private :: outer = c_null_ptr  !! the record that was open before
     end type record_type
@@ -74,6 +77,8 @@ contains
         record%n_sample = n_sample
         if (allocated(record%kind)) deallocate (record%kind, record%operand, record%inverse, record%number, record%constant, &
                                                 record%table, record%node_of_unknown, record%node_of_input)
+        if (allocated(record%curve)) deallocate (record%curve)
+        allocate (record%curve(0))
         allocate (record%kind(first_capacity), record%operand(3, first_capacity), record%inverse(first_capacity), &
                   record%number(n_sample, first_capacity), record%constant(first_capacity/8), record%table(4*first_capacity), &
                   record%node_of_unknown(64), record%node_of_input(64))
@@ -144,6 +149,27 @@ contains
         end if
     end function new_input
 
+    !> One more curve to look up in; its number.
+    integer function add_curve(curve)
+        type(piecewise_curve), intent(in) :: curve
+        type(piecewise_curve), allocatable :: more(:)
+        type(record_type), pointer :: record
+        integer :: i, n
+
+        record => open_record_of_thread()
+        n = size(record%curve)
+        allocate (more(n + 1))
+        do i = 1, n
+            call move_alloc(record%curve(i)%c, more(i)%c)
+            call move_alloc(record%curve(i)%knot, more(i)%knot)
+            if (allocated(record%curve(i)%axis)) call move_alloc(record%curve(i)%axis, more(i)%axis)
+            more(i)%is_polar = record%curve(i)%is_polar
+        end do
+        more(n + 1) = curve
+        call move_alloc(more, record%curve)
+        add_curve = n + 1
+    end function add_curve
+
     !> A number that equations will determine.
     function new_unknown() result(v)
         type(value) :: v
@@ -164,7 +190,7 @@ contains
     function find_node(record, kind, operand) result(node)
         type(record_type), intent(inout) :: record
         integer, intent(in) :: kind                 !! one of `op_*` with operands
-        integer, intent(in) :: operand(3)           !! nodes; 0 where the operation takes none
+        integer, intent(in) :: operand(3)           !! nodes; 0 where the operation takes none; the third of a look-up: in what
         integer :: node, place, s, o(3)
 
         place = place_of(record, kind, operand)
@@ -172,6 +198,13 @@ contains
         if (node > 0) return
         node = append(record, kind, operand)
         o = max(operand, 1)
+        if (is_look_up(kind)) then
+            do s = 1, record%n_sample
+                record%number(s, node) = look_up(record%curve(curve_of(operand(3))), kind, which_of(operand(3)), &
+                                                 record%number(s, o(1)), record%number(s, o(2)))
+            end do
+            return
+        end if
         do s = 1, record%n_sample
             record%number(s, node) = operate(kind, record%number(s, o(1)), record%number(s, o(2)), record%number(s, o(3)))
         end do

@@ -1,7 +1,7 @@
 !> From a record to instructions: only what the outputs need, products and sums joined, in an order that keeps little alive.
 module linkdyn_schedule
     use linkdyn_operation, only: n_operand, n_operation, op_constant, op_input, op_unknown, op_add, op_subtract, op_multiply, &
-        op_sine, op_cosine
+        op_sine, op_cosine, is_look_up
     use linkdyn_record, only: record_type, value
     implicit none (type, external)
     private
@@ -20,6 +20,7 @@ module linkdyn_schedule
         integer :: kind = 0
         integer :: result = 0
         integer :: operand(3) = 0
+        integer :: look = 0                            !! of a look-up: in which curve for what
     end type instruction
 
     type :: schedule_type
@@ -117,6 +118,7 @@ contains
                 n = n_operand(record%kind(node))
                 how(node) = instruction(record%kind(node), node, record%operand(:, node))
                 how(node)%operand(n + 1:) = 0
+                if (is_look_up(record%kind(node))) how(node)%look = record%operand(3, node)
             end if
         end do
         how = how(:n_how)

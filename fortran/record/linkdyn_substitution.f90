@@ -93,7 +93,7 @@ contains
             end do
             if (.not. is_ready) cycle
             w = value(node, 1)
-            if (n_operand(record%kind(node)) > 0) w = result_of(record%kind(node), x(1), x(2), x(3))
+            if (n_operand(record%kind(node)) > 0) w = result_of(record%kind(node), x(1), x(2), x(3), record%operand(3, node))
             call map%image%put(value(node, 1), w)
             n = n - 1
         end do

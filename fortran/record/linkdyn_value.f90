@@ -4,14 +4,16 @@
 !>     c = sqrt(a*a + b*b)        ! two products, a sum and a root in the open record
 module linkdyn_value
     use linkdyn_folding, only: sum_of, product_of, reciprocal_of, root_of, sine_of, cosine_of, arctangent_of, smaller_of, &
-        larger_of, magnitude_of, selected, whole_of
+        larger_of, magnitude_of, selected, whole_of, looked_up
     use linkdyn_kinds, only: wp
+    use linkdyn_operation, only: op_piece, op_nearest, op_farthest
+    use linkdyn_piecewise, only: look_at
     use linkdyn_record, only: value, constant, zero, one, is_zero, is_one, is_constant, number_of, negated, declare_inverse
     implicit none (type, external)
     private
     public :: value, constant, zero, one, is_zero, is_one, is_constant, number_of, declare_inverse
     public :: operator(+), operator(-), operator(*), operator(/), sqrt, sin, cos, atan2, min, max, abs, reciprocal, select
-    public :: square, nearest_whole
+    public :: square, nearest_whole, piece_at, nearest_place, farthest_place
 
     interface operator(+)
         module procedure add, add_number, add_to_number
@@ -219,6 +221,34 @@ contains
 
         r = whole_of(a)
     end function nearest_whole
+
+    !> A component of a curve of the record at a place, or a derivative of it by the place.
+    function piece_at(curve, component, order, place) result(r)
+        integer, intent(in) :: curve               !! its number, as `add_curve` gives it
+        integer, intent(in) :: component, order    !! 1, 2; 0 to 3
+        type(value), intent(in) :: place
+        type(value) :: r
+
+        r = looked_up(op_piece, look_at(curve, component, order), place, place)
+    end function piece_at
+
+    !> The place of a curve nearest to a point.
+    function nearest_place(curve, x, y) result(r)
+        integer, intent(in) :: curve
+        type(value), intent(in) :: x, y
+        type(value) :: r
+
+        r = looked_up(op_nearest, look_at(curve, 1, 0), x, y)
+    end function nearest_place
+
+    !> The place of a curve farthest in a direction.
+    function farthest_place(curve, x, y) result(r)
+        integer, intent(in) :: curve
+        type(value), intent(in) :: x, y            !! of a unit vector
+        type(value) :: r
+
+        r = looked_up(op_farthest, look_at(curve, 1, 0), x, y)
+    end function farthest_place
 
     impure elemental function square(a) result(r)
         type(value), intent(in) :: a

@@ -5,6 +5,7 @@ module test_recorded_forces
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, judges_like_lanes, reached_crossing
     use linkdyn_builder, only: build_model
     use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_curve, only: make_curve
     use linkdyn_equations, only: choose_poses
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_inverse_results, only: list_results
@@ -16,7 +17,7 @@ module test_recorded_forces
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_samples, only: result_list
-    use linkdyn_scene, only: scene_type
+    use linkdyn_scene, only: scene_type, cam_spec, joint_cam, follower_point, follower_roller
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_test_numbers, only: random_stream, random_walk
@@ -35,7 +36,7 @@ module test_recorded_forces
         "stewart_tsai/scene", "watt_i/scene"]
 
     !> Scenes with groups closed by iteration: planar and spatial, one behind the other, with coordinates inside.
-    character(len=*), parameter :: iterated(7) = [character(len=19) :: "boom_by_stroke", "excavator", "hexaglide", &
+    character(len=*), parameter :: iterated(8) = [character(len=19) :: "boom_by_stroke", "cam_lever", "excavator", "hexaglide", &
         "planar_platform", "rsur", "rusr_parallelogram", "scissor_by_stroke"]
 
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
@@ -60,6 +61,7 @@ contains
         tests = [new_test("examples", test_examples), new_test("following a motion", test_following), &
                  new_test("legs in any axes", test_legs), new_test("a leg that is not straight", test_bent_leg), &
                  new_test("dead points", test_dead_points), new_test("groups closed by iteration", test_iterated), &
+                 new_test("cams", test_cams), &
                  new_test("a frame that moves", test_moving_frame), &
                  new_test("dead points of groups", test_dead_groups), new_test("recorded steps", test_recorded_steps), &
                  new_test("samples that are no numbers", test_no_numbers), new_test("what is left out", test_left_out), &
@@ -197,6 +199,7 @@ contains
                   results%power_imbalance(n), results%kinetic_energy(n), results%potential_energy(n), results%closure(n), &
                   results%position(3, model%n_link, n), results%rotation(3, 3, model%n_link, n), &
                   results%transmission_angle(model%n_dyad, n))
+        if (model%n_cam > 0) allocate (results%contact_force(model%n_cam, n), results%pressure_angle(model%n_cam, n))
         call prepare_inverse(model, inverse_options(by_record=by_record), .true., solver, status)
         call check(error, status%is_ok(), trim(status%message))
         call run_prepared(model, solver, 2, batch%q, batch%qd, batch%qdd, batch%load, results, trail=trail)
@@ -218,6 +221,7 @@ contains
         deallocate (results%driving_force, results%reaction, results%joint_variable, results%joint_rate, results%status, &
                     results%power_imbalance, results%kinetic_energy, results%potential_energy, results%closure, results%position, &
                     results%rotation, results%transmission_angle)
+        if (associated(results%contact_force)) deallocate (results%contact_force, results%pressure_angle)
     end subroutine free_results
 
     subroutine compare_roads(error, name, model, batch, in_order, accuracy, steps_are_recorded)
@@ -261,6 +265,12 @@ contains
             call alike([lanes%kinetic_energy(i)], [record%kinetic_energy(i)], "kinetic energy")
             call alike([lanes%potential_energy(i)], [record%potential_energy(i)], "potential energy")
             call alike(lanes%transmission_angle(:, i), record%transmission_angle(:, i), "transmission angles")
+            if (model%n_cam > 0) then
+                call alike([maxval(abs(lanes%reaction(:, :, i))), lanes%contact_force(:, i)], &
+                           [maxval(abs(record%reaction(:, :, i))), record%contact_force(:, i)], "contact forces")
+                call check_close(error, record%pressure_angle(:, i), lanes%pressure_angle(:, i), tolerance, &
+                                 name//": pressure angles")
+            end if
             call check(error, record%power_imbalance(i) <= max(tolerance, 10*lanes%power_imbalance(i)), name//": power")
         end do
         call free_results(lanes)
@@ -301,6 +311,50 @@ contains
             call compare_roads(error, trim(iterated(i))//" about its start", model, batch, accuracy=accuracy)
         end do
     end subroutine test_iterated
+
+    !> Followers of all kinds on curves of both kinds: where they are touched, and all that follows from it.
+    subroutine test_cams(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 280
+        character(len=*), parameter :: what(6) = [character(len=18) :: "path of the centre", "roller", "roller inside", "point", &
+                                                  "points", "flat"]
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(batch_type) :: batch
+        integer :: i, s
+
+        do i = 1, size(what)
+            call read_scene(merge("tests/scenes/cam_lever.toml    ", "examples/valve_train/scene.toml", i == 6), scene, status)
+            call check(error, status%is_ok(), trim(status%message))
+            if (.not. status%is_ok()) return
+            if (i < 6) call change_cam(scene%joint(findloc(scene%joint%kind, joint_cam, dim=1))%cam)
+            call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(what(i))//": "//trim(status%message))
+            if (.not. status%is_ok()) return
+            call move_at_random(model, n, 0.0_wp, batch)
+            ! on the rise and the fall: during a dwell nothing has power
+            batch%q(1, :) = [(-1.0_wp + 2.0_wp*s/n, s=1, n)]
+            call compare_roads(error, trim(what(i))//", in order", model, batch, in_order=.true., steps_are_recorded=.true.)
+            call compare_roads(error, trim(what(i)), model, batch, steps_are_recorded=.true.)
+        end do
+
+    contains
+
+        subroutine change_cam(cam)
+            type(cam_spec), intent(inout) :: cam
+            real(wp), allocatable :: point(:, :)
+
+            if (i == 1) return
+            cam%is_path = .false.
+            cam%radius = merge(0.0_wp, 0.003_wp, i >= 4)
+            cam%follower = merge(follower_point, follower_roller, i >= 4)
+            if (i == 3) cam%side = -1
+            if (i < 5) return
+            point = cam%curve%knot
+            call make_curve(point(1, :), point(2, :), cam%curve)
+        end subroutine change_cam
+    end subroutine test_cams
 
     !> Closed forms and a group, in the plane and in space, with something to carry that changes.
     subroutine test_moving_frame(error)
@@ -351,7 +405,7 @@ contains
             end do
             accuracy = merge(three_digits, near_singular, iterated(i) == "rusr_parallelogram")
             ! of slides in a plane the lanes write other rows
-            has_program = .not. model%is_planar .or. iterated(i) == "planar_platform"
+            has_program = .not. model%is_planar .or. any(iterated(i) == ["planar_platform", "cam_lever      "])
             call compare_roads(error, trim(iterated(i))//", steps recorded, in order", model, batch, in_order=.true., &
                                accuracy=accuracy, steps_are_recorded=has_program)
             if (iterated(i) == large) cycle

@@ -28,6 +28,10 @@ module test_recorded_rates
         "fourbar_start/scene", "n_fourbar/scene", "rcsp_start/scene", "sixbar_slider/scene_inclined", "slider_crank/scene", &
         "stephenson_iii/scene", "watt_i/scene", "stewart_forward/scene", "stewart_drilling/scene"]
 
+    !> Scenes with groups closed by iteration, cams among them.
+    character(len=*), parameter :: iterated(6) = [character(len=28) :: "examples/valve_train/scene", "tests/scenes/cam_lever", &
+        "tests/scenes/excavator", "tests/scenes/planar_platform", "tests/scenes/rsur", "tests/scenes/boom_by_stroke"]
+
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
     real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
 
@@ -37,7 +41,8 @@ contains
         type(unit_test), allocatable, intent(out) :: tests(:)
 
         tests = [new_test("random states", test_random_states), &
-                 new_test("a free body", test_free_body), new_test("a frame that moves", test_moving_frame), &
+                 new_test("groups closed by iteration", test_iterated), new_test("a free body", test_free_body), &
+                 new_test("a frame that moves", test_moving_frame), &
                  new_test("a run", test_run), new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
                  new_test("an ensemble", test_ensemble)]
@@ -66,6 +71,18 @@ contains
             call compare_rates(error, trim(example(i)), model)
         end do
     end subroutine test_random_states
+
+    subroutine test_iterated(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+        integer :: i
+
+        do i = 1, size(iterated)
+            call load_model(error, iterated(i), model)
+            if (allocated(error%message)) return
+            call compare_rates(error, trim(iterated(i)), model)
+        end do
+    end subroutine test_iterated
 
     subroutine test_moving_frame(error)
         type(test_error), intent(inout) :: error

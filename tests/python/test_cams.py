@@ -159,6 +159,62 @@ def test_forward(name: str) -> None:
     assert (free.status == 0).all() and np.ptp(energy) < 1e-5 * np.ptp(free.kinetic_energy.values)
 
 
+# ---------------------------------------------------------------- by records
+
+LANES = {"solver": "gauss-jordan"}
+SHOWN = ("driving_force", "reaction", "joint_variable", "joint_rate", "contact_force", "pressure_angle")
+
+
+def same(one: Any, other: Any) -> None:
+    """But for rounding. Pressure angles may all be zero."""
+    np.testing.assert_array_equal(one.status, other.status)
+    for name in SHOWN:
+        if name in other:
+            largest = 1.0 if name == "pressure_angle" else np.nanmax(np.abs(other[name].values))
+            np.testing.assert_allclose(one[name].values, other[name].values, atol=4e-14 * largest, err_msg=name)
+
+
+@pytest.mark.parametrize("cam", CAMS.values(), ids=CAMS)
+def test_record_against_lanes(cam: dict[str, Any], tmp_path: Path) -> None:
+    """Operations of a record that look up in the curve, against the lanes' own search: along a motion, and each pose on its own."""
+    found = linkdyn.Scene(cam)
+    times = np.linspace(0, 0.7, 400)
+    same(found.inverse(t=times, want="all"), found.inverse(t=times, want="all", **LANES))
+    rng = np.random.default_rng(11)
+    q, qd, qdd = rng.uniform(-2.5, 3.0, (400, 1)), rng.uniform(-30, 30, (400, 1)), rng.uniform(-300, 300, (400, 1))
+    same(found.inverse(q=q, qd=qd, qdd=qdd, want="all"), found.inverse(q=q, qd=qd, qdd=qdd, want="all", **LANES))
+    file = tmp_path / "cam.toml"
+    file.write_text(found.text)
+    told = subprocess.run([executable(), "explain", file], capture_output=True, text=True, check=True).stdout
+    assert "look-ups in curves" in told
+
+
+def test_record_with_laws_and_friction(tmp_path: Path) -> None:
+    """A spring whose force is a table over the follower's way, and a guide that rubs: the record has these beside the cam."""
+    (tmp_path / "pull.csv").write_text("way [mm],pull [N]\n0,60\n30,20\n50,5\n70,-5\n90,-40\n120,-90\n")
+    cam = copy.deepcopy(CAMS["roller, slides"])
+    cam["measures"] = {"way": {"joint": "guide"}}
+    cam["laws"] = {"pull": {"table": "pull.csv", "column": "pull", "over": "way", "interpolation": "spline"}}
+    cam["spring"] = [{"name": "S", "joint": "guide", "force": "pull"}]
+    cam["friction"] = [{"joint": "shaft", "coulomb": 0.1, "radius": 0.01}]
+    found = linkdyn.Scene(cam, folder=tmp_path)
+    times = np.linspace(0, 0.7, 400)
+    run = found.inverse(t=times, want="all")
+    assert (run.status == 0).all()
+    same(run, found.inverse(t=times, want="all", **LANES))
+
+
+def test_record_out_of_reach() -> None:
+    """A lever too short for the cam's nose: samples fail with the same status, along a motion and on their own."""
+    cam = copy.deepcopy(CAMS["roller, turns"])
+    cam["frame"]["markers"]["A"] = [0.128, 0.0]
+    found = linkdyn.Scene(cam)
+    q = np.linspace(0.3, 6.6, 500)[:, np.newaxis]
+    for runs in ([found.inverse(q=q, qd=0 * q + 3, qdd=0 * q, want="all", **more) for more in ({}, LANES)],):
+        assert set(np.unique(runs[1].status)) != {0}
+        same(*runs)
+
+
 # ---------------------------------------------------------------- by the textbook
 
 LIFT, BASE = 0.012, 0.03
