@@ -12,6 +12,7 @@ module linkdyn_motion_forces
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
+    use linkdyn_measures, only: find_measures
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, lane_loads
     use linkdyn_recorded_rates, only: run_rates
@@ -19,7 +20,7 @@ module linkdyn_motion_forces
     implicit none (type, external)
     private
     public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, find_motion_forces, &
-        record_motion_forces, share_motion_forces, free_motion_forces
+        record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
 
     integer, parameter :: n_check = 16                 !! evaluations in which the record is compared with the lanes
 
@@ -127,6 +128,21 @@ contains
             forces%status = workspace%status
         end associate
     end subroutine find_on_lanes
+
+    !> What laws over the state depend on, in the motion at the instants of the lanes.
+    subroutine measure_motion(t, forces, measure)
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        type(motion_forces), intent(inout) :: forces
+        real(wp), intent(out) :: measure(:, :)         !! (lane, measure)
+
+        associate (model => forces%model, state => forces%workspace%state)
+            state%world_rates = .true.
+            call unpack_motion(model, t, state)
+            call evaluate_assembled(model, t, forces%assembly, state)
+            state%time = t
+            call find_measures(model, state, measure)
+        end associate
+    end subroutine measure_motion
 
     !> Coordinates of the motion at the instants of the lanes.
     subroutine unpack_motion(model, t, state)
