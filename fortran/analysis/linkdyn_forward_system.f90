@@ -13,7 +13,7 @@ module linkdyn_forward_system
         put_out_samples, run_continuous
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
-    use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
+    use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator, effort_scale
     use linkdyn_contact_forces, only: solve_contacts, solve_complementary
     use linkdyn_event_log, only: event_log, event_entry, add_entry, kind_crossing, kind_end, kind_contact, kind_release, &
         kind_impact, kind_rest
@@ -550,7 +550,7 @@ contains
         call put_out_samples(self%model%scene%controller, t, self%control)
     end subroutine control_now
 
-    !> What controllers see at states, of which measures and laws over the state are known.
+    !> What controllers see at states, of which measures and laws over the state are known. A similar mechanism's see the scene's size.
     subroutine see(self, t, y, measure, law, is_wanted, sight)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)               !! [s]
@@ -595,8 +595,8 @@ contains
         real(wp), intent(in) :: law(:, :)              !! (lane, law)
         real(wp) :: feed(lanes), ignored(lanes), ratio
 
-        ratio = 1
-        if (spec%side /= side_joint) ratio = self%model%scene%actuator(spec%actuator)%motor%ratio
+        ratio = effort_scale(self%model, spec%actuator)
+        if (spec%side /= side_joint) ratio = ratio*self%model%scene%actuator(spec%actuator)%motor%ratio
         select case (spec%feed)
         case (feed_law)
             if (spec%feed_law%kind == law_over) then
@@ -626,8 +626,8 @@ contains
             call run_controllers(self, t, y, measure, self%workspace%state%law)
         end if
         do i = 1, self%control%n
-            associate (force => self%workspace%driving_force(:, self%model%scene%controller(i)%actuator))
-                force = force + self%control%output(:, i)
+            associate (k => self%model%scene%controller(i)%actuator, force => self%workspace%driving_force)
+                force(:, k) = force(:, k) + effort_scale(self%model, k)*self%control%output(:, i)
             end associate
         end do
     end subroutine drive_by_controllers
@@ -680,7 +680,7 @@ contains
                                                           transpose(samples%law(:, lane)))
             do i = 1, self%control%n
                 associate (k => self%model%scene%controller(i)%actuator)
-                    samples%effort(k, :n) = samples%effort(k, :n) + self%control%output(:n, i)
+                    samples%effort(k, :n) = samples%effort(k, :n) + effort_scale(self%model, k)*self%control%output(:n, i)
                 end associate
             end do
             if (self%holding%is_needed) samples%is_left(:n) = samples%is_left(:n) .or. self%holding%status(:n) /= sample_ok

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 import linkdyn
 import numpy as np
 import pytest
+from linkdyn.cli import executable
 from linkdyn.errors import InputError
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -444,3 +447,80 @@ def test_names_and_wishes() -> None:
     del plain["controller"]
     with pytest.raises(InputError, match="the scene has no controller"):
         linkdyn.Scene(plain).forward(t=[0.0, 0.1], want="controller")
+
+
+@pytest.mark.parametrize(("method", "accuracy", "bound"), METHODS)
+def test_beside_events_and_stops(method: str, accuracy: dict[str, Any], bound: float) -> None:
+    """What a run looks out for changes nothing in its samples; an impact between two of them does what the discrete system says."""
+    law = {"target": 0.4, "kp": 80.0, "kd": 9.0, "rate": "100 Hz", "delay_samples": 1}
+    stop = {"stop": [{"name": "end", "joint": "A", "max": 0.3001, "restitution": 0.5}]}
+    watched = {"measures": {"x": {"joint": "A"}}, "event": [{"name": "passed", "when": "x - 0.25 m"}]}
+    t = np.linspace(0, 0.5, 26)
+    plain = linkdyn.Scene(slider(**law)).forward(t=t, method=method, **accuracy)
+    run = linkdyn.Scene(slider(**law) | watched).forward(t=t, method=method, **accuracy)
+    assert np.abs(run.q - plain.q).max() < 10 * bound
+    run = linkdyn.Scene(slider(**law) | stop).forward(t=t, method=method, **accuracy)
+    assert run.attrs["stopped"] == ""
+    first = float(run.event_time[0])
+    # the discrete system up to the impact, thrown back there, and on to the next instants
+    exact = Discrete(0.01, 0.01, target=0.4, kp=80.0, kd=9.0).run(np.array([first]))[0][0]
+    assert exact[0] == pytest.approx(0.3001, abs=10 * bound)
+    assert float(run.event_qd_after[0, 0]) == pytest.approx(-0.5 * exact[1], abs=100 * bound)
+
+
+@pytest.mark.parametrize("rate", [{}, {"rate": "200 Hz", "delay_samples": 1}])
+def test_estimated_errors(rate: dict[str, Any]) -> None:
+    """Companion runs of other size have the same controllers."""
+    data = arm(controller=[{"actuator": name, "target": "motion", "kp": 60.0, "ki": 40.0, "kd": 6.0, "limit": 30.0, "feed_forward": feed, **rate}
+                           for name, feed in (("S", "gravity"), ("E", "inverse"))])
+    data["coordinate"][0]["start"] = 0.2
+    t = np.linspace(0, 0.5, 6)
+    coarse = linkdyn.Scene(data).forward(t=t, error=True, rtol=1e-7, atol=1e-7)
+    fine = linkdyn.Scene(data).forward(t=t, **SHARP)
+    actual = np.abs(coarse.q - fine.q).max()
+    assert coarse.q_error.max() < 1e-4
+    assert actual < 10 * coarse.q_error.max() + 1e-12
+
+
+def test_gravity_is_that_of_the_place_alone() -> None:
+    """Whatever the velocity and the loads, ahead is what statics of the place ask for, payloads and springs with it; in space too."""
+    tables = {
+        "coordinate": [{"joint": "S", "start": {"position": 0.2, "velocity": 3.0}}, {"joint": "E", "start": {"position": -0.3, "velocity": -5.0}}],
+        "spring": [{"name": "counterbalance", "joint": "S", "stiffness": 8.0, "damping": 2.0, "rest": 1.5}],
+        "payload": [{"on": "lower.tip", "mass": 1.5}],
+    }
+    law = {"target": 0.0, "kp": 1e-12, "feed_forward": "gravity"}
+    control = [{"actuator": "S", **law}, {"actuator": "E", **law}]
+    run = linkdyn.Scene(arm(**tables, controller=control, load=[{"on": "lower.tip", "force": [30.0, -70.0]}])).forward(t=[0.0, 1e-3])
+    static = linkdyn.Scene(arm(**tables)).inverse(q=[[0.2, -0.3]], qd=[[0.0, 0.0]], qdd=[[0.0, 0.0]])
+    np.testing.assert_allclose(run.controller_output.values[0], static.driving_force.values[0], rtol=1e-9)
+    data = tomllib.loads((EXAMPLES / "stewart_forward" / "scene.toml").read_text())
+    for table in data["actuator"]:
+        del table["law"]
+    still = linkdyn.Scene(data)
+    start = still.forward(t=[0.0, 1e-6])
+    data["controller"] = [
+        {"actuator": name, "target": float(start.joint_variable.sel(variable=f"{name}.slide")[0]), "kp": 2000.0, "kd": 60.0, "feed_forward": "gravity",
+         "rate": "1 kHz"} for name in still.actuators
+    ]
+    run = linkdyn.Scene(data).forward(t=[0.0, 0.25, 0.5])
+    assert np.abs(run.controller_error).max() < 1e-12
+
+
+def test_told_on_the_command_line(tmp_path: Path) -> None:
+    """The summary names controllers at their limits; a run that they make too stiff names them."""
+    scene = linkdyn.Scene(slider(target=0.4, kp=80.0, kd=9.0, limit=4.0, name="axis") | {"time": {"end": 1.0}})
+    (tmp_path / "scene.toml").write_text(scene.text)
+    told = subprocess.run([executable(), "forward", "scene.toml"], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    assert re.search(r"^  at their limits  controller 'axis' in \d+ samples, first at t = 0", told, re.M), told
+    stiff = linkdyn.Scene(slider(target=0.4, kp=1e25, kd=1e20, name="axis")).forward(t=[0.0, 1.0])
+    assert "controller 'axis' is too stiff" in stiff.attrs["stopped"]
+
+
+def test_changes_by_path() -> None:
+    """By the name, or that of the actuator, whatever variable is measured."""
+    data = slider(target=0.1, kp=80.0, joint="A", variable="slide")
+    other = linkdyn.Scene(data).with_({"controller.A.kp": 40.0}).forward(t=[0.0, 0.1])
+    assert float(other.controller_output[0, 0]) == pytest.approx(40 * (0.1 - START[0]))
+    with_one = linkdyn.Scene({key: value for key, value in data.items() if key != "controller"}).with_({"controller.A": {"actuator": "A", "target": 0.1, "kp": 40.0}})
+    np.testing.assert_array_equal(with_one.forward(t=[0.0, 0.1]).q, other.q)
