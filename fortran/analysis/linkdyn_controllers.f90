@@ -19,6 +19,7 @@ module linkdyn_controllers
         real(wp), allocatable :: error(:, :)           !! (lane, n) [m, rad, ..]
         real(wp), allocatable :: output(:, :)          !! in effect (lane, n) [N, N m, V]
         logical, allocatable :: is_limited(:, :)       !! (lane, n)
+        integer :: blind = 0                           !! one whose output was no number since that was set to zero, on lane 1
         real(wp), allocatable :: integral_rate(:, :), slope_rate(:, :)     !! of continuous ones, as seen last (lane, n)
         integer(int64), allocatable, private :: n_taken(:), n_out(:)       !! samples taken, and in effect or past (n)
         type(control_memory), allocatable, private :: memory(:, :)         !! (lane, n)
@@ -140,6 +141,7 @@ contains
                 control%output(:, i) = control%waiting(:, place, i)
                 control%is_limited(:, i) = control%waiting_limited(:, place, i)
                 control%n_out(i) = control%n_out(i) + 1
+                call note_blind(i, control)
             end do
         end do
     end subroutine put_out_samples
@@ -166,6 +168,14 @@ contains
             call control_continuously(spec(i), sight(:, i), integral(:, i), slope(:, i), control%error(:, i), &
                                       control%output(:, i), control%is_limited(:, i), control%integral_rate(:, i), &
                                       control%slope_rate(:, i))
+            call note_blind(i, control)
         end do
     end subroutine run_continuous
+
+    pure subroutine note_blind(i, control)
+        integer, intent(in) :: i
+        type(controllers_type), intent(inout) :: control
+
+        if (control%blind == 0 .and. .not. abs(control%output(1, i)) <= huge(1.0_wp)) control%blind = i
+    end subroutine note_blind
 end module linkdyn_controllers

@@ -40,7 +40,7 @@ module linkdyn_forward
     use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, n_controller, &
         has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
-        sample_unreachable
+        sample_unreachable, sample_branch_lost, sample_not_converged
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
@@ -383,7 +383,7 @@ contains
             if (associated(results%time)) results%time(i) = t(i)
             if (associated(results%work)) results%work(i) = work
             if (associated(results%brake)) results%brake(:, i) = run%system%brake(1, run%model%motor%actuator)
-            call tell_controllers(run%system%control, i, .not. run%has_stopped .or. run%is_over, results)
+            call tell_controllers(run%system%control, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
             n_passed(i) = passed_now(run)
@@ -685,6 +685,10 @@ contains
         else if (run%system%assembly%map_lost(1) > 0) then
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)
+        else if (run%system%control%blind > 0 .and. &
+                 .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])) then
+            reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%blind)%name) &
+                     //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
         else
             select case (run%integrator%reason)
             case (stop_growth)

@@ -365,6 +365,7 @@ contains
         self%n_accepted = self%n_accepted + 1
         where (is_accepted) self%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
+        self%control%blind = 0
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
             call accept_assembly(self%model, t, is_accepted, self%assembly)
@@ -505,13 +506,14 @@ contains
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
             if (self%may_jump) call self%note_mode(workspace%state%mode, rate)
             failed = workspace%status /= sample_ok
-            failed = failed .or. self%of_motion%status /= sample_ok
-            if (self%holding%is_needed) failed = failed .or. self%holding%status /= sample_ok
+            if (applies_motion_forces(self)) failed = failed .or. self%of_motion%status /= sample_ok
             do k = 1, model%n_q
                 failed = failed .or. .not. abs(workspace%acceleration(:, k)) <= huge(1.0_wp)
             end do
             where (failed .and. self%obstacle == sample_ok) self%obstacle = workspace%status
-            where (failed .and. self%obstacle == sample_ok) self%obstacle = self%of_motion%status
+            if (applies_motion_forces(self)) then
+                where (failed .and. self%obstacle == sample_ok) self%obstacle = self%of_motion%status
+            end if
             where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
         end associate
     end subroutine evaluate_on_lanes
@@ -593,8 +595,9 @@ contains
         type(controller_spec), intent(in) :: spec
         real(wp), intent(in) :: t(lanes)               !! [s]
         real(wp), intent(in) :: law(:, :)              !! (lane, law)
-        real(wp) :: feed(lanes), ignored(lanes), ratio
+        real(wp) :: feed(lanes), ignored(lanes), ratio, none
 
+        none = ieee_value(1.0_wp, ieee_quiet_nan)
         ratio = effort_scale(self%model, spec%actuator)
         if (spec%side /= side_joint) ratio = ratio*self%model%scene%actuator(spec%actuator)%motor%ratio
         select case (spec%feed)
@@ -605,9 +608,9 @@ contains
                 call law_on_lanes(spec%feed_law, t, feed, ignored, ignored)
             end if
         case (feed_gravity)
-            feed = self%holding%force(:, spec%actuator)/ratio
+            feed = merge(self%holding%force(:, spec%actuator)/ratio, none, self%holding%status == sample_ok)
         case (feed_inverse)
-            feed = self%of_motion%force(:, spec%actuator)/ratio
+            feed = merge(self%of_motion%force(:, spec%actuator)/ratio, none, self%of_motion%status == sample_ok)
         case default
             feed = 0
         end select
@@ -683,8 +686,7 @@ contains
                     samples%effort(k, :n) = samples%effort(k, :n) + effort_scale(self%model, k)*self%control%output(:n, i)
                 end associate
             end do
-            if (self%holding%is_needed) samples%is_left(:n) = samples%is_left(:n) .or. self%holding%status(:n) /= sample_ok
-            samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
+            samples%is_left(:n) = samples%is_left(:n) .or. .not. sum(abs(self%control%output(:n, :)), 2) <= huge(1.0_wp)
         end associate
     end subroutine drive_record_by_controllers
 
@@ -827,7 +829,7 @@ contains
         end if
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
-            samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
+            if (applies_motion_forces(self)) samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
             changes_efforts = has_motor_laws .or. self%control%n > 0
             if (changes_efforts) call apply_record_laws(n, self%record)
             if (self%control%n > 0) call drive_record_by_controllers(self, n, t, y)

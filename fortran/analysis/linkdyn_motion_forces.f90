@@ -2,6 +2,7 @@
 !>
 !> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes.
 module linkdyn_motion_forces
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
         solve_equations, solver_reduced, solver_elimination
@@ -129,11 +130,13 @@ contains
         end associate
     end subroutine find_on_lanes
 
-    !> What laws over the state depend on, in the motion at the instants of the lanes.
+    !> What laws over the state depend on, in the motion at the instants of the lanes; not a number where it cannot be placed.
     subroutine measure_motion(t, forces, measure)
         real(wp), intent(in) :: t(lanes)               !! [s]
         type(motion_forces), intent(inout) :: forces
         real(wp), intent(out) :: measure(:, :)         !! (lane, measure)
+        logical :: is_lost(lanes)
+        integer :: k
 
         associate (model => forces%model, state => forces%workspace%state)
             state%world_rates = .true.
@@ -141,7 +144,11 @@ contains
             call evaluate_assembled(model, t, forces%assembly, state)
             state%time = t
             call find_measures(model, state, measure)
+            is_lost = state%unreachable .or. state%not_converged .or. state%way_status /= sample_ok
         end associate
+        do k = 1, size(measure, 2)
+            where (is_lost) measure(:, k) = ieee_value(1.0_wp, ieee_quiet_nan)
+        end do
     end subroutine measure_motion
 
     !> Coordinates of the motion at the instants of the lanes.

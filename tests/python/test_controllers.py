@@ -524,3 +524,15 @@ def test_changes_by_path() -> None:
     assert float(other.controller_output[0, 0]) == pytest.approx(40 * (0.1 - START[0]))
     with_one = linkdyn.Scene({key: value for key, value in data.items() if key != "controller"}).with_({"controller.A": {"actuator": "A", "target": 0.1, "kp": 40.0}})
     np.testing.assert_array_equal(with_one.forward(t=[0.0, 0.1]).q, other.q)
+
+
+@pytest.mark.parametrize("rate", [{"damps": "measured"}, {"rate": "100 Hz"}])
+def test_nothing_to_put_out(rate: dict[str, Any]) -> None:
+    """A target that ends, and one that the mechanism's motion cannot have: the run ends there and names the controller."""
+    run = linkdyn.Scene(slider(target="0.1 m + 1 mm*sqrt(0.503 - time/(1 s))", kp=80.0, kd=9.0, **rate)).forward(t=np.linspace(0, 1, 11))
+    assert run.attrs["stopped"].startswith("stopped at t = 0.5") and "controller 'A' has nothing to put out" in run.attrs["stopped"]
+    assert (run.status.values[:6] == 0).all() and np.isnan(run.controller_output.values[6:]).all()
+    data = tomllib.loads((EXAMPLES / "fivebar_pick" / "scene.toml").read_text())
+    data["coordinate"][0]["motion"]["x"] = {"law": "constant-rate", "rate": 3.0, "start": -0.1}
+    run = linkdyn.Scene(data).forward(t_end=0.4)
+    assert "controller 'A' has nothing to put out" in run.attrs["stopped"]
