@@ -423,23 +423,45 @@ def test_hexapod_legs_follow_the_platform(rate: dict[str, Any]) -> None:
     assert np.abs(run.controller_error).max() < (1e-5 if rate else 1e-9)
 
 
-def test_through_a_dead_point() -> None:
-    """The run goes on in another coordinate, and the controller with it."""
-    data = tomllib.loads((EXAMPLES / "fourbar_constant_torque" / "scene.toml").read_text())
-    joint = data["actuator"][0]["joint"]
-    data["measures"] = {"w": {"joint": joint, "rate": True}}
-    data["actuator"] = [{"joint": joint}]
-    data["controller"] = [{"actuator": joint, "measure": "w", "target": 6.0, "kp": 2.0, "ki": 8.0}]
-    t = np.linspace(0, 2, 21)
-    run = linkdyn.Scene(data).forward(t=t, want="all", **SHARP)
-    assert run.attrs["stopped"] == ""
-    assert np.abs(run.power_imbalance).max() < 1e-9
+@pytest.mark.parametrize("rate", [{}, {"rate": "130 Hz", "delay_samples": 2}])
+def test_through_dead_points(rate: dict[str, Any]) -> None:
+    """A crank led by its piston's slide goes on in another coordinate at the dead point, and its controller with it: as the crank led by its own angle."""
+    crank, rod, start = 0.1, 0.3, 1.0
+    data: dict[str, Any] = {
+        "space": "planar",
+        "frame": {"markers": {"A": [0, 0], "guide": {"at": [0, 0], "axis": [1, 0]}}},
+        "link": [
+            {"name": "crank", "markers": {"A": [0, 0], "B": [crank, 0]}, "mass": 2.0, "inertia": 0.02},
+            {"name": "rod", "markers": {"B": [0, 0], "C": [rod, 0]}, "mass": 1.0, "cog": [0.15, 0], "inertia": 0.01},
+            {"name": "piston", "markers": {"C": {"at": [0, 0], "axis": [1, 0]}}, "mass": 1.5, "inertia": 0.001},
+        ],
+        "joint": [
+            {"name": "A", "type": "revolute", "between": ["frame.A", "crank.A"], "start": start},
+            {"name": "B", "type": "revolute", "between": ["crank.B", "rod.B"]},
+            {"name": "C", "type": "revolute", "between": ["rod.C", "piston.C"]},
+            {"name": "guide", "type": "prismatic", "between": ["frame.guide", "piston.C"], "start": 0.3},
+        ],
+        "measures": {"w": {"joint": "A", "rate": True}},
+        "actuator": [{"joint": "A"}],
+        "controller": [{"actuator": "A", "measure": "w", "target": 9.0, "kp": 0.3, "ki": 2.0, "feed_forward": "gravity", **rate}],
+    }
+    slide = crank * np.cos(start) + np.sqrt(rod**2 - (crank * np.sin(start)) ** 2)
+    t = np.linspace(0, 1.5, 31)
+    by_angle = linkdyn.Scene(data | {"coordinate": [{"joint": "A", "start": start}]}).forward(t=t, **SHARP)
+    by_slide = linkdyn.Scene(data | {"coordinate": [{"joint": "guide", "start": slide}]}).forward(t=t, want="all", **SHARP)
+    assert "then" in by_slide.attrs["coordinates_integrated"] and by_slide.attrs["stopped"] == ""
+    assert np.abs(by_slide.controller_output - by_angle.controller_output).max() < 1e-6
+    assert np.abs(by_slide.controller_error - by_angle.controller_error).max() < 1e-6
+    assert np.abs(by_slide.power_imbalance).max() < 1e-9
 
 
 def test_names_and_wishes() -> None:
     scene = linkdyn.Scene(slider(target=0.1, kp=80.0, name="axis"))
     run = scene.forward(t=[0.0, 0.1], want="controller")
-    assert run.controller.values.tolist() == ["axis"]
+    assert run.controller.values.tolist() == ["axis"] == list(scene.controllers)
+    told = linkdyn.load(EXAMPLES.parent / "tests" / "scenes" / "controlled_arm.toml").explain()
+    assert re.search(r"shoulder +PID \[N m over rad\] at S, continuous, at least -60 N m, at most 60 N m, gravity ahead", told), told
+    assert re.search(r"elbow +PD \[N m over rad\] at E, its motor, a sample every 0.001 s, 0.001 s late, inverse dynamics ahead", told), told
     assert {"controller_target", "controller_error", "controller_output", "controller_limited"} <= set(run.data_vars)
     assert "controller_output" not in scene.forward(t=[0.0, 0.1], want="driving_force")
     assert run.controller_output.attrs["units"] == "N"
