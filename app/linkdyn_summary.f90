@@ -8,7 +8,8 @@ module linkdyn_summary
     use linkdyn_model, only: model_type
     use linkdyn_results, only: layout_type, variable_type, block_type, view_values, label_len, dim_actuator, dim_joint, &
         result_time, result_driving_force, result_motor_torque, result_reaction, result_status, result_assembly, &
-        result_torque_margin, result_joint_variable, result_contact_force, dimension_type, dim_motor, dim_variable, dim_cam, &
+        result_torque_margin, result_joint_variable, result_contact_force, result_controller_limited, dimension_type, dim_motor, &
+        dim_variable, dim_cam, dim_controller, &
         variable_index, samples_width, &
         label_of_value, estimated, estimate_of
     use linkdyn_code, only: code_in_use
@@ -68,6 +69,7 @@ module linkdyn_summary
         integer :: n_passed = 0                                 !! change points, since the start of the motion
         type(event_type), allocatable :: beyond(:)              !! a stop that throws back (n_stop); not allocated: nobody has looked
         type(event_type), allocatable :: lift(:)                !! of a follower off its cam (n_cam)
+        type(event_type), allocatable :: limited(:)             !! of a controller's output (n_controller)
         type(event_type) :: anew                                !! the assembly was found from the start, after failures
         type(road_counts) :: roads
         logical :: has_force = .false., has_reaction = .false.
@@ -89,6 +91,7 @@ contains
         call start_range(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_motor_torque) > 0), summary%motor)
         allocate (summary%overload(merge(layout%dimension(dim_motor)%size, 0, variable_index(layout, result_torque_margin) > 0)))
         allocate (summary%worst(0), summary%lift(layout%dimension(dim_cam)%size))
+        allocate (summary%limited(layout%dimension(dim_controller)%size))
         do i = 1, size(estimate_of)
             call add_worst(layout, variable_index(layout, estimated(i)), variable_index(layout, estimate_of(i)), summary%worst)
         end do
@@ -165,7 +168,7 @@ contains
         type(scene_type), intent(in), optional :: scene  !! whose motion is given: end stops may be passed
         real(wp), parameter :: rounding = 1.0e-9_wp  !! of a force that is none, by the largest of the sample
         real(wp), pointer :: time(:), force(:, :), torque(:, :), margin(:, :), reaction(:, :, :), press(:, :)
-        integer, pointer :: code(:), assembly(:)
+        integer, pointer :: code(:), assembly(:), limited(:, :)
         integer :: i, k, n_force
 
         call view_values(layout, result_time, n, block, time)
@@ -176,6 +179,7 @@ contains
         call view_values(layout, result_torque_margin, n, block, margin)
         call view_values(layout, result_reaction, n, block, reaction)
         call view_values(layout, result_contact_force, n, block, press)
+        call view_values(layout, result_controller_limited, n, block, limited)
         if (present(scene)) call look_at_stops(layout, scene, block, n, summary%beyond)
         summary%has_force = associated(force)
         summary%has_reaction = associated(reaction)
@@ -201,6 +205,7 @@ contains
                 if (assembly(i) == reached_anew) call count_event(time(i), summary%anew)
             end if
             if (associated(margin)) call note_overload(torque(:, i), margin(:, i), time(i), summary%overload)
+            if (associated(limited)) call note_limits(limited(:, i) > 0, time(i), summary%limited)
             do k = 1, size(summary%worst)
                 call note_errors(layout, block, i, time(i), summary%worst(k))
             end do
@@ -249,6 +254,33 @@ contains
             end associate
         end do
     end function overloads
+
+    !> Controllers whose outputs are at a limit.
+    pure subroutine note_limits(is_limited, t, limited)
+        logical, intent(in) :: is_limited(:)
+        real(wp), intent(in) :: t                    !! [s]
+        type(event_type), intent(inout) :: limited(:)
+        integer :: k
+
+        do k = 1, size(limited)
+            if (is_limited(k)) call count_event(t, limited(k))
+        end do
+    end subroutine note_limits
+
+    !> "controller 'S' in 12 samples, first at t = 0.3 s"; blank: none was at a limit.
+    function limits_reached(layout, summary) result(text)
+        type(layout_type), intent(in) :: layout
+        type(summary_type), intent(in) :: summary
+        character(len=:), allocatable :: text
+        integer :: k
+
+        text = ""
+        do k = 1, size(summary%limited)
+            if (summary%limited(k)%n == 0) cycle
+            if (text /= "") text = text//"; "
+            text = text//"controller "//quoted(layout%dimension(dim_controller)%label(k))//" in "//times_text(summary%limited(k))
+        end do
+    end function limits_reached
 
     !> Samples beyond stops that throw back, as far as joint variables are among the results.
     subroutine look_at_stops(layout, scene, block, n, beyond)
@@ -351,6 +383,9 @@ contains
         do k = 1, size(whole%lift)
             call join_events(part%lift(k), whole%lift(k))
         end do
+        do k = 1, size(whole%limited)
+            call join_events(part%limited(k), whole%limited(k))
+        end do
         if (allocated(part%beyond) .and. .not. allocated(whole%beyond)) allocate (whole%beyond(size(part%beyond)))
         if (allocated(part%beyond)) then
             do k = 1, size(part%beyond)
@@ -440,6 +475,7 @@ contains
         if (passed_stops(model%scene, summary) /= "") write (unit, "(a)") "  end stops        passed: " &
             //passed_stops(model%scene, summary)
         if (overloads(layout, summary) /= "") write (unit, "(a)") "  overloaded       "//overloads(layout, summary)
+        if (limits_reached(layout, summary) /= "") write (unit, "(a)") "  at their limits  "//limits_reached(layout, summary)
         call print_lifts()
         if (summary%n_passed > 0) write (unit, "(a)") "  change points    "//crossings_text(summary)
         if (summary%anew%n > 0) write (unit, "(a)") "  found anew       the assembly, from the start of the scene, at " &

@@ -26,7 +26,8 @@ import linkdyn.plot
 FOLDER = Path(__file__).resolve().parent
 COLOURS = 256   # a palette is enough, and a third of the size
 MOST_PANELS = 4
-FORWARD = {"double_wishbone", "fourbar_start", "rcsp_start"}   # run forward although a motion is given: of one coordinate, or to be found again
+# Run forward although a motion is given: of one coordinate, followed by controllers, or to be found again.
+FORWARD = {"double_wishbone", "fivebar_pick", "fourbar_start", "rcsp_start"}
 # A second scene of the folder, which runs forward.
 BESIDE = {"andrews": "scene_forward.toml", "four_stroke": "scene.toml", "slider_crank": "scene_forward.toml"}
 STROBES = {                                         # instants of the stroboscopic picture: first, last, how many

@@ -17,7 +17,7 @@ module linkdyn_explain
     use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable, &
-        payload_changes, motor_spec
+        payload_changes, motor_spec, controller_spec, n_controller, side_joint, side_voltage, feed_none, feed_gravity, feed_inverse
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
@@ -41,6 +41,7 @@ contains
         call explain_order(model, unit)
         call explain_reach(model, unit)
         call explain_equations(model, unit)
+        if (n_controller(model%scene) > 0) call explain_controllers(model, unit)
         if (model%scene%sweep%is_given) call explain_sweep(model, unit)
         call explain_left_out(model, unit)
     end subroutine explain_model
@@ -374,6 +375,76 @@ contains
         write (unit, "(2x,a)") what//": "//to_text(2*plan%n_term + plan%n_scale)//" flops and " &
             //to_text(plan%n_reciprocal)//" divisions a pose"
     end subroutine explain_cost
+
+    !> What drives actuators in forward runs.
+    subroutine explain_controllers(model, unit)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: unit
+        integer :: i
+
+        write (unit, "(/,a)") "Controllers, in forward runs"
+        do i = 1, n_controller(model%scene)
+            associate (spec => model%scene%controller(i))
+                write (unit, "(2x,a24,a)") adjustl(spec%name), parts_in_words(spec)//" ["//trim(spec%output_unit)//" over " &
+                    //trim(spec%unit)//"] at "//trim(model%scene%actuator(spec%actuator)%name)//side_in_words(spec) &
+                    //sampling_in_words(spec)//limits_in_words(spec)//feed_in_words(spec)
+            end associate
+        end do
+    end subroutine explain_controllers
+
+    !> "PID"
+    pure function parts_in_words(spec) result(text)
+        type(controller_spec), intent(in) :: spec
+        character(len=:), allocatable :: text
+
+        text = ""
+        if (abs(spec%kp) > 0) text = text//"P"
+        if (abs(spec%ki) > 0) text = text//"I"
+        if (abs(spec%kd) > 0) text = text//"D"
+    end function parts_in_words
+
+    pure function side_in_words(spec) result(text)
+        type(controller_spec), intent(in) :: spec
+        character(len=:), allocatable :: text
+
+        text = ", its motor"
+        if (spec%side == side_joint) text = ""
+        if (spec%side == side_voltage) text = text//"'s terminals"
+    end function side_in_words
+
+    pure function sampling_in_words(spec) result(text)
+        type(controller_spec), intent(in) :: spec
+        character(len=:), allocatable :: text
+
+        text = ", continuous"
+        if (spec%period > 0) text = ", a sample every "//to_text(spec%period)//" s"
+        if (spec%delay > 0) text = text//", "//to_text(spec%delay)//" s late"
+    end function sampling_in_words
+
+    pure function limits_in_words(spec) result(text)
+        type(controller_spec), intent(in) :: spec
+        character(len=:), allocatable :: text
+
+        text = ""
+        if (spec%low > -huge(1.0_wp)) text = text//", at least "//to_text(spec%low)//" "//trim(spec%output_unit)
+        if (spec%high < huge(1.0_wp)) text = text//", at most "//to_text(spec%high)//" "//trim(spec%output_unit)
+    end function limits_in_words
+
+    pure function feed_in_words(spec) result(text)
+        type(controller_spec), intent(in) :: spec
+        character(len=:), allocatable :: text
+
+        select case (spec%feed)
+        case (feed_none)
+            text = ""
+        case (feed_gravity)
+            text = ", gravity ahead"
+        case (feed_inverse)
+            text = ", inverse dynamics ahead"
+        case default
+            text = ", a law ahead"
+        end select
+    end function feed_in_words
 
     !> What `linkdyn sweep` goes through; axes of one group advance together.
     subroutine explain_sweep(model, unit)

@@ -14,6 +14,7 @@ module linkdyn_forward
     use linkdyn_builder, only: build_model
     use linkdyn_carried_assembly, only: keep_evaluated, count_passed
     use linkdyn_constants, only: two_pi
+    use linkdyn_controllers, only: controllers_type
     use linkdyn_coordinate_watch, only: dead_coordinate
     use linkdyn_event_log, only: event_log, event_entry, add_entry
     use linkdyn_exchange, only: list_choices, exchange_scene, coordinate_now, number_iterated, choice_names
@@ -37,9 +38,10 @@ module linkdyn_forward
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, has_hard_stops
+    use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, n_controller, &
+        has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
-        sample_unreachable
+        sample_unreachable, sample_branch_lost, sample_not_converged
     use linkdyn_stiffest_part, only: find_stiffest
     use linkdyn_text, only: to_text, quoted
     use linkdyn_threads, only: team_size
@@ -61,6 +63,10 @@ module linkdyn_forward
         real(wp), pointer :: step(:) => null()         !! (n) last step before the instant [s]
         integer, pointer :: stand_in(:, :) => null()   !! (n_q, n) joint variable integrated in a coordinate's place; 0: none
         real(wp), pointer :: brake(:, :) => null()     !! (n_motor, n) what brakes take of motors' torques [N m]
+        real(wp), pointer :: target(:, :) => null()            !! of controllers, as seen last (n_controller, n) [m, rad, ..]
+        real(wp), pointer :: control_error(:, :) => null()     !! (n_controller, n) [m, rad, ..]
+        real(wp), pointer :: control_output(:, :) => null()    !! in effect (n_controller, n) [N, N m, V]
+        integer, pointer :: is_limited(:, :) => null()         !! 1: that is at a limit (n_controller, n)
         type(inverse_results) :: forces                !! accelerations, forces, energies, closure, ... (n)
     end type forward_results
 
@@ -84,6 +90,7 @@ module linkdyn_forward
         integer :: n_crossed = 0                       !! change points passed before the last sample computed
         integer :: n_passed = 0                        !! before the last sample given, or where the run has stopped
         real(wp), allocatable :: kink(:)               !! instants ahead at which a law changes its formula, increasing [s]
+        real(wp) :: passed_kink = -huge(1.0_wp)        !! the last one, or instant of a controller [s]
         logical :: has_stopped = .false.
         logical :: is_over = .false.                   !! an event has ended it, of which the last sample tells
         real(wp) :: good_until = 0                     !! [s]
@@ -377,6 +384,7 @@ contains
             if (associated(results%time)) results%time(i) = t(i)
             if (associated(results%work)) results%work(i) = work
             if (associated(results%brake)) results%brake(:, i) = run%system%brake(1, run%model%motor%actuator)
+            call tell_controllers(run%system%control, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
             n_passed(i) = passed_now(run)
@@ -407,6 +415,21 @@ contains
             if (.not. is_interrupted()) n_found = last
         end subroutine find_forces
     end subroutine advance_forward
+
+    !> What controllers have seen and put out.
+    subroutine tell_controllers(control, i, is_good, results)
+        type(controllers_type), intent(in) :: control
+        integer, intent(in) :: i                       !! sample
+        logical, intent(in) :: is_good                 !! the run has come there
+        type(forward_results), intent(inout) :: results
+        real(wp) :: none
+
+        none = ieee_value(1.0_wp, ieee_quiet_nan)
+        if (associated(results%target)) results%target(:, i) = merge(control%target(1, :), none, is_good)
+        if (associated(results%control_error)) results%control_error(:, i) = merge(control%error(1, :), none, is_good)
+        if (associated(results%control_output)) results%control_output(:, i) = merge(control%output(1, :), none, is_good)
+        if (associated(results%is_limited)) results%is_limited(:, i) = merge(1, 0, control%is_limited(1, :) .and. is_good)
+    end subroutine tell_controllers
 
     !> Change points passed up to the sample computed last, or, where the run cannot go on to it, up to where it has stopped.
     pure integer function passed_now(run) result(n)
@@ -443,14 +466,17 @@ contains
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: t
 
-        do while (size(run%kink) > 0)
-            if (run%kink(1) > t .or. all(run%integrator%failed)) exit
-            call advance_to(run, run%kink(1))
+        real(wp) :: kink
+
+        do
+            kink = next_kink(run)
+            ! what rounding puts behind the instant of output is at it
+            if (kink > t + 4*spacing(t) .or. all(run%integrator%failed)) exit
+            call advance_to(run, kink)
             if (run%integrator%is_paused) return
-            call run%integrator%reset()
-            run%kink = run%kink(2:)
+            call pass_kink(run, kink)
         end do
-        call advance_to(run, t)
+        call advance_to(run, max(t, run%passed_kink))
         run%good_until = run%integrator%good_until(1)
         run%has_stopped = run%integrator%failed(1)
         if (.not. run%has_stopped) return
@@ -460,10 +486,31 @@ contains
         call release_texts()
     end subroutine go_to
 
+    !> The next instant at which a law changes its formula, or a controller does something; huge: none.
+    pure real(wp) function next_kink(run) result(kink)
+        type(forward_run), intent(in) :: run
+
+        kink = run%system%next_control()
+        if (size(run%kink) > 0) kink = min(kink, run%kink(1))
+    end function next_kink
+
+    !> The integrator has got to a kink: what changes there changes.
+    subroutine pass_kink(run, kink)
+        type(forward_run), intent(inout) :: run
+        real(wp), intent(in) :: kink                   !! [s]
+
+        if (.not. all(run%integrator%failed)) call run%system%control_now(kink, run%y)
+        call run%integrator%reset()
+        run%passed_kink = kink
+        if (size(run%kink) == 0) return
+        if (run%kink(1) <= kink + 4*spacing(kink)) run%kink = pack(run%kink, run%kink > kink + 4*spacing(kink))
+    end subroutine pass_kink
+
     !> Integrate to t, from phase to phase. A run that cannot go on tries other coordinates, too.
     subroutine advance_to(run, t)
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: t
+        real(wp) :: kink
 
         do
             ! Instants behind the last step are looked at before anything changes.
@@ -475,8 +522,9 @@ contains
                 call change_phase(run)
             end if
             if (all(run%integrator%failed)) exit
-            if (size(run%kink) > 0) then
-                call run%integrator%advance(run%system, t, run%y, run%output, run%kink(1))
+            kink = next_kink(run)
+            if (kink < huge(kink)) then
+                call run%integrator%advance(run%system, t, run%y, run%output, max(t, kink))
             else
                 call run%integrator%advance(run%system, t, run%y, run%output)
             end if
@@ -638,6 +686,10 @@ contains
         else if (run%system%assembly%map_lost(1) > 0) then
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)
+        else if (run%system%control%blind > 0 .and. &
+                 .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])) then
+            reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%blind)%name) &
+                     //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
         else
             select case (run%integrator%reason)
             case (stop_growth)
@@ -967,6 +1019,10 @@ contains
                 if (brake%from < huge(1.0_wp)) call add_kink(brake%from, kink)
                 if (brake%until < huge(1.0_wp)) call add_kink(brake%until, kink)
             end associate
+        end do
+        do i = 1, n_controller(model%scene)
+            call add_kinks(model%scene%controller(i)%target, kink)
+            call add_kinks(model%scene%controller(i)%feed_law, kink)
         end do
         do i = 1, size(model%scene%payload)
             associate (spec => model%scene%payload(i))

@@ -7,7 +7,8 @@ module linkdyn_forward_block
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
         result_closure, result_step, result_stand_in, result_assembly, result_friction, result_friction_power, &
-        result_transmission_force, result_brake_torque, result_contact_force, result_pressure_angle, view_motor_loads
+        result_transmission_force, result_brake_torque, result_contact_force, result_pressure_angle, &
+        result_controller_target, result_controller_error, result_controller_output, result_controller_limited, view_motor_loads
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
@@ -36,6 +37,10 @@ contains
         call view_values(layout, result_work, n, block, results%work)
         call view_values(layout, result_step, n, block, results%step)
         call view_values(layout, result_stand_in, n, block, results%stand_in)
+        call view_values(layout, result_controller_target, n, block, results%target)
+        call view_values(layout, result_controller_error, n, block, results%control_error)
+        call view_values(layout, result_controller_output, n, block, results%control_output)
+        call view_values(layout, result_controller_limited, n, block, results%is_limited)
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
         call view_values(layout, result_brake_torque, n, block, results%brake)

@@ -115,10 +115,23 @@ contains
                     system%turns(:, system%layout%position(k)) = turns(k)
             end do
             y(:, system%layout%work) = y_from(:, from%system%layout%work)
+            do k = 1, size(system%layout%integral)
+                call copy(from%system%layout%integral(k), system%layout%integral(k))
+                call copy(from%system%layout%slope(k), system%layout%slope(k))
+            end do
             call system%take_over(from%system, t, y)
             call system%look_at(spread(t, 1, lanes), y)
             fits = is_same_place(model, system%watch%state, from%system%watch%state)
         end associate
+
+    contains
+
+        !> What a controller has in y.
+        subroutine copy(place_before, place)
+            integer, intent(in) :: place_before, place    !! 0: it has none
+
+            if (place > 0) y(:, place) = y_from(:, place_before)
+        end subroutine copy
     end subroutine enter_phase
 
     subroutine release_phase(phase)

@@ -1,7 +1,8 @@
 !> What forward dynamics integrates: for every free coordinate its value and rate, for every free pose position,
 !> quaternion, velocity and angular velocity, for every free spherical joint quaternion and angular velocity, since three
 !> angles are not regular everywhere; the angles of coordinates that others stand in for, which count their
-!> turns; last the work of the driving forces, and the energy that all forces but gravity supply.
+!> turns; integrals and filters of continuous controllers; last the work of the driving forces, and the energy that all forces but
+!> gravity supply.
 module linkdyn_forward_state
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_joint_motion, only: variables_of_relative
@@ -14,7 +15,7 @@ module linkdyn_forward_state
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
-    use linkdyn_scene, only: law_none
+    use linkdyn_scene, only: scene_type, law_none, n_controller
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     use linkdyn_vec3, only: vec3, identity_mat3, zero_vec3
@@ -33,6 +34,8 @@ module linkdyn_forward_state
         integer, allocatable :: quaternion(:)    !! w of a free attitude, x y z follow; 0: by its angles (n_attitude)
         integer, allocatable :: attitude_step(:) !! step of the kinematics that gives the attitude (n_attitude)
         integer, allocatable :: counted(:)       !! angle that a coordinate stands in for; 0: none (n_q)
+        integer, allocatable :: integral(:)      !! I part of a continuous controller; 0: it has none (n_controller)
+        integer, allocatable :: slope(:)         !! its D part behind a filter; 0: it has none (n_controller)
         integer :: work = 0                      !! of the driving forces
         integer :: supplied = 0                  !! energy that all forces but gravity have supplied
     end type state_layout
@@ -110,10 +113,36 @@ contains
             layout%n = layout%n + 1
             layout%counted(k) = layout%n
         end do
+        call plan_controllers(model%scene, layout)
         layout%work = layout%n + 1
         layout%supplied = layout%n + 2
         layout%n = layout%n + 2
     end subroutine plan_layout
+
+    !> What continuous controllers have in y.
+    subroutine plan_controllers(scene, layout)
+        type(scene_type), intent(in) :: scene
+        type(state_layout), intent(inout) :: layout
+        integer :: i
+
+        allocate (layout%integral(n_controller(scene)), layout%slope(n_controller(scene)), source=0)
+        do i = 1, n_controller(scene)
+            associate (spec => scene%controller(i))
+                if (spec%period > 0) cycle
+                if (abs(spec%ki) > 0) call take(layout%integral(i))
+                if (spec%filter > 0) call take(layout%slope(i))
+            end associate
+        end do
+
+    contains
+
+        subroutine take(place)
+            integer, intent(out) :: place
+
+            layout%n = layout%n + 1
+            place = layout%n
+        end subroutine take
+    end subroutine plan_controllers
 
     !> Which components of y are angles after a turn of which the mechanism looks alike.
     pure function angles_of_state(model, layout) result(is_angle)

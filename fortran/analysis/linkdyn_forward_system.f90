@@ -7,10 +7,13 @@ module linkdyn_forward_system
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, evaluate_assembled, &
         accept_assembly
-    use linkdyn_constants, only: golden
+    use linkdyn_constants, only: golden, two_pi
+    use linkdyn_control_law, only: control_sight
+    use linkdyn_controllers, only: controllers_type, begin_controllers, next_instant, is_sampled, take_samples, &
+        put_out_samples, run_continuous
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
-    use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
+    use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator, effort_scale
     use linkdyn_contact_forces, only: solve_contacts, solve_complementary
     use linkdyn_event_log, only: event_log, event_entry, add_entry, kind_crossing, kind_end, kind_contact, kind_release, &
         kind_impact, kind_rest
@@ -21,6 +24,7 @@ module linkdyn_forward_system
         place_states, close_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
         pack_rates, read_coordinates
+    use linkdyn_holding_forces, only: holding_forces, plan_holding_forces, find_holding_forces, free_holding_forces
     use linkdyn_impacts, only: find_impacts
     use linkdyn_inverse, only: are_alike
     use linkdyn_exchange, only: coordinate_now
@@ -30,15 +34,16 @@ module linkdyn_forward_system
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_led_mechanism, only: measure_margins
-    use linkdyn_measures, only: find_laws, find_events, follow_angle
+    use linkdyn_measures, only: find_laws, find_measures, find_events, follow_angle
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
-        find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces
+        find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
     use linkdyn_motor_laws, only: torque_of_law, brake_torque
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
-    use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop
+    use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_controller, controller_spec, law_over, &
+        feed_law, feed_gravity, feed_inverse
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
@@ -70,6 +75,10 @@ module linkdyn_forward_system
         logical, allocatable :: by_inverse(:)          !! (n_actuator)
         type(motion_forces) :: of_motion
         real(wp), allocatable :: given_force(:)        !! in its place, by whoever steps the system (n_actuator); absent: nobody gives any
+        ! ---- controllers
+        type(controllers_type) :: control              !! what they remember and put out
+        type(holding_forces), private :: holding       !! where one of them wants these
+        logical, private :: has_continuous = .false., has_sampled = .false.
         ! ---- laws at motors
         real(wp), allocatable :: brake(:, :)           !! taken of motors' torques at the state evaluated last (lane, n_actuator) [N m]
         real(wp), private :: t_braked(lanes) = 0       !! end of the accepted step: a brake that comes on there was off until then [s]
@@ -114,6 +123,8 @@ module linkdyn_forward_system
         procedure :: evaluate_guards => evaluate_events
         procedure :: meet_crossings => meet_events
         procedure :: meet_stops
+        procedure :: next_control
+        procedure :: control_now
         procedure :: begin
         procedure :: take_over
         procedure :: look_at
@@ -162,10 +173,11 @@ contains
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         system%may_jump = size(model%scene%laws%law) > 0
         call prepare_events(model, system)
+        call prepare_controllers(model, system, status)
         allocate (system%brake(lanes, model%n_actuator), source=0.0_wp)
         allocate (system%switched(lanes, model%n_actuator), source=-huge(1.0_wp))
         allocate (system%is_on(lanes, model%n_actuator), source=.false.)
-        if (.not. any(system%by_inverse) .or. allocated(system%given_force)) return
+        if (.not. (wants_motion(model) .or. (any(system%by_inverse) .and. .not. allocated(system%given_force)))) return
         if (present(motion_model)) then
             call plan_motion_forces(motion_model, system%of_motion, status)
         else
@@ -196,6 +208,32 @@ contains
             end do
         end associate
     end subroutine prepare_events
+
+    !> What controllers need beside the state.
+    subroutine prepare_controllers(model, system, status)
+        type(model_type), intent(in) :: model
+        type(forward_system), intent(inout) :: system
+        type(status_type), intent(inout) :: status
+
+        if (n_controller(model%scene) == 0) return
+        associate (spec => model%scene%controller)
+            system%has_sampled = any(is_sampled(spec))
+            system%has_continuous = .not. all(is_sampled(spec))
+            if (any(spec%feed == feed_gravity)) call plan_holding_forces(model, system%holding, status)
+        end associate
+        if (system%n_guard > 0) return
+        call prepare_kinematics(model, 0, system%look)
+        system%look%world_rates = .true.
+    end subroutine prepare_controllers
+
+    !> Does a controller look at the scene's motion?
+    pure logical function wants_motion(model)
+        type(model_type), intent(in) :: model
+
+        wants_motion = .false.
+        if (n_controller(model%scene) == 0) return
+        wants_motion = any(model%scene%controller%follows_motion .or. model%scene%controller%feed == feed_inverse)
+    end function wants_motion
 
     !> Where the angles that events count have got to.
     subroutine follow_angles(self, t, y, is_accepted)
@@ -247,7 +285,7 @@ contains
         type(model_type), intent(in) :: model
         integer :: i
 
-        measures_joints = size(model%scene%laws%law) > 0
+        measures_joints = size(model%scene%laws%law) > 0 .or. n_controller(model%scene) > 0
         do i = 1, model%n_actuator
             associate (spec => model%scene%actuator(i))
                 measures_joints = measures_joints .or. spec%drive%side /= side_joint
@@ -268,6 +306,10 @@ contains
         self%t_braked = t
         call begin_motion_forces(t, self%of_motion)
         call self%accept(spread(t, 1, lanes), y, spread(.true., 1, lanes))
+        if (n_controller(self%model%scene) > 0) then
+            call begin_controllers(self%model%scene%controller, t, self%control)
+            call self%control_now(t, y)
+        end if
         if (self%watch%is_on) call look_and_decide(self, spread(t, 1, lanes), y)
     end subroutine begin
 
@@ -282,6 +324,7 @@ contains
         self%assembly%n_crossed = other%assembly%n_crossed
         call go_on_from(other%of_motion, self%of_motion)
         self%own => other%own
+        self%control = other%control
         self%switched = other%switched
         self%is_on = other%is_on
         self%may_end = other%may_end
@@ -330,6 +373,7 @@ contains
         self%n_accepted = self%n_accepted + 1
         where (is_accepted) self%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
+        self%control%blind = 0
         if (self%assembly%is_needed) then
             call unpack_state(self%model, self%layout, t, y, self%turns, self%assembly%state)
             call accept_assembly(self%model, t, is_accepted, self%assembly)
@@ -490,9 +534,9 @@ contains
             call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
             call lane_loads(model, t, workspace%load)
             call evaluate_assembled(model, t, self%assembly, workspace%state)
-            if (self%of_motion%is_needed) call find_motion_forces(t, lanes, self%of_motion)
+            if (applies_motion_forces(self)) call find_motion_forces(t, lanes, self%of_motion)
             workspace%state%time = t
-            if (any(model%scene%actuator%drive%kind == drive_over)) call find_laws(model, workspace%state)
+            if (any(model%scene%actuator%drive%kind == drive_over) .or. self%has_continuous) call find_laws(model, workspace%state)
             do k = 1, model%n_actuator
                 if (self%equations%unknown%drive(k)) cycle
                 if (allocated(self%given_force)) then
@@ -503,23 +547,201 @@ contains
                     call evaluate_drive(model, k, t, workspace%state, workspace%driving_force(:, k))
                 end if
             end do
+            if (self%control%n > 0) call drive_by_controllers(self, t, y)
             if (any(model%scene%actuator%drive%side /= side_joint)) call drive_by_motors(self, t)
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self)) call hold_at_stops(self, t, y)
             call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
+            call pack_control_rates(self, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
             if (self%may_jump) call self%note_mode(workspace%state%mode, rate)
             failed = workspace%status /= sample_ok
-            failed = failed .or. self%of_motion%status /= sample_ok
+            if (applies_motion_forces(self)) failed = failed .or. self%of_motion%status /= sample_ok
             do k = 1, model%n_q
                 failed = failed .or. .not. abs(workspace%acceleration(:, k)) <= huge(1.0_wp)
             end do
             where (failed .and. self%obstacle == sample_ok) self%obstacle = workspace%status
-            where (failed .and. self%obstacle == sample_ok) self%obstacle = self%of_motion%status
+            if (applies_motion_forces(self)) then
+                where (failed .and. self%obstacle == sample_ok) self%obstacle = self%of_motion%status
+            end if
             where (failed .and. self%obstacle == sample_ok) self%obstacle = sample_undefined
         end associate
     end subroutine evaluate_on_lanes
+
+    !> Do drives apply the forces that the scene's motion asks for?
+    pure logical function applies_motion_forces(self)
+        class(forward_system), intent(in) :: self
+
+        applies_motion_forces = self%of_motion%is_needed .and. any(self%by_inverse) .and. .not. allocated(self%given_force)
+    end function applies_motion_forces
+
+    ! ---------------------------------------------------------------- controllers
+
+    !> The next instant at which a controller takes a sample, or one takes effect; huge: none. Steps must end there.
+    pure real(wp) function next_control(self) result(next)
+        class(forward_system), intent(in) :: self
+
+        next = huge(next)
+        if (self%has_sampled) next = next_instant(self%model%scene%controller, self%control)
+    end function next_control
+
+    !> An accepted state: controllers take the samples that are due there, and put out those whose delay has passed.
+    subroutine control_now(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        type(control_sight) :: sight(lanes, self%control%n)
+        real(wp) :: measure(lanes, size(self%model%scene%laws%measure))
+
+        if (.not. self%has_sampled) return
+        call look_closely(self, spread(t, 1, lanes), y)
+        call find_laws(self%model, self%look)
+        call find_measures(self%model, self%look, measure)
+        call see(self, spread(t, 1, lanes), y, measure, self%look%law, is_sampled(self%model%scene%controller), sight)
+        call take_samples(self%model%scene%controller, t, sight, self%control)
+        call put_out_samples(self%model%scene%controller, t, self%control)
+    end subroutine control_now
+
+    !> What controllers see at states, of which measures and laws over the state are known. A similar mechanism's see the scene's size.
+    subroutine see(self, t, y, measure, law, is_wanted, sight)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp), intent(in) :: measure(:, :), law(:, :)       !! (lane, measure), (lane, law)
+        logical, intent(in) :: is_wanted(:)            !! (n)
+        type(control_sight), intent(out) :: sight(:, :)        !! (lane, n)
+        real(wp) :: in_motion(lanes, size(measure, 2)), ignored(lanes)
+        integer :: i
+
+        associate (spec => self%model%scene%controller)
+            if (any(is_wanted .and. spec%follows_motion)) call measure_motion(t, self%of_motion, in_motion)
+            if (any(is_wanted .and. spec%feed == feed_inverse)) call find_motion_forces(t, self%n_used, self%of_motion)
+            if (any(is_wanted .and. spec%feed == feed_gravity)) call find_holding_forces(self%model, self%layout, t, y, &
+                self%turns, self%assembly, self%holding)
+            do i = 1, size(spec)
+                if (.not. is_wanted(i)) cycle
+                associate (target => spec(i)%target)
+                    if (spec(i)%follows_motion) then
+                        sight(:, i)%target = in_motion(:, spec(i)%measure)
+                        if (spec(i)%rate_measure > 0) sight(:, i)%target_rate = in_motion(:, spec(i)%rate_measure)
+                    else if (target%kind == law_over) then
+                        sight(:, i)%target = law(:, target%law)
+                    else
+                        call law_on_lanes(target, t, sight(:, i)%target, sight(:, i)%target_rate, ignored)
+                    end if
+                end associate
+                sight(:, i)%measured = measure(:, spec(i)%measure)
+                if (spec(i)%rate_measure > 0) sight(:, i)%measured_rate = measure(:, spec(i)%rate_measure)
+                if (self%model%scene%laws%measure(spec(i)%measure)%wraps) sight(:, i)%measured = sight(:, i)%measured &
+                    - two_pi*anint((sight(:, i)%measured - sight(:, i)%target)/two_pi)
+                sight(:, i)%feed = feed_forward(self, spec(i), t, law)
+            end do
+        end associate
+    end subroutine see
+
+    !> What a controller puts out beside what its error asks for.
+    function feed_forward(self, spec, t, law) result(feed)
+        class(forward_system), intent(in) :: self
+        type(controller_spec), intent(in) :: spec
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: law(:, :)              !! (lane, law)
+        real(wp) :: feed(lanes), ignored(lanes), ratio, none
+
+        none = ieee_value(1.0_wp, ieee_quiet_nan)
+        ratio = effort_scale(self%model, spec%actuator)
+        if (spec%side /= side_joint) ratio = ratio*self%model%scene%actuator(spec%actuator)%motor%ratio
+        select case (spec%feed)
+        case (feed_law)
+            if (spec%feed_law%kind == law_over) then
+                feed = law(:, spec%feed_law%law)
+            else
+                call law_on_lanes(spec%feed_law, t, feed, ignored, ignored)
+            end if
+        case (feed_gravity)
+            feed = merge(self%holding%force(:, spec%actuator)/ratio, none, self%holding%status == sample_ok)
+        case (feed_inverse)
+            feed = merge(self%of_motion%force(:, spec%actuator)/ratio, none, self%of_motion%status == sample_ok)
+        case default
+            feed = 0
+        end select
+    end function feed_forward
+
+    !> Outputs of all controllers on top of what drives give; continuous ones look at the state, which is in the workspace.
+    subroutine drive_by_controllers(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp) :: measure(lanes, size(self%model%scene%laws%measure))
+        integer :: i
+
+        if (self%has_continuous) then
+            call find_measures(self%model, self%workspace%state, measure)
+            call run_controllers(self, t, y, measure, self%workspace%state%law)
+        end if
+        do i = 1, self%control%n
+            associate (k => self%model%scene%controller(i)%actuator, force => self%workspace%driving_force)
+                force(:, k) = force(:, k) + effort_scale(self%model, k)*self%control%output(:, i)
+            end associate
+        end do
+    end subroutine drive_by_controllers
+
+    !> Continuous controllers at states.
+    subroutine run_controllers(self, t, y, measure, law)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp), intent(in) :: measure(:, :), law(:, :)       !! (lane, measure), (lane, law)
+        type(control_sight) :: sight(lanes, self%control%n)
+        real(wp), dimension(lanes, self%control%n) :: integral, slope
+        integer :: i
+
+        integral = 0
+        slope = 0
+        do i = 1, self%control%n
+            if (self%layout%integral(i) > 0) integral(:, i) = y(:, self%layout%integral(i))
+            if (self%layout%slope(i) > 0) slope(:, i) = y(:, self%layout%slope(i))
+        end do
+        associate (spec => self%model%scene%controller)
+            call see(self, t, y, measure, law, .not. is_sampled(spec), sight)
+            call run_continuous(spec, sight, integral, slope, self%control)
+        end associate
+    end subroutine run_controllers
+
+    !> Rates of what continuous controllers have in y.
+    subroutine pack_control_rates(self, rate)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(inout) :: rate(:, :)          !! (lane, n)
+        integer :: i
+
+        do i = 1, self%control%n
+            if (self%layout%integral(i) > 0) rate(:, self%layout%integral(i)) = self%control%integral_rate(:, i)
+            if (self%layout%slope(i) > 0) rate(:, self%layout%slope(i)) = self%control%slope_rate(:, i)
+        end do
+    end subroutine pack_control_rates
+
+    !> The same as `drive_by_controllers` in a record's samples, whose laws are applied.
+    subroutine drive_record_by_controllers(self, n, t, y)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: n
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        integer :: i, lane(lanes)
+
+        lane = [(min(i, n), i=1, lanes)]
+        associate (samples => self%record%samples)
+            if (self%has_continuous) call run_controllers(self, t(lane), y(lane, :), transpose(samples%measured(:, lane)), &
+                                                          transpose(samples%law(:, lane)))
+            do i = 1, self%control%n
+                associate (k => self%model%scene%controller(i)%actuator)
+                    samples%effort(k, :n) = samples%effort(k, :n) + effort_scale(self%model, k)*self%control%output(:n, i)
+                end associate
+            end do
+            samples%is_left(:n) = samples%is_left(:n) .or. .not. sum(abs(self%control%output(:n, :)), 2) <= huge(1.0_wp)
+        end associate
+    end subroutine drive_record_by_controllers
+
+    ! ---------------------------------------------------------------- motors
 
     !> The same in a record's samples, whose states are placed; what is lost is taken off.
     subroutine drive_record_by_motors(self, n, t)
@@ -529,7 +751,6 @@ contains
         real(wp) :: speed, braked
         integer :: i, k, lane
 
-        call apply_record_laws(n, self%record)
         do i = 1, self%model%n_actuator
             associate (drive => self%model%scene%actuator(i)%drive, motor => self%model%scene%actuator(i)%motor)
                 if (self%equations%unknown%drive(i) .or. drive%side == side_joint) cycle
@@ -652,12 +873,12 @@ contains
         logical, intent(out) :: is_left(lanes)         !! that the record does not serve
         real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator)
         integer :: lane, n
-        logical :: has_motor_laws
+        logical :: has_motor_laws, changes_efforts
 
         n = self%n_used
         has_motor_laws = any(self%model%scene%actuator%drive%side /= side_joint)
         inverse_force = 0
-        if (self%of_motion%is_needed) then
+        if (applies_motion_forces(self)) then
             call find_motion_forces(t, n, self%of_motion)
             inverse_force = self%of_motion%force
         end if
@@ -669,11 +890,14 @@ contains
         end if
         associate (samples => self%record%samples)
             call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
-            samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
+            if (applies_motion_forces(self)) samples%is_left(:n) = samples%is_left(:n) .or. self%of_motion%status(:n) /= sample_ok
             call close_states(self%model, self%assembly, n, self%record)
+            changes_efforts = has_motor_laws .or. self%control%n > 0
+            if (changes_efforts) call apply_record_laws(n, self%record)
+            if (self%control%n > 0) call drive_record_by_controllers(self, n, t, y)
             if (has_motor_laws) call drive_record_by_motors(self, n, t)
             call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), &
-                            rate(:, self%layout%supplied), laws_are_there=has_motor_laws)
+                            rate(:, self%layout%supplied), laws_are_there=changes_efforts)
             if (self%assembly%is_needed) then
                 do lane = 1, n
                     samples%is_left(lane) = samples%is_left(lane) &
@@ -683,6 +907,7 @@ contains
             is_left = samples%is_left([(min(lane, n), lane=1, lanes)])
         end associate
         call pack_rates(self%model, self%layout, y, self%workspace%acceleration, self%workspace%state, rate)
+        call pack_control_rates(self, rate)
         if (self%may_jump) &
             call self%note_mode(self%record%samples%mode([(min(lane, n), lane=1, lanes)]), rate)
     end subroutine evaluate_by_record
@@ -1331,6 +1556,7 @@ contains
 
         if (associated(self%workspace%slot%value)) call self%workspace%free()
         call free_motion_forces(self%of_motion)
+        call free_holding_forces(self%holding)
         call free_forward_record(self%record)
     end subroutine release
 end module linkdyn_forward_system

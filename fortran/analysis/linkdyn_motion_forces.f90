@@ -2,6 +2,7 @@
 !>
 !> The motion is followed on its own assembly. Forces come from a record once the run has one, else from the lanes.
 module linkdyn_motion_forces
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
         solve_equations, solver_reduced, solver_elimination
@@ -12,6 +13,7 @@ module linkdyn_motion_forces
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
+    use linkdyn_measures, only: find_measures
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion, lane_loads
     use linkdyn_recorded_rates, only: run_rates
@@ -19,7 +21,7 @@ module linkdyn_motion_forces
     implicit none (type, external)
     private
     public :: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, find_motion_forces, &
-        record_motion_forces, share_motion_forces, free_motion_forces
+        record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
 
     integer, parameter :: n_check = 16                 !! evaluations in which the record is compared with the lanes
 
@@ -127,6 +129,27 @@ contains
             forces%status = workspace%status
         end associate
     end subroutine find_on_lanes
+
+    !> What laws over the state depend on, in the motion at the instants of the lanes; not a number where it cannot be placed.
+    subroutine measure_motion(t, forces, measure)
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        type(motion_forces), intent(inout) :: forces
+        real(wp), intent(out) :: measure(:, :)         !! (lane, measure)
+        logical :: is_lost(lanes)
+        integer :: k
+
+        associate (model => forces%model, state => forces%workspace%state)
+            state%world_rates = .true.
+            call unpack_motion(model, t, state)
+            call evaluate_assembled(model, t, forces%assembly, state)
+            state%time = t
+            call find_measures(model, state, measure)
+            is_lost = state%unreachable .or. state%not_converged .or. state%way_status /= sample_ok
+        end associate
+        do k = 1, size(measure, 2)
+            where (is_lost) measure(:, k) = ieee_value(1.0_wp, ieee_quiet_nan)
+        end do
+    end subroutine measure_motion
 
     !> Coordinates of the motion at the instants of the lanes.
     subroutine unpack_motion(model, t, state)

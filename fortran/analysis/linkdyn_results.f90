@@ -13,7 +13,8 @@ module linkdyn_results
         result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly, result_q_error, &
         result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power, &
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
-        result_transmission_loss, result_torque_margin, result_brake_torque, result_contact_force, result_pressure_angle
+        result_transmission_loss, result_torque_margin, result_brake_torque, result_contact_force, result_pressure_angle, &
+        result_controller_target, result_controller_error, result_controller_output, result_controller_limited
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
@@ -21,7 +22,7 @@ module linkdyn_results
     use linkdyn_motor_laws, only: available_torque
     use linkdyn_motor_loads, only: motor_torque, transmission_friction
     use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding, &
-        side_joint, has_limits, joint_cam, guide_of
+        side_joint, has_limits, joint_cam, guide_of, n_controller
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     implicit none (type, external)
     private
@@ -31,7 +32,7 @@ module linkdyn_results
     public :: find_motor_loads, view_motor_loads, margin_of
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
-        dim_cam, n_dimension
+        dim_cam, dim_controller, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
@@ -43,6 +44,7 @@ module linkdyn_results
     public :: result_contact_force, result_pressure_angle
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
+    public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -59,7 +61,8 @@ module linkdyn_results
     integer, parameter :: dim_dyad = 7
     integer, parameter :: dim_motor = 8
     integer, parameter :: dim_cam = 9
-    integer, parameter :: n_dimension = 9
+    integer, parameter :: dim_controller = 10
+    integer, parameter :: n_dimension = 10
 
     ! ---- variables: the numbers of the catalogue
     integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
@@ -70,8 +73,8 @@ module linkdyn_results
                                             result_reaction_error, result_joint_rate_error]
 
     ! ---- what the user may ask for
-    character(len=20), parameter :: wanted_name(10) = [character(len=20) :: &
-        "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "rcond", &
+    character(len=20), parameter :: wanted_name(11) = [character(len=20) :: &
+        "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "controller", "rcond", &
         "singularity_distance", "all"]
 
     !> Parts of the results that cost time or room, each on its own switch.
@@ -83,6 +86,7 @@ module linkdyn_results
         logical :: checks = .true.           !! power_imbalance, and what the solver tells of itself
         logical :: friction = .true.         !! of the joints, and its power, if the scene has some
         logical :: motor = .true.            !! torque, speed and power of motors, if the scene has some
+        logical :: controller = .true.       !! target, error and output of controllers, of a forward run of a scene that has some
         logical :: growth = .false.          !! gauss-jordan, of its pivots
         logical :: bound = .false.           !! lapack, of its error
         logical :: rcond = .false.           !! costs as much as everything else together, or more
@@ -204,7 +208,7 @@ contains
         integer :: first
         character(len=:), allocatable :: word
 
-        wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false.)
+        wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false., .false.)
         first = 1
         do while (first <= len(text) + 1)
             call take_word(text, first, word)
@@ -223,6 +227,8 @@ contains
                 wanted%friction = .true.
             case ("motor")
                 wanted%motor = .true.
+            case ("controller")
+                wanted%controller = .true.
             case ("rcond")
                 wanted%rcond = .true.
             case ("singularity_distance")
@@ -268,6 +274,8 @@ contains
                 if (n_rubbing == 0) call refuse("no joint of the scene has friction")
             case ("motor")
                 if (.not. any(scene%actuator%motor%is_given)) call refuse("no actuator of the scene has a drive")
+            case ("controller")
+                if (n_controller(scene) == 0) call refuse("the scene has no controller")
             end select
         end do
 
@@ -294,7 +302,7 @@ contains
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
-            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor", "cam"]
+            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor", "cam", "controller"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         if (present(is_forward)) layout%motor%creeps = is_forward &
@@ -316,6 +324,7 @@ contains
             if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
                 "how the assembly of the sample was found", "1", flag=reached_name)
         end if
+        call describe_controllers(scene, is_run .and. wanted%controller, layout)
         if (is_run) call describe_run(wanted, any(scene%coordinate%kind == coordinate_joint), layout)
     end subroutine describe_results
 
@@ -498,6 +507,32 @@ contains
         call add(layout, result_pressure_angle, "pressure_angle", &
             "angle between the normal and the way of the follower in its guide, 0 to pi/2", "rad", of=[dim_cam])
     end subroutine describe_cams
+
+    !> What scenes with controllers have.
+    subroutine describe_controllers(scene, is_told, layout)
+        type(scene_type), intent(in) :: scene
+        logical, intent(in) :: is_told               !! what they do
+        type(layout_type), intent(inout) :: layout
+        integer :: i
+
+        associate (of => layout%dimension(dim_controller))
+            of%size = n_controller(scene)
+            allocate (of%label(of%size), of%unit(of%size))
+            do i = 1, of%size
+                of%label(i) = scene%controller(i)%name
+                of%unit(i) = scene%controller(i)%unit
+            end do
+            if (of%size == 0 .or. .not. is_told) return
+            call add(layout, result_controller_target, "controller_target", &
+                "what the controller wants of what it measures, as it has seen it last", of=[dim_controller], units=of%unit)
+            call add(layout, result_controller_error, "controller_error", &
+                "target less what is measured, as the controller has seen it last", of=[dim_controller], units=of%unit)
+            call add(layout, result_controller_output, "controller_output", &
+                "output of the controller in effect", of=[dim_controller], units=scene%controller%output_unit)
+            call add(layout, result_controller_limited, "controller_limited", &
+                "is that output at a limit?", "1", of=[dim_controller], flag=[character(len=label_len) :: "free", "limited"])
+        end associate
+    end subroutine describe_controllers
 
     !> What scenes with friction have.
     subroutine describe_friction(layout)

@@ -129,14 +129,20 @@ contains
         end if
         call self%integrator%pause%set(breath)
         do
-            piece_end = next_switching(self%model, self%integrator%t, t_end)
+            piece_end = min(next_switching(self%model, self%integrator%t, t_end), &
+                            max(self%system%next_control(), self%integrator%t))
             if (self%options%method == method_rk4) then
                 call self%integrator%advance(self%system, piece_end, self%y, y_end)
             else
                 call self%integrator%advance(self%system, piece_end, self%y, y_end, t_kink=piece_end)
             end if
-            if (.not. piece_end < t_end .or. self%integrator%t < piece_end) exit
+            if (self%integrator%t < piece_end) exit
             if (any(self%integrator%failed) .or. self%integrator%is_lost) exit
+            if (self%system%next_control() <= piece_end) then
+                call self%system%control_now(piece_end, self%y)
+                if (piece_end >= t_end) call self%integrator%reset()
+            end if
+            if (.not. piece_end < t_end) exit
             call self%integrator%reset()
         end do
         if (any(self%integrator%failed) .or. self%integrator%is_lost) call refuse_to_go_on(self, status)

@@ -11,7 +11,8 @@ module linkdyn_stiffest_part
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: drive_spec, drive_constant, drive_spring_damper, drive_dc_motor, drive_pd, drive_inverse
+    use linkdyn_scene, only: drive_spec, drive_constant, drive_spring_damper, drive_dc_motor, drive_pd, drive_inverse, &
+        controller_spec, measure_joint, side_joint, side_voltage
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
     implicit none (type, external)
@@ -30,7 +31,7 @@ contains
         type(model_type), target :: bare
         type(forward_system) :: system
         type(status_type) :: status
-        real(wp) :: of_part, stiffness, damping
+        real(wp) :: of_part, stiffness, damping, gain
         integer :: i
 
         name = ""
@@ -43,6 +44,7 @@ contains
         do i = 1, bare%n_actuator
             if (bare%scene%actuator(i)%drive%kind /= drive_inverse) bare%scene%actuator(i)%drive = drive_spec(kind=drive_constant)
         end do
+        bare%scene%controller = bare%scene%controller(:0)
         call build_forward_system(bare, 0, system, status)
         if (.not. status%is_ok()) return
         call system%begin(t, spread(y, 1, lanes))
@@ -61,8 +63,32 @@ contains
                 rate = max(rate, of_part)
             end associate
         end do
+        do i = 1, size(model%scene%controller)
+            associate (controller => model%scene%controller(i))
+                if (.not. watches_its_actuator(model, controller)) cycle
+                gain = 1
+                if (controller%side /= side_joint) gain = model%scene%actuator(controller%actuator)%motor%ratio
+                of_part = rate_of(gain*controller%kp, gain*controller%kd, &
+                                  mobility_at_drive(bare, system, t, y, controller%actuator))
+                if (of_part > rate) name = "controller "//quoted(controller%name)
+                rate = max(rate, of_part)
+            end associate
+        end do
         call system%release()
     end subroutine find_stiffest
+
+    !> Does a continuous controller put out forces or torques by where its own actuator's variable is, without a filter?
+    pure logical function watches_its_actuator(model, controller) result(watches)
+        type(model_type), intent(in) :: model
+        type(controller_spec), intent(in) :: controller
+
+        associate (actuator => model%scene%actuator(controller%actuator), &
+                   measure => model%scene%laws%measure(controller%measure))
+            watches = controller%period <= 0 .and. controller%filter <= 0 .and. controller%side /= side_voltage &
+                      .and. measure%kind == measure_joint .and. .not. measure%is_rate &
+                      .and. measure%joint == actuator%joint .and. measure%variable == actuator%variable
+        end associate
+    end function watches_its_actuator
 
     pure real(wp) function rate_of(stiffness, damping, mobility) result(rate)
         real(wp), intent(in) :: stiffness, damping, mobility

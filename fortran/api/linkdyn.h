@@ -106,7 +106,7 @@ int linkdyn_close(linkdyn_scene *scene);
 
 /* How many there are of: "link", "joint", "coordinate", "actuator", "load", "variable" (joint variables), "component" (of
  * a reaction: Fx Fy Mz, in space Fx Fy Fz Mx My Mz), "dyad" (closed forms that have a transmission angle), "motor" (actuators with a
- * drive), "cam" (joints), "result" (of inverse dynamics), "run_result" (of forward dynamics). */
+ * drive), "cam" (joints), "controller", "result" (of inverse dynamics), "run_result" (of forward dynamics). */
 int linkdyn_count(linkdyn_scene *scene, const char *what, size_t *count);
 
 /* The name of number i of them, into room for `room` characters; LINKDYN_NAME_ROOM is enough. */

@@ -173,6 +173,7 @@ contains
         if (.not. allocated(model%scene%friction)) allocate (model%scene%friction(0))
         if (.not. allocated(model%scene%laws%measure)) allocate (model%scene%laws%measure(0))
         if (.not. allocated(model%scene%laws%law)) allocate (model%scene%laws%law(0))
+        if (.not. allocated(model%scene%controller)) allocate (model%scene%controller(0))
         model%is_planar = scene%planar
         model%n_link = size(scene%link)
         model%n_joint = n_holding(scene)

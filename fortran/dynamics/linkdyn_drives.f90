@@ -11,7 +11,7 @@ module linkdyn_drives
         drive_spring_damper, drive_dc_motor, drive_pd, drive_over, side_torque, side_voltage
     implicit none (type, external)
     private
-    public :: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator
+    public :: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator, effort_scale
 
 contains
 

@@ -5,7 +5,7 @@ module linkdyn_drive_laws
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_mechanism, only: mechanism_type, drive_numbers
     use linkdyn_scene, only: drive_spec, drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, &
-        drive_pd, drive_over, side_joint
+        drive_pd, drive_over, drive_controlled, side_joint
     use linkdyn_value, only: value, operator(+), operator(-), operator(*), operator(/)
     implicit none (type, external)
     private
@@ -56,10 +56,11 @@ contains
         follows_target = drive%kind == drive_dc_motor .or. drive%kind == drive_pd
     end function follows_target
 
-    !> Is the force itself given: by a table, by a law over the state, found by inverse dynamics, or by what a motor makes of its law?
+    !> Is the force itself given: by a table, a law over the state or a controller, found by inverse dynamics, or by what a motor makes
+    !> of its law?
     pure elemental logical function is_given(drive)
         type(drive_spec), intent(in) :: drive
 
-        is_given = any(drive%kind == [drive_table, drive_inverse, drive_over]) .or. drive%side /= side_joint
+        is_given = any(drive%kind == [drive_table, drive_inverse, drive_over, drive_controlled]) .or. drive%side /= side_joint
     end function is_given
 end module linkdyn_drive_laws

@@ -7,7 +7,8 @@ module linkdyn_description
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, load_spec, &
         marker_spec, stop_spec, cam_spec, follower_name, &
-        n_event, n_stop, law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
+        n_event, n_stop, n_controller, &
+        law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
     implicit none (type, external)
     private
@@ -50,6 +51,10 @@ contains
         text = text//'],"actuators":['
         do i = 1, size(scene%actuator)
             text = text//separator(i)//named(scene%actuator(i)%name, scene%actuator(i)%unit)
+        end do
+        text = text//'],"controllers":['
+        do i = 1, n_controller(scene)
+            text = text//separator(i)//named(scene%controller(i)%name, scene%controller(i)%unit)
         end do
         text = text//'],"motors":['
         do i = 1, size(model%motor)

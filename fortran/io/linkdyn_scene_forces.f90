@@ -22,7 +22,7 @@ module linkdyn_scene_forces
         has_column, constant_law, spline, straight_lines, require_positive
     implicit none (type, external)
     private
-    public :: read_actuators, read_loads, read_springs, read_stiffness
+    public :: read_actuators, read_loads, read_springs, read_stiffness, force_quantity
 
     integer, parameter :: drive_voltage = 8        !! any law of the voltage at a motor; it is kept as the law that it is
     character(len=13), parameter :: drive_name(8) = [character(len=13) :: "inverse", "constant", "table", &
@@ -86,6 +86,7 @@ contains
         if (status%is_ok() .and. actuator%share <= 0) call refuse_value(place, "share", place%node%get("share"), &
             "is not above zero (expected the part of this drive in the work that several share, for example 2)", status)
         node = place%node%get("law")
+        actuator%has_law = node%is_present()
         if (node%is_present()) call read_drive(place, node, scene%joint(actuator%joint)%kind, actuator, shelf, status)
         node = place%node%get("drive")
         if (status%is_ok() .and. node%is_present()) call read_motor_drive(place, node, scene%joint(actuator%joint)%kind, &

@@ -3,20 +3,20 @@ module linkdyn_scene_motors
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_table, only: joint_screw
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, joint_kind_name, &
-        drive_dc_motor, side_joint, side_voltage
+    use linkdyn_scene, only: scene_type, actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, &
+        joint_kind_name, drive_dc_motor, side_joint, side_voltage
     use linkdyn_scene_brakes, only: read_brake
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
         require_table
     use linkdyn_scene_laws, only: table_shelf, require_positive
     use linkdyn_scene_motor_limits, only: read_motor_limits, read_positive
     use linkdyn_status, only: status_type
-    use linkdyn_text, only: to_text
+    use linkdyn_text, only: to_text, quoted
     use linkdyn_toml, only: toml_node
     use linkdyn_units, only: quantity_type, plain_number, length, inertia, torque_per_current, angular_rate, resistance
     implicit none (type, external)
     private
-    public :: read_motor_drive
+    public :: read_motor_drive, check_laws_at_motors
 
     integer, parameter :: key_len = 15
 
@@ -54,12 +54,30 @@ contains
             if (status%is_ok() .and. brake%is_present()) call read_brake(inner, brake, motor%brake, status)
             if (.not. status%is_ok()) return
             if (actuator%drive%kind == drive_dc_motor) call compare_with_law(inner, actuator, has_back, status)
-            if (actuator%drive%side /= side_joint) call require_for_law(inner, actuator, status)
-            if (actuator%drive%side == side_joint .and. motor%brake%is_given) call refuse_value(inner, "brake", brake, &
-                "acts on the shaft of the motor in forward dynamics (expected a law at the motor beside it: "// &
-                "law = { .., at = ""motor"" })", status)
         end associate
     end subroutine read_motor_drive
+
+    !> Motors and what is said at them, once controllers are known.
+    subroutine check_laws_at_motors(root, scene, status)
+        type(scene_place), intent(in) :: root
+        type(scene_type), intent(in) :: scene
+        type(status_type), intent(inout) :: status
+        type(scene_place) :: place
+        integer :: i
+
+        do i = 1, size(scene%actuator)
+            associate (actuator => scene%actuator(i), motor => scene%actuator(i)%motor)
+                if (.not. (status%is_ok() .and. motor%is_given)) cycle
+                place = root
+                place%what = "actuator "//quoted(actuator%name)//", drive"
+                place%line = motor%line
+                if (actuator%drive%side /= side_joint) call require_for_law(place, actuator, status)
+                if (actuator%drive%side == side_joint .and. motor%brake%is_given) call refuse(place, "key 'brake' "// &
+                    "acts on the shaft of the motor in forward dynamics (expected a law at the motor beside it: "// &
+                    "law = { .., at = ""motor"" }, or a controller there)", status, motor%brake%line)
+            end associate
+        end do
+    end subroutine check_laws_at_motors
 
     !> What laws at the motor take for granted.
     subroutine require_for_law(place, actuator, status)

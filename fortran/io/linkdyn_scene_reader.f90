@@ -18,6 +18,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated
     use linkdyn_scene_names, only: refuse_double_links, refuse_double_joints
     use linkdyn_scene_joints, only: read_joints
+    use linkdyn_scene_controllers, only: read_controllers
     use linkdyn_scene_chain, only: count_chain_parts, read_chains
     use linkdyn_scene_slots, only: count_slots, make_blocks
     use linkdyn_scene_laws, only: table_shelf, files_of
@@ -26,6 +27,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_brakes, only: find_brake_events
     use linkdyn_scene_events, only: read_events, read_stops
     use linkdyn_scene_friction, only: read_frictions
+    use linkdyn_scene_motors, only: check_laws_at_motors
     use linkdyn_scene_forces, only: read_actuators, read_loads, read_springs
     use linkdyn_scene_payloads, only: read_payloads
     use linkdyn_scene_time, only: read_time
@@ -156,6 +158,8 @@ contains
         call read_measures(root, scene, shelf, status)
         call read_named_laws(root, shelf, status)
         call read_actuators(root, driven, shelf, scene, status)
+        call read_controllers(root, shelf, scene, status)
+        if (status%is_ok()) call check_laws_at_motors(root, scene, status)
         call read_loads(root, shelf, scene, status)
         call read_springs(root, shelf, scene, status)
         call read_payloads(root, shelf, scene, status)

@@ -32,7 +32,9 @@ module linkdyn_scene
     public :: share_refused, share_by_least_norm, share_by_stiffness, share_name
     public :: axes_world, axes_link, put_file_first, idle_spins, n_holding
     public :: pose_position, pose_attitude, is_pose_part
-    public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, drive_over
+    public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, drive_over, &
+        drive_controlled
+    public :: controller_spec, n_controller, feed_none, feed_law, feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
     public :: side_joint, side_torque, side_voltage, has_limits
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
@@ -86,6 +88,18 @@ module linkdyn_scene
     integer, parameter :: drive_dc_motor = 5
     integer, parameter :: drive_pd = 6
     integer, parameter :: drive_over = 7           !! a law over the state of the mechanism
+    integer, parameter :: drive_controlled = 9     !! the output of a controller (8 is a word of scene files alone)
+
+    ! ---- what a controller puts out beside what its error asks for
+    integer, parameter :: feed_none = 0
+    integer, parameter :: feed_law = 1             !! a law of time or over the state
+    integer, parameter :: feed_gravity = 2         !! what holds the mechanism where it is, against weight and springs
+    integer, parameter :: feed_inverse = 3         !! what inverse dynamics of the scene's motion asks for
+
+    ! ---- what becomes of a controller's integral while its output is limited
+    integer, parameter :: windup_none = 1          !! it goes on
+    integer, parameter :: windup_clamp = 2         !! it stays as it is where it would lead further beyond the limit
+    integer, parameter :: windup_back = 3          !! it is led back in proportion to what the limit takes
 
     ! ---- what the law of an actuator gives
     integer, parameter :: side_joint = 0           !! the driving force
@@ -256,9 +270,36 @@ module linkdyn_scene
         integer :: variable = 1                   !! which variable of the joint
         real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of (force/share)^2
         type(drive_spec) :: drive
+        logical :: has_law = .false.              !! the file says what it does in forward dynamics
         type(motor_spec) :: motor
         integer :: line = 0
     end type actuator_spec
+
+    !> A controller: it compares what it measures with its target, and drives an actuator in forward dynamics.
+    type :: controller_spec
+        character(len=name_len) :: name = ""
+        integer :: actuator = 0
+        integer :: side = side_joint              !! what its output is: one of `side_*`
+        character(len=8) :: unit = ""             !! of what is measured: "m", "rad", "m/s", "rad/s"
+        character(len=4) :: output_unit = ""      !! "N", "N m" or "V"
+        integer :: measure = 0                    !! of the scene's law book, that it keeps at its target
+        integer :: rate_measure = 0               !! how fast that changes; 0: nobody knows, it is a rate itself
+        type(law_spec) :: target
+        logical :: follows_motion = .false.       !! its target is what it measures, in the scene's motion
+        real(wp) :: kp = 0, ki = 0, kd = 0        !! gains of error, its integral, its rate
+        logical :: damps_measured = .false.       !! kd acts on the rate of what is measured, not of the error
+        real(wp) :: filter = 0                    !! time constant of what kd gives [s]; 0: none
+        real(wp) :: low = -huge(1.0_wp), high = huge(1.0_wp)    !! limits of the output
+        integer :: windup = windup_none           !! one of `windup_*`
+        real(wp) :: tracking_time = 0             !! in which the integral is led back [s]
+        integer :: feed = feed_none               !! one of `feed_*`
+        type(law_spec) :: feed_law
+        real(wp) :: period = 0                    !! between samples [s]; 0: it is continuous
+        real(wp) :: delay = 0                     !! from a sample to the output that comes of it [s]
+        real(wp) :: resolution = 0                !! of what is measured; 0: as fine as can be
+        real(wp) :: output_resolution = 0         !! of the output; 0: as fine as can be
+        integer :: line = 0
+    end type controller_spec
 
     !> A force and a moment on a marker.
     type :: load_spec
@@ -407,6 +448,7 @@ module linkdyn_scene
         type(joint_spec), allocatable :: joint(:)    !! those that hold something, then parts of poses by which coordinates lead links
         type(coordinate_spec), allocatable :: coordinate(:)
         type(actuator_spec), allocatable :: actuator(:)
+        type(controller_spec), allocatable :: controller(:)
         type(load_spec), allocatable :: load(:)
         type(spring_spec), allocatable :: spring(:)
         type(payload_spec), allocatable :: payload(:)
@@ -484,6 +526,14 @@ contains
         n_event = 0
         if (allocated(scene%event)) n_event = size(scene%event)
     end function n_event
+
+    !> Controllers of actuators.
+    pure integer function n_controller(scene)
+        type(scene_type), intent(in) :: scene
+
+        n_controller = 0
+        if (allocated(scene%controller)) n_controller = size(scene%controller)
+    end function n_controller
 
     !> Sides of end stops.
     pure integer function n_stop(scene)

@@ -50,6 +50,7 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: base(:, :) => null()          !! what is felt of the frame's motion (base_size, sample)
         real(wp), pointer, contiguous :: payload(:, :) => null()       !! masses that links carry (n_payload, sample) [kg]
         real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on (measure, sample)
+        real(wp), allocatable :: law(:, :)                             !! values of the laws (law, sample)
         real(wp), allocatable :: turned(:, :)                          !! turns of these that the states leave out [rad] (measure, sample)
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
         real(wp), allocatable :: mode(:)                               !! of laws that jump (sample)
@@ -80,9 +81,17 @@ contains
         call make_rate_program(recorded%model, request, wants_power, sample, recorded%program, recorded%out, &
                                recorded%friction)
         recorded%is_usable = recorded%program%is_made
-        if (recorded%is_usable .and. size(model%scene%laws%law) > 0) &
+        if (recorded%is_usable .and. (size(model%scene%laws%law) > 0 .or. measures_for_controllers(model))) &
             call make_measure_program(recorded%model, request, sample, recorded%measures)
     end subroutine record_rates
+
+    !> Do continuous controllers look at measures?
+    pure logical function measures_for_controllers(model)
+        type(model_type), intent(in) :: model
+
+        measures_for_controllers = .false.
+        if (allocated(model%scene%controller)) measures_for_controllers = .not. all(model%scene%controller%period > 0)
+    end function measures_for_controllers
 
     subroutine free_rates(recorded)
         type(recorded_rates), intent(inout) :: recorded
@@ -114,6 +123,7 @@ contains
             call add(in_pull, size(model%scene%spring), samples%pull)
             call add(in_base, base_size(model), samples%base)
             call add(in_payload, size(model%payload), samples%payload)
+            allocate (samples%law(size(model%scene%laws%law), n), source=0.0_wp)
             allocate (samples%measured(size(model%scene%laws%measure), n), samples%turned(size(model%scene%laws%measure), n), &
                       source=0.0_wp)
         end associate
@@ -175,6 +185,7 @@ contains
                     samples%measured(k, :n) = samples%measured(k, :n)/book%scale**book%measure(k)%length_power
             end do
             call evaluate_laws(book, transpose(samples%measured(:, :n)), law, samples%mode(:n))
+            samples%law(:, :n) = transpose(law)
             do i = 1, model%n_load
                 do k = 1, 3
                     call add(model%scene%load(i)%force(k), book%scale, samples%load(6*i - 6 + k, :))

@@ -27,6 +27,7 @@ module linkdyn_catalogue
     public :: result_contact_force, result_pressure_angle
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
+    public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -81,6 +82,11 @@ module linkdyn_catalogue
     ! ---- of cams
     integer, parameter :: result_contact_force = 48         ! with which follower and curve press
     integer, parameter :: result_pressure_angle = 49
+    ! ---- of controllers, in forward dynamics
+    integer, parameter :: result_controller_target = 50
+    integer, parameter :: result_controller_error = 51
+    integer, parameter :: result_controller_output = 52
+    integer, parameter :: result_controller_limited = 53
 
 contains
 

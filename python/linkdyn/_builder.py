@@ -673,6 +673,53 @@ class Builder:
         """
         self._add("actuator", locals())
 
+    def controller(
+        self, actuator: str | Joint, *, target: Law | Literal["motion"], kp: Quantity | None = None, ki: Quantity | None = None,
+        kd: Quantity | None = None, filter: Quantity | None = None, damps: Literal["error", "measured"] | None = None,
+        at: Literal["joint", "motor", "terminals"] | None = None, joint: str | Joint | None = None, variable: str | None = None,
+        coordinate: str | None = None, measure: str | None = None, limit: Quantity | None = None, min: Quantity | None = None,
+        max: Quantity | None = None, anti_windup: Literal["none", "clamp", "back-calculation"] | None = None,
+        tracking_time: Quantity | None = None, feed_forward: Law | Literal["gravity", "inverse"] | None = None,
+        rate: Quantity | None = None, delay: Quantity | None = None, delay_samples: int | None = None,
+        resolution: Quantity | None = None, output_resolution: Quantity | None = None, name: str | None = None, repeat: int | None = None,
+    ) -> None:  # fmt: skip
+        """What drives an actuator in forward runs: PD or PID, continuous or sampled.
+
+        Parameters
+        ----------
+        actuator
+            Name of the actuator, which is that of its joint.
+        target
+            Set point: a number, a text with its unit, a law of time, a formula, or "motion", the scene's own.
+        kp, ki, kd
+            Gains of the error, its integral, its rate: output over what is measured, /s, s.
+        filter
+            Time constant of what kd gives [s].
+        damps
+            kd acts on the rate of the error, or of the measured value alone.
+        at
+            Where the output acts: force at the joint, torque of the motor [N m], voltage at its terminals [V].
+        joint, variable, coordinate, measure
+            What is measured; default: the actuator's joint variable.
+        limit, min, max
+            Of the output: both ways, or each.
+        anti_windup, tracking_time
+            What becomes of the integral at a limit; the time in which it is led back [s].
+        feed_forward
+            What goes out besides: a law, a formula, "gravity" or "inverse".
+        rate
+            Samples in a second, "1 kHz"; default: it is continuous.
+        delay, delay_samples
+            From a sample to the output that comes of it [s], or in samples.
+        resolution, output_resolution
+            Steps of what is measured, and of the output.
+        name
+            Its name; default: that of its actuator.
+        repeat
+            Copies.
+        """
+        self._add("controller", locals())
+
     def load(
         self, on: str, *, force: Sequence[Law] | Mapping[str, Law] | None = None, moment: Law | Sequence[Law] | None = None,
         axes: Literal["world", "link"] | None = None, table: str | os.PathLike[str] | None = None, time: str | None = None,

@@ -13,7 +13,8 @@ __all__ = ["changed"]
 
 INDEXED = re.compile(r"(.+?)((?:\[\d+\])+)")
 """An element of a list: "cog[0]"."""
-_LABELS = {"coordinate": ("joint", "link"), "actuator": ("joint",), "friction": ("joint",), "load": ("on",), "payload": ("on",)}
+_LABELS = {"coordinate": ("joint", "link"), "actuator": ("joint",), "friction": ("joint",), "load": ("on",), "payload": ("on",),
+           "controller": ("name", "actuator")}  # fmt: skip
 """What names the tables of a list; others have a name."""
 
 
@@ -56,7 +57,7 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
             del table[key]
     elif isinstance(inner, list) and inner and all(isinstance(item, dict) for item in inner):
         _put_in_list(inner, key, below, path, value)
-    elif inner is None and isinstance(value, Mapping) and "." not in below and key in ("spring", "load", "payload", "actuator", "friction"):
+    elif inner is None and isinstance(value, Mapping) and "." not in below and key in ("spring", "load", "payload", "actuator", "friction", "controller"):
         table[key] = [value]
     elif inner is None:
         known = ", ".join(repr(name) for name in table)
@@ -105,4 +106,4 @@ def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, va
 def _label(key: str, item: Mapping[str, Any]) -> str:
     """What a table of a list is called: "crank", "J1", "C.slide", "platform.tool"."""
     name = next((str(item[label]) for label in _LABELS.get(key, ("name",)) if label in item), "")
-    return f"{name}.{item['variable']}" if "variable" in item and key in _LABELS else name
+    return f"{name}.{item['variable']}" if "variable" in item and key in _LABELS and key != "controller" else name

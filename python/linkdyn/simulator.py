@@ -25,7 +25,7 @@ class Simulator:
     """A mechanism under way, made by `Scene.simulator`.
 
     Whoever steps it gives the forces of the actuators, which stay as they are during a step, and reads the coordinates at its end.
-    Loads, springs, gravity, drives and brakes act as the scene says; the laws of its actuators and the motions of its coordinates play no part.
+    Loads, springs, gravity, drives, brakes and controllers act as the scene says; the laws of its actuators play no part.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Simulator:
             [s], positive. As many steps of the integrator as its accuracy asks for lie within.
         force
             (n_actuator,) Force or torque of each actuator [N, N m], in the order of ``scene.actuators``; of one whose law is at
-            its motor the motor's torque [N m], or voltage [V]. Default: as before, at first none.
+            its motor the motor's torque [N m], or voltage [V]. Where a controller of the scene drives, on top of its output. Default: as before, at first none.
 
         Raises
         ------
@@ -79,7 +79,7 @@ class Simulator:
         self._advance(self.t + float(dt))
 
     def reset(self, q: ArrayLike | None = None, qd: ArrayLike | None = None, t: float | None = None) -> None:
-        """Put the mechanism somewhere else; the forces are zero again.
+        """Put the mechanism somewhere else; the forces are zero again, and controllers of the scene begin anew.
 
         Parameters
         ----------

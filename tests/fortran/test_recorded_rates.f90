@@ -43,6 +43,7 @@ contains
         tests = [new_test("random states", test_random_states), &
                  new_test("groups closed by iteration", test_iterated), new_test("a free body", test_free_body), &
                  new_test("a frame that moves", test_moving_frame), &
+                 new_test("controllers", test_controllers), &
                  new_test("a run", test_run), new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
                  new_test("an ensemble", test_ensemble)]
@@ -83,6 +84,16 @@ contains
             call compare_rates(error, trim(iterated(i)), model)
         end do
     end subroutine test_iterated
+
+    !> One continuous, with an integral and a filter among the states, one that has taken a sample.
+    subroutine test_controllers(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+
+        call load_model(error, "tests/scenes/controlled_arm", model)
+        if (allocated(error%message)) return
+        call compare_rates(error, "controlled_arm", model)
+    end subroutine test_controllers
 
     subroutine test_moving_frame(error)
         type(test_error), intent(inout) :: error
