@@ -98,7 +98,9 @@ module linkdyn_model
         real(wp) :: radius(2) = 0             !! of both wheels; of a rack 0 [m]
         real(wp) :: pitch(3) = 0              !! where they touch, of a belt the middle; carrier axes [m]
         real(wp), allocatable :: weight(:)    !! of the joint variables in the sum that stays (n_variable)
+        real(wp) :: second = 0                !! weight of the second wheel's turning, or the rack's way, in it
         real(wp) :: total = 0                 !! that sum [m]
+        logical :: follows = .false.          !! it is a sum of those of other gears
     end type gear_type
 
     !> A joint variable that gears make a linear function of the coordinates, and of variables of joints that are placed before: as

@@ -148,7 +148,7 @@ contains
         do j = 1, model%n_joint
             tie(j) = tie_type(unknown_links(j), joint_constraints(model, model%joint(j)%kind))
             ! the ties of gears are in the variables that they lead
-            if (is_geared(model%joint(j)%kind)) tie(j) = tie_type()
+            if (is_geared(model%joint(j)%told_kind)) tie(j) = tie_type()
         end do
         n = model%n_joint
         do j = 1, model%n_q

@@ -1,0 +1,329 @@
+"""Gears that share a load: planets, lay shafts, belts beside gears. By Willis, by springs between rigid wheels, by Newton and Euler."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import linkdyn
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from test_gears import STEADY, SWAY, bevel, disc, gear, hinge, planar, tilted
+from test_joint_kinds import along, check_balance, check_roads, keeps_energy, let_go
+
+pytestmark = pytest.mark.accuracy
+
+Array = NDArray[np.float64]
+ARM, SUN, PLANET, RING = 0.3, 24, 18, 60     # distance of the axes [m], teeth
+
+
+def planets(n: int, ring_moves: bool = False, offset: float = 0.1) -> dict[str, Any]:
+    """Sun, arm, n planets; the ring stands or moves. The planets' weight is not small."""
+    angle = offset + 2 * np.pi * np.arange(n) / n
+    pins = {f"P{k + 1}": [ARM * np.cos(a), ARM * np.sin(a)] for k, a in enumerate(angle)}
+    ring = "ring.O" if ring_moves else "frame.O"
+    scene = planar(
+        frame={"markers": {"O": [0, 0]}},
+        link=[disc("sun", {"O": [0, 0]}, cog=(0.01, 0.0)), disc("arm", {"O": [0, 0], **pins}, 4.0, 0.1, (0.05, 0.02)),
+              *[disc(f"planet{k}", {"P": [0, 0]}, 5.0, 0.01) for k in range(1, n + 1)]],
+        joint=[hinge("S", "frame.O", "sun.O"), hinge("C", "frame.O", "arm.O"), *[hinge(f"P{k}", f"arm.P{k}", f"planet{k}.P") for k in range(1, n + 1)],
+               *[gear(f"SP{k}", "sun.O", f"planet{k}.P", [SUN, PLANET]) for k in range(1, n + 1)],
+               *[gear(f"PR{k}", f"planet{k}.P", ring, [PLANET, RING], mesh="internal") for k in range(1, n + 1)]],
+        load=[{"on": "arm.O", "moment": -50.0}],
+        coordinate=[along("S", SWAY)], actuator=[{"joint": "S"}])
+    if ring_moves:
+        scene["link"].append(disc("ring", {"O": [0, 0]}, 6.0, 0.8, (0.01, 0.03)))
+        scene["joint"].append(hinge("R", "frame.O", "ring.O"))
+        scene["coordinate"].append(along("R", {"law": "harmonic", "amplitude": 1.0, "frequency": "2 rad/s"}))
+        scene["actuator"].append({"joint": "R"})
+    return scene
+
+
+def bevel_with_two() -> dict[str, Any]:
+    scene = bevel()
+    cage, planet = (next(link for link in scene["link"] if link["name"] == name) for name in ("cage", "planet"))
+    cage["markers"]["Q"] = {"at": [-0.08, 0, 0], "axis": [-1, 0, 0]}
+    scene["link"].append(copy.deepcopy(planet) | {"name": "other", "markers": {"Q": {"at": [0, 0, 0], "axis": [-1, 0, 0]}}})
+    scene["joint"] += [hinge("Q", "cage.Q", "other.Q"), gear("LQ", "left.L", "other.Q", [2, 1]), gear("RQ", "right.R", "other.Q", [2, 1])]
+    return scene
+
+
+def two_shafts(*ties: dict[str, Any]) -> dict[str, Any]:
+    """Two shafts and what is between them."""
+    return planar(
+        frame={"markers": {"A": [0, 0], "B": [0.3, 0]}}, link=[disc("a", {"A": [0, 0]}), disc("b", {"B": [0, 0]}, 5.0, 0.3, (0.05, 0.1))],
+        joint=[hinge("A", "frame.A", "a.A"), hinge("B", "frame.B", "b.B"), *ties], coordinate=[along("A", SWAY)], actuator=[{"joint": "A"}])
+
+
+def belt_of(radii: list[float], name: str = "T", **more: Any) -> dict[str, Any]:
+    return {"name": name, "type": "belt", "between": ["a.A", "b.B"], "radii": radii, **more}
+
+
+def lay_shafts(last: float = 43) -> dict[str, Any]:
+    """From a shaft by two lay shafts to another on the same axis."""
+    return planar(
+        frame={"markers": {"O": [0, 0], "L": [0.2, 0], "M": [-0.2, 0.0]}},
+        link=[disc("input", {"O": [0, 0]}), disc("output", {"O": [0, 0]}, 3, 0.1, (0.02, 0)), disc("lay1", {"L": [0, 0]}), disc("lay2", {"M": [0, 0]})],
+        joint=[hinge("I", "frame.O", "input.O"), hinge("O", "frame.O", "output.O"), hinge("L", "frame.L", "lay1.L"), hinge("M", "frame.M", "lay2.M"),
+               gear("G1", "input.O", "lay1.L", [20, 30]), gear("G2", "lay1.L", "output.O", [17, 43]), gear("G3", "input.O", "lay2.M", [20, 30]),
+               gear("G4", "lay2.M", "output.O", [17, last])],
+        load=[{"on": "output.O", "moment": 12.0}], coordinate=[along("I", SWAY)], actuator=[{"joint": "I"}])
+
+
+def rack_between(tie: bool) -> dict[str, Any]:
+    """A rack that two pinions hold, with a belt between both or without."""
+    scene = planar(
+        frame={"markers": {"A": [-0.1, 0.08], "B": [0.3, 0.08], "R": {"at": [0, 0], "axis": [1, 0]}}},
+        link=[disc("p", {"A": [0, 0]}, cog=(0.02, 0)), disc("q", {"B": [0, 0]}, cog=(0.0, 0.02)), disc("rack", {"R": {"at": [0, 0], "axis": [1, 0]}}, 3.0, 0.0)],
+        joint=[hinge("A", "frame.A", "p.A"), hinge("B", "frame.B", "q.B"), {"name": "R", "type": "prismatic", "between": ["frame.R", "rack.R"]},
+               {"name": "G", "type": "rack", "between": ["p.A", "rack.R"]}, {"name": "H", "type": "rack", "between": ["q.B", "rack.R"]}],
+        coordinate=[along("A", SWAY)], actuator=[{"joint": "A"}])
+    if tie:
+        scene["joint"].append({"name": "T", "type": "belt", "between": ["p.A", "q.B"], "radii": [0.05, 0.05]})
+    return scene
+
+
+def parallelogram(led_by: str = "A", start: float = 1.2, **belt: Any) -> dict[str, Any]:
+    """Both cranks are coupled by a rod and by a belt; it passes the positions in which the rod alone leaves open how it goes on."""
+    return planar(
+        frame={"markers": {"A": [0, 0], "D": [0.4, 0]}},
+        link=[disc("crank1", {"A": [0, 0], "B": [0.1, 0]}, 1.0, 0.004, (0.05, 0)), disc("rod", {"B": [0, 0], "C": [0.4, 0]}, 1.5, 0.02, (0.2, 0)),
+              disc("crank2", {"D": [0, 0], "C": [0.1, 0]}, 1.0, 0.004, (0.05, 0))],
+        joint=[hinge("A", "frame.A", "crank1.A"), hinge("B", "crank1.B", "rod.B"), hinge("C", "rod.C", "crank2.C"), hinge("D", "frame.D", "crank2.D", start=start),
+               {"name": "T", "type": "belt", "between": ["crank1.A", "crank2.D"], "radii": [0.05, 0.05], **belt}],
+        load=[{"on": "rod.C", "force": [10, -50]}],
+        coordinate=[along(led_by, STEADY if led_by == "A" else {"law": "harmonic", "mean": -1.2, "amplitude": 0.4, "frequency": "3 rad/s"})], actuator=[{"joint": "A"}])
+
+
+def press() -> dict[str, Any]:
+    """Two cranks geared to each other push a ram that is guided besides."""
+    return planar(
+        frame={"markers": {"A": [-0.1, 0], "E": [0.1, 0], "S": {"at": [0, 0], "axis": [0, 1]}}},
+        link=[disc("crank1", {"A": [0, 0], "B": [-0.05, 0]}, 1, 0.004), disc("crank2", {"E": [0, 0], "D": [0.05, 0]}, 1, 0.004),
+              disc("rod1", {"B": [0, 0], "F": [0.3, 0]}, 1, 0.01, (0.15, 0)), disc("rod2", {"D": [0, 0], "G": [0.3, 0]}, 1, 0.01, (0.15, 0)),
+              disc("ram", {"F": [-0.1, 0], "G": [0.1, 0], "S": {"at": [0, 0], "axis": [0, 1]}}, 5, 0.1)],
+        joint=[hinge("A", "frame.A", "crank1.A"), hinge("E", "frame.E", "crank2.E"), hinge("B", "crank1.B", "rod1.B"), hinge("D", "crank2.D", "rod2.D"),
+               hinge("F", "rod1.F", "ram.F"), hinge("G", "rod2.G", "ram.G"), gear("Z", "crank1.A", "crank2.E", [30, 30]),
+               {"name": "S", "type": "prismatic", "between": ["frame.S", "ram.S"]}],
+        load=[{"on": "ram.S", "force": [0, -100]}], coordinate=[along("A", STEADY)], actuator=[{"joint": "A"}])
+
+
+def power_split() -> dict[str, Any]:
+    """A planetary gear whose sun and ring one shaft drives."""
+    scene = planets(2, ring_moves=True)
+    scene["frame"]["markers"]["X"] = [0.5, 0]
+    scene["link"].append(disc("side", {"X": [0, 0]}))
+    scene["joint"] += [hinge("X", "frame.X", "side.X"), gear("XS", "side.X", "sun.O", [30, 20]), gear("XR", "side.X", "ring.O", [25, 70])]
+    return scene | {"coordinate": [along("X", SWAY)], "actuator": [{"joint": "X"}]}
+
+
+PLANAR = {"two planets": planets(2), "three": planets(3), "four, differential": planets(4, ring_moves=True), "two gears": two_shafts(gear("G", "a.A", "b.B", [20, 40]), gear("H", "a.A", "b.B", [30, 60])),
+          "gear and belt": two_shafts(gear("G", "a.A", "b.B", [40, 20], mesh="internal"), belt_of([0.1, 0.05])), "two belts": two_shafts(belt_of([0.1, 0.1]), belt_of([0.05, 0.05], "U")),
+          "lay shafts": lay_shafts(), "rack": rack_between(tie=True), "parallelogram": parallelogram(), "led by the rod": parallelogram("B"), "press": press(), "power split": power_split()}
+SPATIAL = {"two planets": tilted(planets(2, ring_moves=True)), "three": tilted(planets(3)), "bevel": bevel_with_two(), "lay shafts": tilted(lay_shafts()), "rack": tilted(rack_between(tie=True))}
+
+
+# ---------------------------------------------------------------- roads
+
+@pytest.mark.parametrize("scene", [*PLANAR.values(), *SPATIAL.values()], ids=[*PLANAR, *(f"{name} in space" for name in SPATIAL)])
+def test_every_road(scene: dict[str, Any]) -> None:
+    mechanism = check_roads(scene)
+    assert mechanism.inverse().attrs["shared_reactions"]
+
+
+@pytest.mark.parametrize("name", SPATIAL)
+def test_by_newton_and_euler(name: str) -> None:
+    check_balance(SPATIAL[name], 0.31)
+    check_balance(SPATIAL[name], 1.37)
+
+
+@pytest.mark.parametrize("scene", [planets(3), parallelogram(), SPATIAL["bevel"], SPATIAL["three"]], ids=["three", "parallelogram", "bevel", "three in space"])
+def test_forward(scene: dict[str, Any]) -> None:
+    free = copy.deepcopy(scene)
+    free.pop("load", None)
+    run = linkdyn.Scene(free).forward(t=np.linspace(0, 1, 21), rtol=1e-11, atol=1e-11, want="all")
+    np.testing.assert_allclose(run.q.values, linkdyn.Scene(free).motion(run.time.values)[0], atol=1e-7)
+    inverse = linkdyn.Scene(free).inverse(*linkdyn.Scene(free).motion(run.time.values))
+    np.testing.assert_allclose(run.reaction.values, inverse.reaction.values, atol=1e-6 * np.abs(inverse.reaction.values).max())
+    keeps_energy(let_go(free))
+
+
+@pytest.mark.parametrize("ring_moves", [False, True])
+def test_as_many_planets_as_one_with_their_mass(ring_moves: bool) -> None:
+    """Speeds, torques and what the planets' pins and the arm's hinge do together are those of a single planet, which in turn has a closed form of its own."""
+    many = planets(3, ring_moves)
+    one = planets(1, ring_moves)
+    many["gravity"] = one["gravity"] = [0, 0]
+    one["link"][2] |= {"inertia": 0.03, "mass": 15.0}
+    first, second = linkdyn.Scene(many).inverse(want="all"), linkdyn.Scene(one).inverse(want="all")
+    np.testing.assert_allclose(first.driving_force.values, second.driving_force.values, rtol=1e-11)
+    for name in ("P1", "P2", "P3"):
+        np.testing.assert_allclose(first.joint_rate.sel(variable=f"{name}.angle").values, second.joint_rate.sel(variable="P1.angle").values, rtol=1e-12, atol=1e-12)
+
+
+# ---------------------------------------------------------------- by hand
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_planets_share_equally(n: int) -> None:
+    """Steady: torques of sun, ring and arm as 24 : 60 : -84, each planet a part of it, though the planets have weights."""
+    scene = planets(n)
+    for link in scene["link"]:
+        link["cog"] = [0.0, 0.0]
+    scene["coordinate"][0]["motion"] = {"law": "constant-rate", "rate": 3.5}
+    scene["load"] = [{"on": "arm.O", "moment": -84.0}]
+    run = linkdyn.Scene(scene).inverse(want="all")
+    np.testing.assert_allclose(run.joint_rate.sel(variable="C.angle"), 1.0, rtol=1e-13)
+    np.testing.assert_allclose(run.driving_force.values, 24.0, rtol=1e-11)
+    tooth = 24.0 / (ARM * SUN / (SUN + PLANET)) / n
+    for k in range(1, n + 1):
+        for mesh in ("SP", "PR"):
+            force = np.linalg.norm(run.reaction.sel(joint=f"{mesh}{k}").values[:, :2], axis=1)
+            np.testing.assert_allclose(force, tooth, rtol=1e-11)
+        np.testing.assert_allclose(run.reaction.sel(joint=f"PR{k}").values[:, 2], -60.0 / n, rtol=1e-11)
+    shared = run.attrs["shared_reactions"].split()
+    assert {"SP1.force", "PR1.force", "P1.force"} <= set(shared) and "R.moment" not in shared
+
+
+def test_a_welded_ring_takes_a_torque_that_is_determined() -> None:
+    scene = planets(3, ring_moves=True)
+    scene["joint"][-1] = {"name": "R", "type": "fixed", "between": ["frame.O", "ring.O"]}
+    scene["coordinate"].pop()
+    scene["actuator"].pop()
+    run = linkdyn.Scene(scene).inverse(want="all")
+    shared = run.attrs["shared_reactions"].split()
+    assert "R.force" in shared and "R.moment" not in shared
+    alone = linkdyn.Scene(planets(3)).inverse()
+    np.testing.assert_allclose(run.driving_force.values, alone.driving_force.values, rtol=1e-11)
+    # balance of moments of everything about the centre: weights, the load, and what all of it gains
+    teeth = sum(alone.reaction.sel(joint=f"PR{k}").values[:, 2] for k in (1, 2, 3))
+    weight = -6.0 * 9.81 * 0.01
+    np.testing.assert_allclose(run.reaction.sel(joint="R").values[:, 2], -teeth - weight, rtol=1e-10, atol=1e-10)
+
+
+def by_springs(scene: dict[str, Any], q: float, stiffness: dict[str, float]) -> dict[str, Array]:
+    """Forces between rigid wheels on springs, the motor's shaft held: K u = f with the displacements of all links, at rest. Pins are springs in both
+    directions, teeth springs along the tangent; what is here called a planet's place is found without the engine."""
+    arm_angle = q * SUN / (SUN + RING)
+    n = sum(joint["name"].startswith("SP") for joint in scene["joint"])
+    names = [link["name"] for link in scene["link"]]
+    place = {"sun": np.zeros(2), "arm": np.zeros(2)}
+    for k in range(1, n + 1):
+        x, y = scene["link"][1]["markers"][f"P{k}"]
+        place[f"planet{k}"] = np.array([x * np.cos(arm_angle) - y * np.sin(arm_angle), x * np.sin(arm_angle) + y * np.cos(arm_angle)])
+    rows: list[tuple[str, Array, float]] = []
+
+    def add(joint: str, first: str, second: str, point: Array, direction: Array, k: float) -> None:
+        row = np.zeros(3 * len(names))
+        for link, sign in ((first, -1.0), (second, 1.0)):
+            if link == "frame":
+                continue
+            i = 3 * names.index(link)
+            arm = point - place[link]
+            row[i:i + 3] = sign * np.array([*direction, arm[0] * direction[1] - arm[1] * direction[0]])
+        rows.append((joint, row, k))
+
+    for joint in scene["joint"]:
+        first, second = (end.split(".")[0] for end in joint["between"])
+        if joint["type"] == "revolute":
+            for direction in np.eye(2):
+                add(joint["name"], first, second, place[second], direction, stiffness[joint["name"]])
+            continue
+        wheel = first if first.startswith("planet") else second
+        radius = ARM * SUN / (SUN + PLANET) if joint["name"].startswith("SP") else ARM * RING / (RING - PLANET)
+        unit = place[wheel] / np.linalg.norm(place[wheel])
+        add(joint["name"], first, second, radius * unit, np.array([-unit[1], unit[0]]), stiffness[joint["name"]])
+    force = np.zeros(3 * len(names))
+    for i, link in enumerate(scene["link"]):
+        turn = {"sun": q, "arm": arm_angle}.get(link["name"], 0.0)
+        x, y = link["cog"]
+        force[3 * i:3 * i + 3] = link["mass"] * -9.81 * np.array([0.0, 1.0, x * np.cos(turn) - y * np.sin(turn)])
+    force[3 * names.index("arm") + 2] += scene["load"][0]["moment"]
+    free = [i for i in range(len(force)) if i != 3 * names.index("sun") + 2]
+    matrix = sum(k * np.outer(row, row) for _, row, k in rows)
+    assert isinstance(matrix, np.ndarray)
+    moved = np.zeros(len(force))
+    moved[free] = np.linalg.solve(matrix[np.ix_(free, free)], force[free])
+    found: dict[str, Array] = {}
+    for joint_name in {name for name, _, _ in rows}:
+        found[joint_name] = np.array([-k * row @ moved for name, row, k in rows if name == joint_name])
+    return found
+
+
+def test_stiffness_of_teeth_and_pins() -> None:
+    """The stiffer mesh takes more, as springs between rigid wheels say."""
+    scene = planets(3)
+    stiffness = {joint["name"]: 1e8 * (1 + 0.4 * i) for i, joint in enumerate(scene["joint"])}
+    scene["redundancy"] = "stiffness"
+    for joint in scene["joint"]:
+        joint["stiffness"] = {"tangential" if joint["type"] == "gear" else "radial": stiffness[joint["name"]]}
+    q = 0.7
+    run = linkdyn.Scene(scene).inverse(q=[[q]], qd=[[0.0]], qdd=[[0.0]])
+    expected = by_springs(scene, q, stiffness)
+    largest = max(np.abs(force).max() for force in expected.values())
+    parts = []
+    for joint in scene["joint"]:
+        force = run.reaction.sel(joint=joint["name"]).values[0, :2]
+        if joint["type"] == "revolute":
+            np.testing.assert_allclose(force, expected[joint["name"]], atol=1e-9 * largest)
+        else:
+            np.testing.assert_allclose(np.linalg.norm(force), np.abs(expected[joint["name"]][0]), atol=1e-9 * largest)
+            parts.append(np.linalg.norm(force))
+    assert max(parts) > 1.2 * min(parts)
+
+
+def test_belt_beside_a_gear_by_stiffness() -> None:
+    """Two springs between the same shafts share a torque as their stiffness times the square of their radius."""
+    scene = two_shafts(gear("G", "a.A", "b.B", [40, 20], mesh="internal", stiffness={"tangential": "3e8 N/m"}), belt_of([0.1, 0.05], stiffness={"tangential": "1e8 N/m"}))
+    scene |= {"redundancy": "stiffness", "gravity": [0, 0], "load": [{"on": "b.B", "moment": 10.0}]}
+    run = linkdyn.Scene(scene).inverse(q=[[0.0]], qd=[[0.0]], qdd=[[0.0]])
+    moments = [-run.reaction.sel(joint=name).values[0, 2] for name in "GT"]
+    weight = [3e8 * 0.3**2, 1e8 * 0.05**2]              # pitch radii of the second wheels
+    np.testing.assert_allclose(moments, 10.0 * np.array(weight) / sum(weight), rtol=1e-10)
+    np.testing.assert_allclose(run.driving_force.values, -20.0, rtol=1e-12)
+
+
+# ---------------------------------------------------------------- what does not fit
+
+def refused(scene: dict[str, Any]) -> str:
+    with pytest.raises(linkdyn.SceneError) as error:
+        linkdyn.Scene(scene).inverse()
+    return str(error.value)
+
+
+def test_another_ratio_locks() -> None:
+    assert "gear 'H' locks coordinate 'A'" in refused(two_shafts(gear("G", "a.A", "b.B", [20, 40]), gear("H", "a.A", "b.B", [20, 41])))
+    assert "gear 'G4' locks coordinate 'I'" in refused(lay_shafts(44))
+    assert "gears give the angle of joint 'D'" in refused(parallelogram(radii=[0.05, 0.06]))
+
+
+def test_phases() -> None:
+    """Phases have to fit each other. Both meshes of a planet may have one: it stands turned."""
+    scene = planets(3)
+    by_name = {joint["name"]: joint for joint in scene["joint"]}
+    plain = linkdyn.Scene(scene).inverse(want="all")
+    by_name["PR2"]["phase"] = "9 deg"
+    assert "gear 'PR2': its phase does not fit those of the other gears between its wheels (expected phase = 0 rad)" in refused(scene)
+    by_name["SP2"]["phase"] = "-30 deg"
+    turned = linkdyn.Scene(scene).inverse(want="all")
+    angle = turned.joint_variable.values - plain.joint_variable.values
+    np.testing.assert_allclose(angle[:, list(turned.variable.values).index("P2.angle")], np.deg2rad(-30), atol=1e-12)
+    assert np.abs(angle).sum(axis=0).max() == pytest.approx(np.abs(angle).sum())
+    np.testing.assert_allclose(turned.driving_force.values, plain.driving_force.values, rtol=1e-12)
+
+
+def test_a_belt_that_the_cranks_contradict() -> None:
+    """Led by the rod's angle the belt is what is let go: its phase, and the other assembly, are refused; led by the crank each sample says it."""
+    assert "belt 'T' locks the mechanism" in refused(parallelogram("B", start=-1.2))
+    assert "belt 'T': its phase is not that of the wheels" in refused(parallelogram("B", phase=0.2))
+    run = linkdyn.Scene(parallelogram(phase=0.2)).inverse()
+    assert (run.status == run.status.attrs["flag_values"][list(run.status.attrs["flag_meanings"].split()).index("unreachable")]).all()
+
+
+def test_refusal_on_request() -> None:
+    assert "how they share the load is not determined (expected redundancy =" in refused(planets(2) | {"redundancy": "refuse"})
+
+
+def test_stiffness_must_decide() -> None:
+    scene = planets(2) | {"redundancy": "stiffness"}
+    assert "bend no joint that has a 'stiffness'" in refused(scene)
