@@ -12,7 +12,7 @@ module linkdyn_recorded_forces
     use linkdyn_finite, only: all_are_finite
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_lock, release_lock
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, closes_by_gears
     use linkdyn_planner, only: plan_steps
     use linkdyn_recorded_friction, only: friction_programs, friction_space, make_friction_programs, settle_block, &
         free_friction_programs, free_friction_space
@@ -152,7 +152,8 @@ contains
         logical, intent(out) :: is_planned                     !! false: there is no pose, or no such plan
         real(wp), intent(in), optional :: place(:, :, :)       !! (place_size, n_link, pose)
 
-        is_planned = size(q, 2) > 0 .and. model%n_cam == 0     ! where a cam is touched only the lanes know
+        ! where a cam is touched, and how a group closes by its own gears, only the lanes know
+        is_planned = size(q, 2) > 0 .and. model%n_cam == 0 .and. .not. closes_by_gears(model)
         if (is_planned) is_planned = plan_for_records(model, stand, own)
         if (.not. is_planned) return
         allocate (request%has_load(6, own%n_load))

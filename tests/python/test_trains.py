@@ -9,7 +9,7 @@ import linkdyn
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_gears import STEADY, SWAY, bevel, disc, gear, hinge, planar, tilted
+from test_gears import STEADY, SWAY, bevel, disc, five_bar as geared_five_bar, gear, hinge, planar, tilted
 from test_joint_kinds import along, check_balance, check_roads, keeps_energy, let_go
 
 pytestmark = pytest.mark.accuracy
@@ -281,6 +281,94 @@ def test_belt_beside_a_gear_by_stiffness() -> None:
     weight = [3e8 * 0.3**2, 1e8 * 0.05**2]              # pitch radii of the second wheels
     np.testing.assert_allclose(moments, 10.0 * np.array(weight) / sum(weight), rtol=1e-10)
     np.testing.assert_allclose(run.driving_force.values, -20.0, rtol=1e-12)
+
+
+# ---------------------------------------------------------------- loops that close by gears
+
+def five_bar(teeth: list[int] | None = None) -> dict[str, Any]:
+    scene = geared_five_bar()
+    scene["joint"][5]["teeth"] = teeth or [30, 30]
+    return scene
+
+
+def led_by(scene: dict[str, Any], joint: str, **motion: Any) -> dict[str, Any]:
+    """The same mechanism, led by another joint; where there was a branch now iteration closes."""
+    other = copy.deepcopy(scene)
+    for one in other["joint"]:
+        one.pop("branch", None)
+    return other | {"coordinate": [along(joint, {"law": "harmonic", "frequency": "3 rad/s", **motion})]}
+
+
+def cardan() -> dict[str, Any]:
+    """A wheel rolls in a ring of twice its size, and its rim goes along a line, on which it is guided besides."""
+    return planar(
+        frame={"markers": {"O": [0, 0], "S": {"at": [0, 0], "axis": [1, 0]}}},
+        link=[disc("arm", {"O": [0, 0], "P": [0.1, 0]}, 1, 0.01), disc("planet", {"P": [0, 0], "Q": [0.1, 0]}, 1, 0.005), disc("slider", {"S": {"at": [0, 0], "axis": [1, 0]}, "Q": [0, 0]}, 2, 0.0)],
+        joint=[hinge("O", "frame.O", "arm.O", start=1.0), hinge("P", "arm.P", "planet.P", start=-2.0), gear("G", "planet.P", "frame.O", [20, 40], mesh="internal"),
+               hinge("Q", "planet.Q", "slider.Q"), {"name": "S", "type": "prismatic", "between": ["frame.S", "slider.S"]}],
+        load=[{"on": "slider.S", "force": [-30, 0]}], coordinate=[along("O", STEADY)], actuator=[{"joint": "O"}])
+
+
+def coupler_wheel() -> dict[str, Any]:
+    """A wheel fixed to the coupler of a four-bar turns another one about the crank's hinge."""
+    return planar(
+        frame={"markers": {"A": [0, 0], "D": [0.3, 0]}},
+        link=[disc("crank", {"A": [0, 0], "B": [0.08, 0]}, 2, 0.01), disc("rod", {"B": [0, 0], "C": [0.28, 0]}, 1, 0.01, (0.15, 0)), disc("rocker", {"D": [0, 0], "C": [0.2, 0]}, 3, 0.02),
+              disc("sun", {"A": [0, 0]}, 1, 0.01)],
+        joint=[hinge("A", "frame.A", "crank.A"), hinge("B", "crank.B", "rod.B"), hinge("C", "rod.C", "rocker.C", branch=1), hinge("D", "frame.D", "rocker.D"), hinge("S", "frame.A", "sun.A"),
+               gear("G", "rod.B", "sun.A", [20, 20])],
+        load=[{"on": "sun.A", "moment": 2.0}], coordinate=[along("A", STEADY)], actuator=[{"joint": "A"}])
+
+
+def spatial_five_bar() -> dict[str, Any]:
+    """Both cranks of a spatial five-bar geared; three freedoms, two of them those of the joint between crank and rod."""
+    scene = tilted(five_bar())
+    joints, links = {joint["name"]: joint for joint in scene["joint"]}, {link["name"]: link for link in scene["link"]}
+    for name, kind in (("B", "universal"), ("C", "spherical"), ("D", "universal")):
+        joints[name]["type"] = kind
+    joints["C"].pop("branch")
+    for link, name in (("crank1", "B"), ("crank2", "D")):
+        links[link]["markers"][name]["axis"] = [0, 0, 1]
+    for link, name in (("rod1", "B"), ("rod2", "D")):
+        links[link]["markers"][name]["axis"] = [0, 1, 0]
+    angles = [{"joint": "B", "variable": f"angle{k}", "motion": {"law": "harmonic", "mean": mean, "amplitude": 0.15, "frequency": f"{4 - k} rad/s"}} for k, mean in ((1, -1.0), (2, 0.1))]
+    return scene | {"coordinate": [scene["coordinate"][0], *angles], "actuator": [{"joint": "tilt"}, {"joint": "A"}, {"joint": "B", "variable": "angle2"}]}
+
+
+CLOSED_BY_GEARS = {"five-bar": led_by(five_bar(), "B", mean=-1.0, amplitude=0.2), "five-bar, 2:3": led_by(five_bar([30, 45]), "B", mean=-1.0, amplitude=0.2),
+                   "cardan": led_by(cardan(), "S", mean=0.1, amplitude=0.05), "coupler wheel": led_by(coupler_wheel(), "S", mean=-1.0, amplitude=1.0), "five-bar in space": spatial_five_bar()}
+
+
+@pytest.mark.parametrize("name", CLOSED_BY_GEARS)
+def test_loops_closed_by_gears(name: str) -> None:
+    scene = CLOSED_BY_GEARS[name]
+    mechanism = check_roads(scene)
+    assert "Newton" in mechanism.explain()
+    free = copy.deepcopy(scene)
+    free.pop("load", None)
+    run = linkdyn.Scene(free).forward(t=np.linspace(0, 0.5, 6), rtol=1e-11, atol=1e-11)
+    np.testing.assert_allclose(run.q.values, linkdyn.Scene(free).motion(run.time.values)[0], atol=1e-7)
+
+
+@pytest.mark.parametrize("name, wheel", [("five-bar", "A"), ("cardan", "O"), ("coupler wheel", "A")])
+def test_led_by_a_wheel_it_is_the_same(name: str, wheel: str) -> None:
+    """The motion that comes out for a wheel, given to the mechanism led by it, in closed form: the same reactions, and by power the same drive."""
+    led = linkdyn.Scene(CLOSED_BY_GEARS[name]).inverse(want="all")
+    variable = list(led["variable"].values).index(f"{wheel}.angle")
+    t, h = led.time.values, led.time.values[1] - led.time.values[0]
+    angle = np.unwrap(led.joint_variable.values[:, variable])
+    rate = led.joint_rate.values[:, variable]
+    inner = slice(3, -3)
+    second = sum(w * np.roll(rate, -k) for k, w in ((1, 45), (2, -9), (3, 1), (-1, -45), (-2, 9), (-3, -1)))[inner] / (60 * h)
+    direct = {"five-bar": five_bar(), "cardan": cardan(), "coupler wheel": coupler_wheel()}[name]
+    direct["coordinate"] = [along(wheel, {"law": "constant-rate", "rate": 0.0, "start": float(angle[0])})]
+    direct["actuator"] = copy.deepcopy(CLOSED_BY_GEARS[name]["actuator"])
+    if name != "cardan":
+        direct["joint"][2]["branch"] = 1 if np.sin(led.joint_variable.values[0, list(led["variable"].values).index("C.angle")]) > 0 else -1
+    found = linkdyn.Scene(direct).inverse(q=angle[inner, np.newaxis], qd=rate[inner, np.newaxis], qdd=second[:, np.newaxis])
+    assert (found.status == 0).all() and len(t) > 100
+    np.testing.assert_allclose(found.reaction.values, led.reaction.values[inner], atol=1e-7 * np.abs(led.reaction.values).max())
+    np.testing.assert_allclose(found.driving_force.values, led.driving_force.values[inner], atol=1e-7 * np.abs(led.driving_force.values).max())
 
 
 # ---------------------------------------------------------------- what does not fit
