@@ -234,7 +234,7 @@ contains
         laid = model
         call plan(model, status)
         if (status%is_ok() .or. model%scene%redundancy == share_refused) return
-        ! what lets go best may leave a loop that would have to close by a gear
+        ! without joints that let go the gears beside them may do
         do way = 1, merge(2, 1, size(laid%gear) > 0)
             unplanned = laid
             again = status_type()

@@ -13,7 +13,8 @@
 !>
 !> *Gears* (racks, belts) that repeat what other gears say go before joints do: a train without its second planet's mesh is as
 !> easily placed as one with a single planet. Which these are, the sums of joint variables tell. A gear beside a loop of joints, a
-!> belt between the cranks of a parallelogram, is one of those that may go.
+!> belt between the cranks of a parallelogram, stays if it can: it may carry the mechanism through positions where the joints alone
+!> leave open how it goes on.
 !>
 !> **Source**: self-stress and statical indeterminacy, S. Pellegrino, C. R. Calladine, Int. J. Solids Struct. 22 (1986) 409; which
 !> reactions of over-constrained mechanisms are unique, M. Wojtyra, Mech. Mach. Theory 44 (2009) 2265.
@@ -75,7 +76,7 @@ contains
     !> each other.
     subroutine release_joints(model, gears_first, is_released, status)
         type(model_type), intent(inout) :: model
-        logical, intent(in) :: gears_first              !! no joint lets go where a gear can
+        logical, intent(in) :: gears_first              !! no joint lets go where a gear can; else the other way round
         logical, intent(out) :: is_released
         type(status_type), intent(inout) :: status
         type(stressed_pose), allocatable :: pose(:)
@@ -375,8 +376,8 @@ contains
             end if
             strength(k) = minval([(strength_of(pose(p), move(k)), p=1, size(pose))])
         end do
-        if (gears_first .and. any(is_geared(move%needs) .and. strength > acts)) &
-            strength = merge(strength, 0.0_wp, is_geared(move%needs))
+        if (any((is_geared(move%needs) .eqv. gears_first) .and. strength > acts)) &
+            strength = merge(strength, 0.0_wp, is_geared(move%needs) .eqv. gears_first)
         ! what lets more go leaves less to find, and less to compute
         best = 0
         score = 0
