@@ -21,6 +21,7 @@ module linkdyn_builder
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
+    use linkdyn_preloads, only: refuse_idle_preloads
     use linkdyn_release, only: release_joints
     use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, hold_spec, law_spec, law_table, joint_n_variable, &
         joint_prismatic, frame_link, n_holding
@@ -52,6 +53,7 @@ contains
         if (status%is_ok() .and. model%share%n > 0) call choose_fitting_branches(scene, model, closed_forms)
         call settle_phases(model, status)
         if (status%is_ok()) call refuse_open_friction(model, status)
+        call refuse_idle_preloads(model, status)
         if (.not. status%is_ok() .or. allocated(scene%hold)) return
         if (size(model%scene%hold) == 0) return
         ! Now it is known how the links stand at the start: idle spins are held by directions that suit.

@@ -255,7 +255,8 @@ module linkdyn_scene
         character(len=4) :: unit = ""             !! "N" or "N m"
         integer :: joint = 0
         integer :: variable = 1                   !! which variable of the joint
-        real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of (force/share)^2
+        real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of
+        real(wp) :: preload = 0                   !! ((force - preload)/share)^2 [N, N m]
         type(drive_spec) :: drive
         type(motor_spec) :: motor
         integer :: line = 0
