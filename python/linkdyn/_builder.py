@@ -568,7 +568,7 @@ class Builder:
 
     def chain(
         self,
-        type: Literal["UPS", "SPS", "UCU", "cylinder", "PUS", "PSS", "RUS", "RSS", "RUU", "R(SS)2", "RRR", "PRR", "RPR"],
+        type: Literal["UPS", "SPS", "UCU", "UPU", "RPS", "cylinder", "PUS", "PSS", "PRS", "RUS", "RSS", "RRS", "RUU", "R(SS)2", "RRR", "PRR", "RPR"],
         *, base: str | Sequence[str], platform: str | Sequence[str], name: str | None = None, names: Sequence[str] | None = None,
         axis: Vector | Sequence[Vector] | None = None, rail: Vector | Sequence[Vector] | None = None, zero: Vector | Sequence[Vector] | None = None,
         top_axis: Vector | Sequence[Vector] | None = None, elbow: Literal[1, -1] | None = None, width: Quantity | None = None,
