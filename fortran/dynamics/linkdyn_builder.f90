@@ -51,7 +51,7 @@ contains
         if (.not. status%is_ok()) return
         call plan_scene(scene, model, status, closed_forms)
         if (status%is_ok() .and. model%share%n > 0) call choose_fitting_branches(scene, model, closed_forms)
-        call settle_phases(model, status)
+        if (status%is_ok()) call settle_phases(model, status)
         if (status%is_ok()) call refuse_open_friction(model, status)
         call refuse_idle_preloads(model, status)
         if (.not. status%is_ok() .or. allocated(scene%hold)) return
@@ -60,7 +60,7 @@ contains
         with_holds = scene
         with_holds%hold = holds_at_start(model)
         call plan_scene(with_holds, model, status, closed_forms)
-        call settle_phases(model, status)
+        if (status%is_ok()) call settle_phases(model, status)
     end subroutine build_model
 
     !> Friction comes of reactions that are determined; and drives that share the work are found before any reaction is.

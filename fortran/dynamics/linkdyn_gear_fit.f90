@@ -50,6 +50,8 @@ contains
 
     !> Such a gear without a `phase` takes that which fits at the start.
     !>
+    !> Of a model that is planned.
+    !>
     !> **Errors**: `status_bad_input` if a gear locks the mechanism, or stands otherwise than its `phase` says.
     subroutine settle_phases(model, status)
         type(model_type), intent(inout) :: model
@@ -58,7 +60,7 @@ contains
         character(len=:), allocatable :: name
         integer :: g
 
-        if (.not. (status%is_ok() .and. any_to_check(model))) return
+        if (.not. any_to_check(model)) return
         call find_gaps(model, first, changed)
         do g = 1, size(model%gear)
             if (.not. is_to_check(model, g)) cycle

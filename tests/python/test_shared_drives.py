@@ -171,6 +171,12 @@ def test_what_is_refused() -> None:
     assert "actuator 'X': its 'preload' strains nothing" in refused(third)
 
 
+def test_code_of_shared_drives() -> None:
+    with pytest.raises(linkdyn.InputError, match="no code can be generated: 2 actuators share the work of 1 coordinate"):
+        linkdyn.Scene(two_motors()).generate()
+    assert "FORWARD_ACTUATOR_A_SECOND" in linkdyn.Scene(two_motors()).generate(kernel="forward").header
+
+
 def test_paths_of_changes() -> None:
     scene = linkdyn.Scene(two_motors())
     run = scene.with_({"actuator.second.share": 2.0}).inverse()
