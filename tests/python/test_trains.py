@@ -118,10 +118,39 @@ def power_split() -> dict[str, Any]:
     return scene | {"coordinate": [along("X", SWAY)], "actuator": [{"joint": "X"}]}
 
 
-PLANAR = {"two planets": planets(2), "three": planets(3), "four, differential": planets(4, ring_moves=True), "two gears": two_shafts(gear("G", "a.A", "b.B", [20, 40]), gear("H", "a.A", "b.B", [30, 60])),
+def wolfrom() -> dict[str, Any]:
+    """Three stepped planets between a ring that stands and one that turns slowly."""
+    scene = planets(3)
+    scene["link"].append(disc("output", {"O": [0, 0]}, 5, 0.5, (0.01, 0)))
+    scene["joint"] += [hinge("R2", "frame.O", "output.O"), *[gear(f"Q{k}", f"planet{k}.P", "output.O", [17, 59], mesh="internal") for k in (1, 2, 3)]]
+    return scene | {"load": [{"on": "output.O", "moment": -30.0}]}
+
+
+def ring_of(n: int) -> dict[str, Any]:
+    """Equal wheels, each in mesh with its two neighbours: an even number turns."""
+    angle = 2 * np.pi * np.arange(n) / n
+    places = {f"A{k}": [0.2 / np.sin(np.pi / n) * float(f(a)) for f in (np.cos, np.sin)] for k, a in enumerate(angle)}
+    return planar(
+        frame={"markers": places}, link=[disc(f"w{k}", {"A": [0, 0]}, cog=(0.01 * k, 0)) for k in range(n)],
+        joint=[*[hinge(f"A{k}", f"frame.A{k}", f"w{k}.A") for k in range(n)], *[gear(f"G{k}", f"w{k}.A", f"w{(k + 1) % n}.A", [20, 20]) for k in range(n)]],
+        coordinate=[along("A0", SWAY)], actuator=[{"joint": "A0"}])
+
+
+def nested() -> dict[str, Any]:
+    """The arm turns on the sun's shaft and the ring on the arm; the sun's wheel is welded to the shaft."""
+    scene = planets(3, ring_moves=True)
+    between = {"C": ["shaft.O", "arm.O"], "R": ["arm.O", "ring.O"], "S": ["frame.O", "shaft.O"]}
+    for joint in scene["joint"]:
+        joint["between"] = between.get(joint["name"], joint["between"])
+    scene["link"].append(disc("shaft", {"O": [0, 0]}))
+    scene["joint"].append({"name": "W", "type": "fixed", "between": ["shaft.O", "sun.O"]})
+    return scene | {"coordinate": [along("S", SWAY), along("C", STEADY)], "actuator": [{"joint": "S"}, {"joint": "C"}]}
+
+
+PLANAR = {"Wolfrom": wolfrom(), "ring of four": ring_of(4), "nested hinges": nested(), "two planets": planets(2), "three": planets(3), "four, differential": planets(4, ring_moves=True), "two gears": two_shafts(gear("G", "a.A", "b.B", [20, 40]), gear("H", "a.A", "b.B", [30, 60])),
           "gear and belt": two_shafts(gear("G", "a.A", "b.B", [40, 20], mesh="internal"), belt_of([0.1, 0.05])), "two belts": two_shafts(belt_of([0.1, 0.1]), belt_of([0.05, 0.05], "U")),
           "lay shafts": lay_shafts(), "rack": rack_between(tie=True), "parallelogram": parallelogram(), "led by the rod": parallelogram("B"), "press": press(), "power split": power_split()}
-SPATIAL = {"two planets": tilted(planets(2, ring_moves=True)), "three": tilted(planets(3)), "bevel": bevel_with_two(), "lay shafts": tilted(lay_shafts()), "rack": tilted(rack_between(tie=True))}
+SPATIAL = {"Wolfrom": tilted(wolfrom()), "two planets": tilted(planets(2, ring_moves=True)), "three": tilted(planets(3)), "bevel": bevel_with_two(), "lay shafts": tilted(lay_shafts()), "rack": tilted(rack_between(tie=True))}
 
 
 # ---------------------------------------------------------------- roads
@@ -381,6 +410,7 @@ def refused(scene: dict[str, Any]) -> str:
 
 def test_another_ratio_locks() -> None:
     assert "gear 'H' locks coordinate 'A'" in refused(two_shafts(gear("G", "a.A", "b.B", [20, 40]), gear("H", "a.A", "b.B", [20, 41])))
+    assert "gear 'G2' locks coordinate 'A0'" in refused(ring_of(3))
     assert "gear 'G4' locks coordinate 'I'" in refused(lay_shafts(44))
     assert "gears give the angle of joint 'D'" in refused(parallelogram(radii=[0.05, 0.06]))
 
