@@ -153,17 +153,18 @@ contains
     end subroutine check_stiffness
 
     !> Self-stresses in poses off the start; none if the first of these cannot be closed. The others are all over the place: those
-    !> that close as the joints can be built, and have as much self-stress, count. Gears act in them and do not close.
+    !> that close as the joints can be built, and have as much self-stress, count. Gears act in them and do not close; cams
+    !> neither act nor close, so what they hold besides is not redundant.
     subroutine look_at_poses(model, pose)
         type(model_type), intent(in) :: model
         type(stressed_pose), allocatable, intent(out) :: pose(:)
         type(stressed_pose) :: here
-        integer :: joint(model%n_joint)
+        integer, allocatable :: joint(:)
         logical :: is_closed
         integer :: p, i
 
         allocate (pose(0))
-        joint = [(i, i=1, model%n_joint)]
+        joint = pack([(i, i=1, model%n_joint)], model%joint(:model%n_joint)%cam == 0)
         do p = 1, max(least_poses, min(most_poses, small/model%n_link**2))
             call make_loop(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed, p - 1)
             if (is_closed .and. p == 1) call close_loop(model, here%loop, is_closed)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import linkdyn
@@ -400,6 +402,21 @@ def test_led_by_a_wheel_it_is_the_same(name: str, wheel: str) -> None:
     np.testing.assert_allclose(found.driving_force.values, led.driving_force.values[inner], atol=1e-7 * np.abs(led.driving_force.values).max())
 
 
+def test_beside_a_cam() -> None:
+    """A camshaft driven by two gears: the valve train is as without them."""
+    folder = Path(__file__).resolve().parents[2] / "examples" / "valve_train"
+    data = tomllib.loads((folder / "scene.toml").read_text())
+    alone = linkdyn.Scene(data, folder).inverse(want="all")
+    shaft = data["joint"][0]["between"][1]
+    data["frame"]["markers"]["W"] = [-0.1, 0]
+    data["link"].append(disc("idler", {"W": [0, 0]}))
+    data["joint"] += [hinge("W", "frame.W", "idler.W"), gear("G", "idler.W", shaft, [20, 20]), gear("H", "idler.W", shaft, [30, 30])]
+    both = linkdyn.Scene(data, folder).inverse(want="all")
+    assert both.attrs["shared_reactions"] == "G.force G.moment H.force H.moment" and (both.status == 0).all()
+    for joint in ("pivot", "lobe", "tip", "guide"):
+        np.testing.assert_allclose(both.reaction.sel(joint=joint).values, alone.reaction.sel(joint=joint).values, atol=1e-10 * np.abs(alone.reaction.values).max())
+
+
 # ---------------------------------------------------------------- what does not fit
 
 def refused(scene: dict[str, Any]) -> str:
@@ -446,7 +463,7 @@ def test_a_belt_that_the_cranks_contradict() -> None:
     """Where only the belt can let go, its phase and the other assembly are refused; else each sample says that the joints do not fit."""
     scene = with_wheels()
     check_roads(scene)
-    assert "belt, closes the loop as nothing" in linkdyn.Scene(scene).explain()
+    assert "belt, its wheels are tied without it" in linkdyn.Scene(scene).explain()
     with_branch = copy.deepcopy(scene)
     for branch in (1, -1):
         with_branch["joint"][2]["branch"] = branch
