@@ -464,6 +464,16 @@ def test_a_belt_that_the_cranks_contradict() -> None:
     scene = with_wheels()
     check_roads(scene)
     assert "belt, its wheels are tied without it" in linkdyn.Scene(scene).explain()
+    # beyond the position in which the cranks lie flat the same branch is the crossed linkage, which the belt forbids: on its own such a sample is no assembly
+    run = linkdyn.Scene(scene).inverse(q=[[1.2], [-1.2]], qd=np.zeros((2, 1)), qdd=np.zeros((2, 1)))
+    assert list(run.status.values == 0) == [True, False] and np.isnan(run.driving_force.values[1]).all()
+    across = copy.deepcopy(scene)
+    across["coordinate"] = [along("A", {"law": "cycloidal", "from": 1.2, "to": -1.2, "duration": 1.0})]
+    across["time"] = {"end": 1, "samples": 202}
+    passed = linkdyn.Scene(across).inverse(want="all")
+    assert (passed.status == 0).all()
+    cranks = passed.joint_variable.sel(variable=["A.angle", "D.angle"]).values
+    np.testing.assert_allclose(cranks[:, 0], cranks[:, 1], atol=1e-9)
     with_branch = copy.deepcopy(scene)
     for branch in (1, -1):
         with_branch["joint"][2]["branch"] = branch
