@@ -167,6 +167,7 @@ module linkdyn_model
     !> `linkdyn_release` and `linkdyn_shared_reactions`.
     type :: share_type
         integer :: n = 0                      !! states of self-stress; 0: all reactions are determined
+        logical :: may_gape = .false.         !! joints were let go that fit only if the geometry does; else gears that always do
         integer, allocatable :: joint(:)      !! that take part
         integer, allocatable :: link(:)       !! between them
         logical, allocatable :: of_force(:), of_moment(:)    !! what of these joints is not determined

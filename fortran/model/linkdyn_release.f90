@@ -113,6 +113,7 @@ contains
             call make_move(model, pose(1)%loop%joint(best(i)%i), best(i))
         end do
         call note_shares(model, pose)
+        model%share%may_gape = size(best) > size(sure)
         call check_stiffness(model, pose(1), status)
         is_released = .true.
 
