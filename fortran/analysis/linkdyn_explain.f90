@@ -109,13 +109,16 @@ contains
     subroutine explain_redundancy(model, unit)
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit
+        character(len=:), allocatable :: how
         integer :: j
 
         if (model%share%n == 0) return
         write (unit, "(/,a)") "Redundant constraints: "//to_text(model%share%n)//", let go while the motion is found"
         do j = 1, model%n_joint
-            if (is_released(model%joint(j))) write (unit, "(2x,a24,a)") adjustl(model%joint(j)%name), &
-                trim(joint_kind_name(model%joint(j)%told_kind))//", closes the loop as "//trim(joint_kind_name(model%joint(j)%kind))
+            if (.not. is_released(model%joint(j))) cycle
+            how = "closes the loop as "//trim(joint_kind_name(model%joint(j)%kind))
+            if (model%joint(j)%gear > 0) how = "its wheels are tied without it"
+            write (unit, "(2x,a24,a)") adjustl(model%joint(j)%name), trim(joint_kind_name(model%joint(j)%told_kind))//", "//how
         end do
         write (unit, "(2x,a)") "not determined by the equations: "//shares_in_words(model)
         write (unit, "(2x,a)") "redundancy = """//trim(share_name(model%scene%redundancy))//""": of these the "// &

@@ -301,7 +301,7 @@ contains
         if (.not. model%is_planar) return
         do j = 1, model%n_joint
             if (all(model%joint(j)%link /= frame_link) .or. coordinate_of(model, j, 1) > 0 &
-                .or. is_geared(model%joint(j)%kind)) cycle
+                .or. is_geared(model%joint(j)%told_kind)) cycle
             text = " (expected another coordinate, one that moves there, such as joint "//quoted(model%joint(j)%name)//")"
             return
         end do

@@ -238,9 +238,10 @@ contains
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
         integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
         integer :: n, n_all, n_left, n_dense
-        logical :: wants_rates, wants_driven, wants_world, has_stand_ins, is_on_way
+        logical :: wants_rates, wants_driven, wants_world, has_stand_ins, is_on_way, shares
 
-        if (model%share%n > 0 .and. .not. (associated(results%position) .and. associated(results%rotation) &
+        shares = model%share%n > 0 .and. (model%share%may_gape .or. associated(results%reaction))
+        if (shares .and. .not. (associated(results%position) .and. associated(results%rotation) &
                                            .and. associated(results%status))) then
             call run_with_places()
             return
@@ -287,7 +288,7 @@ contains
             end if
         end if
         if (n_left > 0) call run_on_lanes()
-        if (model%share%n > 0) call share()
+        if (shares) call share()
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
         if (associated(results%assembly)) then
             results%assembly = reached_straight

@@ -3,6 +3,7 @@ module linkdyn_poses
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
+    use linkdyn_gear_fit, only: gears_go_along
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
@@ -64,6 +65,8 @@ contains
                     position(:, i, sample) = link_position(model, state, i, lane)
                     rotation(:, :, i, sample) = link_rotation(model, state, i, lane)
                 end do
+                if (sample_status(sample) == sample_ok .and. .not. gears_go_along(model, position(:, :, sample), &
+                    rotation(:, :, :, sample))) sample_status(sample) = sample_unreachable
                 if (sample_status(sample) == sample_ok .and. .not. (all(abs(position(:, :, sample)) <= huge(1.0_wp)) &
                     .and. all(abs(rotation(:, :, :, sample)) <= huge(1.0_wp)))) sample_status(sample) = sample_undefined
             end do
@@ -111,7 +114,7 @@ contains
         n = 0
         do while (n < model%n_link)
             search: do j = 1, model%n_joint
-                if (is_geared(model%joint(j)%kind)) cycle
+                if (is_geared(model%joint(j)%told_kind)) cycle
                 do from = 1, 2
                     associate (link => model%joint(j)%link)
                         if (.not. is_known(link(from)) .or. is_known(link(3 - from))) cycle

@@ -1,8 +1,9 @@
 !> More drives than freedoms: how they share the work.
 !>
 !> Virtual work gives one equation per coordinate, J^T u = tau, with the actuators' Jacobian J. Of all driving forces u that satisfy
-!> it those with the least sum of (u/share)^2 are taken: u = W J (J^T W J)^-1 tau, W = diag(share^2), with one step of refinement,
-!> which gives back the digits that the product took.
+!> it those with the least sum of ((u - p)/share)^2 are taken, p the preload: u = p + W J (J^T W J)^-1 (tau - J^T p), W =
+!> diag(share^2), with one step of refinement, which gives back the digits that the product took. So to the forces without preload
+!> comes that part of p which moves nothing.
 !>
 !> **Source**: J. Hollerbach, K. Suh, IEEE J. Robotics Autom. 3 (1987) 308; for parallel mechanisms A. Mueller, Redundant
 !> actuation of parallel manipulators, in: Parallel Manipulators (2008).
@@ -40,7 +41,7 @@ contains
                 end do
             end do
         end do
-        driving_force = 0
+        driving_force = spread(model%scene%actuator%preload, 1, lanes)
         do pass = 1, 2
             do k = 1, model%n_q
                 left(:, k, 1) = tau(:, k)

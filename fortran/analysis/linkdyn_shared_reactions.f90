@@ -9,8 +9,10 @@
 !> what makes them so. Such a sample is `unreachable`.
 module linkdyn_shared_reactions
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_constraint_rows, only: loop_type, rows_type, take_joints, list_rows, any_turned_over, of_force
+    use linkdyn_constraint_rows, only: loop_type, rows_type, take_joints, place_carriers, list_rows, any_turned_over
     use linkdyn_dense, only: dense_workspace, solve_dense, hold_blas_threads, release_blas_threads
+    use linkdyn_gear_fit, only: gears_go_along
+    use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, holds_spin
     use linkdyn_motion_measures, only: gapes
@@ -18,6 +20,7 @@ module linkdyn_shared_reactions
     use linkdyn_null_space_plan, only: find_null_space_by_plan
     use linkdyn_redundancy, only: hardly_new
     use linkdyn_release, only: compliances
+    use linkdyn_scene, only: share_by_stiffness
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular
     use linkdyn_threads, only: team_size
     implicit none (type, external)
@@ -58,6 +61,10 @@ contains
             call take_shared_joints(model, loop)
             do i = first, last
                 if (status(i) /= sample_ok) cycle
+                if (.not. gears_go_along(model, position(:, :, i), rotation(:, :, :, i))) then
+                    status(i) = sample_unreachable
+                    cycle
+                end if
                 loop%position(:, 1:) = position(:, model%share%link, i)/loop%size
                 loop%rotation(:, :, 1:) = rotation(:, :, model%share%link, i)
                 if (present(reaction)) then
@@ -88,6 +95,7 @@ contains
                 loop%frame(:, :, :, i) = joint%told_frame
             end associate
         end do
+        call place_carriers(model, body, loop)
         allocate (loop%position(3, 0:n), loop%rotation(3, 3, 0:n))
         loop%position(:, 0) = 0
         loop%rotation(:, :, 0) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
@@ -100,8 +108,8 @@ contains
         integer, intent(inout) :: status
         real(wp), intent(inout), optional :: reaction(:, :)    !! (n_component, n_joint)
         type(rows_type) :: rows
-        real(wp), allocatable :: stress(:, :), soft(:, :), energy(:, :), part(:), open(:)
-        real(wp) :: rcond, error_bound, wrench(6)
+        real(wp), allocatable :: stress(:, :), open(:)
+        real(wp) :: wrench(6)
         logical :: is_singular
         integer :: i
 
@@ -117,28 +125,64 @@ contains
             return
         end if
         open = parts_of(loop, rows, reaction)
-        soft = stress*spread(compliances(model, loop, rows), 2, size(stress, 2))
-        energy = matmul(transpose(stress), soft)
-        part = -matmul(transpose(soft), open)
-        call solve_dense(workspace, energy, part, rcond, error_bound, is_singular)
+        call relax(model, loop, rows, stress, workspace, open, is_singular)
         if (is_singular) then
             status = sample_singular
             return
         end if
-        open = matmul(stress, part)
         do i = 1, rows%n
-            wrench = 0
-            if (rows%sort(i) == of_force) then
-                wrench(:3) = rows%axis(:, i)
-                wrench(4:) = loop%size*rows%twist(i)*rows%axis(:, i)
-            else
-                wrench(4:) = loop%size*rows%axis(:, i)
-            end if
+            wrench = [rows%wrench(:3, i), loop%size*rows%wrench(4:, i)]
             associate (r => reaction(:, loop%joint(rows%joint(i))))
                 r = r + open(i)*wrench(loop%column)
             end associate
         end do
     end subroutine share_sample
+
+    !> What states of self-stress add to reactions, so that the elastic energy, or the sum of squares, is the least. Teeth are the
+    !> first to share by the sum of squares: equal planets then take equal parts, whatever their weights do to their pins.
+    subroutine relax(model, loop, rows, stress, workspace, open, is_singular)
+        type(model_type), intent(in) :: model
+        type(loop_type), intent(in) :: loop
+        type(rows_type), intent(in) :: rows
+        real(wp), intent(in) :: stress(:, :)            !! (row, state)
+        type(dense_workspace), intent(inout) :: workspace
+        real(wp), intent(inout) :: open(:)              !! parts of the reactions; then what is added to them (row)
+        logical, intent(out) :: is_singular
+        real(wp), allocatable :: added(:), of_teeth(:, :), first(:, :), rest(:, :)
+        integer, allocatable :: tooth(:)
+        integer :: i
+
+        allocate (added(size(open)), source=0.0_wp)
+        is_singular = .false.
+        tooth = pack([(i, i=1, rows%n)], is_geared(loop%kind(rows%joint(:rows%n))))
+        if (size(tooth) == 0 .or. model%scene%redundancy == share_by_stiffness) then
+            call take_least(stress, compliances(model, loop, rows))
+        else
+            ! states that load teeth, square to those that do not
+            of_teeth = stress(tooth, :)
+            call find_null_space(of_teeth, hardly_new, rest)
+            call find_null_space(transpose(rest), 0.0_wp, first)
+            call take_least(matmul(stress, first), merge(1.0_wp, 0.0_wp, is_geared(loop%kind(rows%joint(:rows%n)))))
+            call take_least(matmul(stress, rest), compliances(model, loop, rows))
+        end if
+        open = added
+
+    contains
+
+        subroutine take_least(state, compliance)
+            real(wp), intent(in) :: state(:, :)         !! (row, state)
+            real(wp), intent(in) :: compliance(:)
+            real(wp) :: soft(size(state, 1), size(state, 2)), rcond, error_bound
+            real(wp), allocatable :: energy(:, :), part(:)
+
+            if (is_singular .or. size(state, 2) == 0) return
+            soft = state*spread(compliance, 2, size(state, 2))
+            energy = matmul(transpose(state), soft)
+            part = -matmul(transpose(soft), open + added)
+            call solve_dense(workspace, energy, part, rcond, error_bound, is_singular)
+            if (.not. is_singular) added = added + matmul(state, part)
+        end subroutine take_least
+    end subroutine relax
 
     !> Orthonormal states of self-stress.
     subroutine find_stress(model, row, stress)
@@ -165,12 +209,9 @@ contains
         do i = 1, rows%n
             r = 0
             r(loop%column) = reaction(:, loop%joint(rows%joint(i)))
-            associate (axis => rows%axis(:, i))
-                if (rows%sort(i) == of_force) then
-                    part(i) = dot_product(axis, r(:3))
-                else
-                    part(i) = dot_product(axis, r(4:))/(loop%size*dot_product(axis, axis))
-                end if
+            r(4:) = r(4:)/loop%size
+            associate (wrench => rows%wrench(:, i))
+                part(i) = dot_product(wrench, r)/dot_product(wrench, wrench)
             end associate
         end do
     end function parts_of

@@ -5,7 +5,8 @@ module linkdyn_builder
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: list_contacts
     use linkdyn_cross, only: cross
-    use linkdyn_gearing, only: plan_gears
+    use linkdyn_gear_fit, only: gears_fit, settle_phases
+    use linkdyn_gearing, only: lay_gears, plan_gears
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
     use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam
     use linkdyn_kinds, only: wp
@@ -20,6 +21,7 @@ module linkdyn_builder
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
     use linkdyn_planner, only: plan_steps
+    use linkdyn_preloads, only: refuse_idle_preloads
     use linkdyn_release, only: release_joints
     use linkdyn_scene, only: share_refused, scene_type, link_spec, marker_spec, hold_spec, law_spec, law_table, joint_n_variable, &
         joint_prismatic, frame_link, n_holding
@@ -49,13 +51,16 @@ contains
         if (.not. status%is_ok()) return
         call plan_scene(scene, model, status, closed_forms)
         if (status%is_ok() .and. model%share%n > 0) call choose_fitting_branches(scene, model, closed_forms)
+        if (status%is_ok()) call settle_phases(model, status)
         if (status%is_ok()) call refuse_open_friction(model, status)
+        call refuse_idle_preloads(model, status)
         if (.not. status%is_ok() .or. allocated(scene%hold)) return
         if (size(model%scene%hold) == 0) return
         ! Now it is known how the links stand at the start: idle spins are held by directions that suit.
         with_holds = scene
         with_holds%hold = holds_at_start(model)
         call plan_scene(with_holds, model, status, closed_forms)
+        if (status%is_ok()) call settle_phases(model, status)
     end subroutine build_model
 
     !> Friction comes of reactions that are determined; and drives that share the work are found before any reaction is.
@@ -133,6 +138,7 @@ contains
         call evaluate_kinematics(model, state)
         fit = released_fit(model, [(j, j=1, model%n_joint)], state)
         joints_fit = fit(1) .and. .not. (state%not_converged(1) .or. state%singular(1) .or. state%unreachable(1))
+        if (joints_fit) joints_fit = gears_fit(model)
     end function joints_fit
 
     !> The directions by which idle spins are best held.
@@ -221,19 +227,28 @@ contains
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms
-        type(model_type) :: unplanned
+        type(model_type) :: laid, unplanned
         type(status_type) :: again
         logical :: is_freed
+        integer :: way
 
+        if (status%is_ok()) call lay_gears(model, status)
         if (.not. status%is_ok()) return
-        unplanned = model
+        laid = model
         call plan(model, status)
         if (status%is_ok() .or. model%scene%redundancy == share_refused) return
-        call release_joints(unplanned, is_freed, again)
-        if (.not. is_freed) return
-        model = unplanned
-        call plan(model, again)
-        status = again
+        ! without joints that let go the gears beside them may do
+        do way = 1, merge(2, 1, size(laid%gear) > 0)
+            unplanned = laid
+            again = status_type()
+            call release_joints(unplanned, way == 2, is_freed, again)
+            if (.not. again%is_ok()) status = again
+            if (.not. (is_freed .and. again%is_ok())) return
+            model = unplanned
+            call plan(model, again)
+            if (way == 1 .or. again%is_ok()) status = again
+            if (again%is_ok()) return
+        end do
 
     contains
 

@@ -213,7 +213,7 @@ contains
             q = 0
             associate (spec => model%scene%joint(group%joint(i)))
                 do v = 1, joint_n_variable(spec%kind)
-                    if (group%coordinate(v, i) > 0) then
+                    if (is_given(group%coordinate(v, i))) then
                         q(:, v) = given_position(model, state, group%coordinate(v, i))
                         cycle
                     end if
@@ -228,6 +228,20 @@ contains
                 end do
             end associate
         end function variables
+
+        !> By a coordinate, or by gears from joints that are placed before the group?
+        pure logical function is_given(c)
+            integer, intent(in) :: c
+            integer :: s
+
+            is_given = c > 0
+            if (c <= model%n_q) return
+            associate (source => model%led(c - model%n_q)%source)
+                do s = 1, size(source)
+                    is_given = is_given .and. all(group%joint /= source(s))
+                end do
+            end associate
+        end function is_given
     end subroutine string_links
 
     !> Do coordinates lead the link, seen from the frame, by a part of its pose?

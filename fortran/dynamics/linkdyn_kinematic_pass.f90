@@ -77,6 +77,7 @@ contains
 
         if (step%kind == step_group) then
             call close_group(model, step%first, state)
+            call flag_turned(model%group(step%first)%coordinate(1, :))
             if (model%is_planar) return
             do i = 1, size(model%group(step%first)%link)
                 call turn_into_link(model, model%group(step%first)%link(i), state)
@@ -99,6 +100,18 @@ contains
             call turn_into_link(model, step%link(1), state)
             call turn_into_link(model, step%link(2), state)
         end select
+
+    contains
+
+        !> What gears give from angles whose turns may be others.
+        subroutine flag_turned(given)
+            integer, intent(in) :: given(:)
+            integer :: k
+
+            do k = 1, size(given)
+                if (given(k) > model%n_q) state%branch_lost = state%branch_lost .or. has_lost_turns(model, state, given(k))
+            end do
+        end subroutine flag_turned
     end subroutine run_step
 
     !> Does the attitude that a step gives come as quaternion?

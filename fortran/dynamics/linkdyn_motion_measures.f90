@@ -84,7 +84,7 @@ contains
         do j = 1, model%n_joint
             if (model%joint(j)%cam > 0) then
                 gap = max(gap, abs(state%plane%contact(model%joint(j)%cam)%gap))
-            else if (.not. is_geared(model%joint(j)%kind)) then
+            else if (.not. is_geared(model%joint(j)%told_kind)) then
                 gap = max(gap, gap_of_joint(model, state, j))
             end if
         end do
@@ -100,6 +100,7 @@ contains
 
         fit = .true.
         do i = 1, size(joint)
+            if (is_geared(model%joint(joint(i))%told_kind)) cycle
             if (is_released(model%joint(joint(i)))) fit = fit .and. gap_of_joint(model, state, joint(i)) <= gapes*scene_size(model)
         end do
     end function released_fit

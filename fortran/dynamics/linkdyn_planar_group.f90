@@ -1,7 +1,7 @@
 !> Constraints of any planar Assur group (triads and larger, joints with given variables), for Newton's method.
 !>
 !> Unknown are x, y and the angle of each link. A hinge closes two gaps, a slide an angle and a distance across it, a weld two
-!> gaps and the angle; a joint whose variable is a coordinate one more, and so does each coordinate at a part of a pose.
+!> gaps and the angle; a joint whose variable is a coordinate, or led by gears, one more, and so does each coordinate at a part of a pose.
 !> Velocities and accelerations obey the Jacobian of the same gaps.
 module linkdyn_planar_group
     use linkdyn_cam_contact, only: locate_contacts
@@ -12,7 +12,7 @@ module linkdyn_planar_group
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, orientation_of, scene_size
+    use linkdyn_model, only: model_type, group_type, led_type, orientation_of, scene_size
     use linkdyn_planar_motion, only: planar_motion, planar_contact, level_velocity, level_given
     use linkdyn_planar_point, only: carried
     use linkdyn_scene, only: joint_prismatic, joint_fixed, pose_position, pose_attitude, follower_flat
@@ -171,9 +171,30 @@ contains
                 call put_turn_row(view, row, matrix)
                 right(:, row) = least_turn(view%turn - given_position(model, state, c))
             end if
+            if (c > model%n_q) call take_sources_off(model%led(c - model%n_q))
         end do
 
     contains
+
+        !> What gears make of other joints of the group, for its own.
+        subroutine take_sources_off(led)
+            type(led_type), intent(in) :: led
+            type(joint_view) :: source
+            real(wp) :: part(lanes, 1, 3*size(group%link))
+            integer :: s
+
+            do s = 1, size(led%source)
+                source = view_of(model, group, led%source(s), state%plane)
+                if (all(source%place == 0)) cycle
+                part = 0
+                if (source%slides) then
+                    call put_row(source, source%u, 1, part)
+                else
+                    call put_turn_row(source, 1, part)
+                end if
+                matrix(:, row, :) = matrix(:, row, :) - led%source_weight(s)*part(:, 1, :)
+            end do
+        end subroutine take_sources_off
 
         !> Position along x and y, or the angle.
         subroutine put_part(coordinate)

@@ -111,6 +111,7 @@ contains
             call scale_drive(law_scale(model, i, scale), drive_scale(model, i, scale) == scale, scale, [copy, of_drive, i], &
                              similar%scene%actuator(i)%drive)
             call scale_motor(drive_scale(model, i, scale) == scale, scale, similar%scene%actuator(i)%motor)
+            similar%scene%actuator(i)%preload = drive_scale(model, i, scale)*model%scene%actuator(i)%preload
         end do
         do i = 1, size(model%motor)
             associate (motor => similar%motor(i))

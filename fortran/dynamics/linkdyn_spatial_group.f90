@@ -16,7 +16,7 @@ module linkdyn_spatial_group
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, group_type, orientation_of, scene_size
+    use linkdyn_model, only: model_type, group_type, led_type, orientation_of, scene_size
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_planner, only: joint_constraints
     use linkdyn_point, only: point_column
@@ -372,9 +372,34 @@ contains
             do k = 1, n
                 call put_row(view, row(k), matrix(:, first + k, :))
                 right(:, first + k) = row(k)%error
+                if (row(k)%coordinate > model%n_q) call take_sources_off(model%led(row(k)%coordinate - model%n_q), row(k)%unit)
             end do
             first = first + n
         end do
+
+    contains
+
+        !> What gears make of other joints of the group, for a variable of this one.
+        subroutine take_sources_off(led, unit)
+            type(led_type), intent(in) :: led
+            real(wp), intent(in) :: unit
+            type(joint_view) :: source
+            type(closure_row) :: of_source
+            real(wp) :: part(lanes, 6*size(group%link))
+            integer :: s
+
+            do s = 1, size(led%source)
+                source = view_of(model, group, led%source(s), state)
+                if (all(source%place == 0)) cycle
+                of_source%turns = .not. is_slide(source%kind, 1)
+                of_source%u = source%frame(1)%z
+                of_source%arm = source%arm
+                of_source%arm(1) = source%arm(1) + source%gap
+                part = 0
+                call put_row(source, of_source, part)
+                matrix(:, first + k, :) = matrix(:, first + k, :) - unit*led%source_weight(s)*part
+            end do
+        end subroutine take_sources_off
     end subroutine assemble_errors
 
     !> Which of the rows of `assemble_errors` are distances.
@@ -493,6 +518,7 @@ contains
         n = 6*size(group%link)
         n_column = merge(0, state%n_column, state%group%is_led)
         associate (matrix => state%group%matrix, right => state%group%right)
+            call rest_links(model, group, state)
             call assemble_errors(model, group, state, matrix(:, :n, :n), right(:, :n, 1))
             call assemble_rates(model, group, state, state%velocity, state%omega, level_velocity, right(:, :n, 1))
             state%group%gap(:, level_velocity) = size_of_rows(group, right(:, :n, 1))
@@ -512,6 +538,26 @@ contains
             call take_rates(model, group, right(:, :n, 1), state%acceleration(0, :), state%alpha(0, :))
         end associate
     end subroutine move_spatial_group
+
+    !> Variables that gears make of the group's own begin from its links at rest.
+    subroutine rest_links(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        integer :: i, k
+
+        if (all(group%coordinate(1, :) <= model%n_q)) return
+        do i = 1, size(group%link)
+            associate (l => group%link(i), o => orientation_of(model, group%link(i)))
+                state%velocity(l) = zero_vec3()
+                if (group%turns(i)) state%omega(o) = zero_vec3()
+                do k = 0, state%n_column
+                    state%acceleration(k, l) = zero_vec3()
+                    if (group%turns(i)) state%alpha(k, o) = zero_vec3()
+                end do
+            end associate
+        end do
+    end subroutine rest_links
 
     !> How fast the constraints would change if the group's links had no rates at this level, less what the coordinates
     !> prescribe.

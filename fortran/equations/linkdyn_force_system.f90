@@ -11,7 +11,7 @@ module linkdyn_force_system
     use linkdyn_bodies, only: world_axes, own_axes
     use linkdyn_cam, only: cam
     use linkdyn_inertia_wrench, only: inertia_wrench, mass_properties
-    use linkdyn_joint_table, only: along_axes, along_x_and_y, along_z, along_normal
+    use linkdyn_joint_table, only: along_axes, along_x_and_y, along_z, along_normal, is_geared
     use linkdyn_layout, only: layout_type, about_cog, about_origin
     use linkdyn_mechanism, only: mechanism_type, wheel_wrench, properties_of, marker_point, marker_frame, point_of_action, &
         pair_of
@@ -69,7 +69,7 @@ contains
 
         associate (joint => mechanism%model%joint(j), kind => mechanism%kind(j)%is)
             acting%joint = j
-            if (joint%gear > 0) then
+            if (is_geared(joint%kind)) then
                 call add_tooth(joint%gear)
                 return
             end if

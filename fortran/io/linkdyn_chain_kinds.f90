@@ -29,10 +29,14 @@ contains
         kind = [chain_kind("UPS", "UPS", ["lower   ", "upper   "]), &
                 chain_kind("SPS", "SPS", ["lower   ", "upper   "]), &
                 chain_kind("UCU", "UCU", ["lower   ", "upper   "]), &
+                chain_kind("UPU", "UPU", ["lower   ", "upper   "]), &
+                chain_kind("RPS", "RPS", ["lower   ", "upper   "]), &
                 chain_kind("PUS", "PUS", ["carriage", "rod     "]), &
                 chain_kind("PSS", "PSS", ["carriage", "rod     "]), &
+                chain_kind("PRS", "PRS", ["carriage", "rod     "]), &
                 chain_kind("RUS", "RUS", ["crank   ", "rod     "]), &
                 chain_kind("RSS", "RSS", ["crank   ", "rod     "]), &
+                chain_kind("RRS", "RRS", ["crank   ", "rod     "]), &
                 chain_kind("RUU", "RUU", ["crank   ", "rod     "]), &
                 chain_kind("R(SS)2", "RSS", ["crank   ", "rod     "], is_parallelogram=.true.), &
                 chain_kind("RRR", "RRR", ["crank   ", "rod     "], in_plane), &

@@ -1,8 +1,9 @@
 !> The links and joints of one leg of a chain, their markers placed by rule.
 !>
-!> Axes of a leg's links: z from the base's side to the platform's, of a carriage those of the base link; y along the hinge of a crank
-!> and the second axis of a universal joint; in a plane x from the base's side to the platform's. Origins: of the last half of a telescope
-!> at the platform, of all others at the base's side. At joint variables of zero crank and rod are in one line.
+!> Axes of a leg's links: z from the base's side to the platform's, of a carriage those of the base link; y along a hinge and the second
+!> axis of a universal joint; in a plane x from the base's side to the platform's. Origins: of the last half of a telescope at the
+!> platform, of all others at the base's side. At joint variables of zero crank and rod are in one line, and a telescope or rod on a
+!> hinge stands most upright.
 module linkdyn_chain_parts
     use linkdyn_chain_kinds, only: chain_kind, letter_len, joints_of_leg, is_crank_kind, is_telescope, joint_kind_of, &
         joint_suffix, drive_of, anywhere
@@ -142,7 +143,11 @@ contains
             marker = marker_along(at, along)
         case ("R")
             marker = marker_along(at, y_axis, along)
-            if (planar) marker = marker_along(at, x_axis, x_axis)
+            if (planar) then
+                marker = marker_along(at, x_axis, x_axis)
+            else if (side == 1 .and. m == 2 .and. .not. at_elbow) then
+                marker = marker_along(at, leg%axis, upright(leg%axis))
+            end if
         case ("U")
             if (at_elbow) then
                 marker = marker_along(at, y_axis, along)
@@ -178,6 +183,7 @@ contains
                 marker = marker_along(origin, x_axis, merge(leg%zero, x_axis, side == 1))
             else
                 marker = marker_along(origin, leg%axis, leg%zero)
+                if (letters(2:2) == "P") marker%x_axis = upright(leg%axis)
             end if
         case ("U")
             if (letters == "UPS") then

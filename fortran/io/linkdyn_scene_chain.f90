@@ -151,7 +151,7 @@ contains
     pure logical function has_axis(kind)
         type(chain_kind), intent(in) :: kind
 
-        has_axis = kind%space == in_space .and. (is_crank_kind(kind) .or. scan(kind%letters(:2), "U") > 0)
+        has_axis = kind%space == in_space .and. scan(kind%letters(:2), "RU") > 0
     end function has_axis
 
     !> Has it one fixed in the platform?
@@ -333,7 +333,8 @@ contains
         logical :: found
 
         if (is_rail_kind(kind)) call read_direction("rail", "the direction of the slide in the base link, [1, 0, 0]", leg%rail)
-        if (has_axis(kind)) call read_direction("axis", "the universal joint's first axis in the base link, [0, 1, 0]", leg%axis)
+        if (has_axis(kind)) call read_direction("axis", "the axis of the hinge, or the first one of the universal joint, in the " &
+                                                //"base link, [0, 1, 0]", leg%axis)
         leg%top_axis = leg%axis
         if (has_top_axis(kind)) call read_direction("top_axis", "", leg%top_axis, found)
         if (is_crank_kind(kind)) then

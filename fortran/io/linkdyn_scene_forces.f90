@@ -6,7 +6,7 @@ module linkdyn_scene_forces
     use linkdyn_scene, only: scene_type, actuator_spec, drive_spec, load_spec, law_spec, spring_spec, &
         joint_cylindrical, joint_spherical, frame_link, axes_world, drive_inverse, drive_constant, drive_table, &
         drive_spring_damper, drive_dc_motor, drive_pd, drive_over, law_constant, law_over, side_joint, side_torque, &
-        side_voltage, has_limits
+        side_voltage, has_limits, name_len
     use linkdyn_toml, only: toml_node, toml_array, toml_table
     use linkdyn_units, only: quantity_type, plain_number, force, moment, length, stiffness, angular_stiffness, &
         damping, angular_damping, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance
@@ -75,16 +75,19 @@ contains
         if (.not. status%is_ok()) return
         actuator%line = place%line
         place%what = "actuator "//quoted(scene%joint(actuator%joint)%name)
-        call allow_keys(place, [character(len=8) :: "joint", "variable", "law", "share", "drive"], status)
+        call allow_keys(place, [character(len=8) :: "joint", "variable", "name", "law", "share", "preload", "drive"], status)
         if (status%is_ok() .and. scene%joint(actuator%joint)%kind == joint_spherical) call refuse_value(place, "joint", &
             place%node%get("joint"), "names a spherical joint, which no single torque drives "// &
             "(expected a joint with an axis)", status)
         call find_variable(scene, place, actuator%joint, actuator%variable, status)
         call name_actuator(scene, actuator)
+        call read_own_name(place, actuator, status)
         place%what = "actuator "//quoted(actuator%name)
         call get_quantity(place, "share", plain_number, actuator%share, status, found)
         if (status%is_ok() .and. actuator%share <= 0) call refuse_value(place, "share", place%node%get("share"), &
             "is not above zero (expected the part of this drive in the work that several share, for example 2)", status)
+        call get_quantity(place, "preload", force_quantity(scene%joint(actuator%joint)%kind, actuator%variable), &
+                          actuator%preload, status, found)
         node = place%node%get("law")
         actuator%has_law = node%is_present()
         if (node%is_present()) call read_drive(place, node, scene%joint(actuator%joint)%kind, actuator, shelf, status)
@@ -94,6 +97,28 @@ contains
         if (status%is_ok() .and. actuator%drive%side /= side_joint .and. .not. node%is_present()) call refuse_missing(place, &
             "drive", "the motor that the law is about: { ratio = 50, .. }", status)
     end subroutine read_actuator
+
+    !> Of several at one joint variable each but one has a name of its own: "crank:brake".
+    subroutine read_own_name(place, actuator, status)
+        type(scene_place), intent(in) :: place
+        type(actuator_spec), intent(inout) :: actuator
+        type(status_type), intent(inout) :: status
+        character(len=name_len) :: own
+        logical :: found
+
+        if (.not. status%is_ok()) return
+        call get_name(place, "name", own, status, found)
+        if (.not. (status%is_ok() .and. found)) return
+        if (len_trim(actuator%name) + 1 + len_trim(own) > name_len) then
+            call refuse_value(place, "name", place%node%get("name"), "makes "//quoted(trim(actuator%name)//":"//trim(own)) &
+                //", which is too long (expected a shorter one)", status)
+        else if (index(own, ":") > 0) then
+            call refuse_value(place, "name", place%node%get("name"), "holds a colon (expected letters, digits, signs but ':')", &
+                status)
+        else
+            actuator%name = trim(actuator%name)//":"//own
+        end if
+    end subroutine read_own_name
 
     !> Currents and margins are told of all motors or of none.
     subroutine compare_motors(place, scene, i, status)
@@ -560,13 +585,13 @@ contains
 
         do i = 2, size(actuator)
             do j = 1, i - 1
-                if (actuator(i)%joint /= actuator(j)%joint .or. actuator(i)%variable /= actuator(j)%variable) cycle
+                if (actuator(i)%name /= actuator(j)%name) cycle
                 place = root
                 first = min(actuator(i)%line, actuator(j)%line)
                 second = max(actuator(i)%line, actuator(j)%line)
                 place%what = "actuator "//quoted(actuator(i)%name)
                 call refuse(place, "this joint variable is already driven on "// &
-                    line_text(place, first, second)//" (expected one actuator for each)", status, second)
+                    line_text(place, first, second)//" (expected a 'name' of its own for one of both)", status, second)
                 return
             end do
         end do

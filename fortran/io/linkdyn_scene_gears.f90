@@ -43,9 +43,9 @@ contains
         end select
         joint%is_turned_over = way == 2
         if (joint%kind == joint_rack) then
-            call get_quantity(place, "phase", length, joint%phase, status, found)
+            call get_quantity(place, "phase", length, joint%phase, status, joint%has_phase)
         else
-            call get_quantity(place, "phase", angle, joint%phase, status, found)
+            call get_quantity(place, "phase", angle, joint%phase, status, joint%has_phase)
         end if
 
     contains

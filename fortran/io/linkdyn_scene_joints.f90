@@ -1,6 +1,6 @@
 !> Joints of a scene file.
 module linkdyn_scene_joints
-    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded, joint_prismatic, joint_cam
+    use linkdyn_joint_table, only: n_joint_kind, joint_in_plane, is_slide, is_threaded, is_geared, joint_prismatic, joint_cam
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted, join
@@ -135,7 +135,9 @@ contains
         type(scene_type), intent(in) :: scene
         type(joint_spec), intent(inout) :: joint
         type(status_type), intent(inout) :: status
-        character(len=7), parameter :: key(4) = [character(len=7) :: "radial", "axial", "tilt", "torsion"]
+        character(len=10), parameter :: of_joint(4) = [character(len=10) :: "radial", "axial", "tilt", "torsion"], &
+            of_gear(1) = [character(len=10) :: "tangential"]
+        character(len=10), allocatable :: key(:)
         type(toml_node) :: node
         type(scene_place) :: inner
         logical :: found
@@ -144,17 +146,19 @@ contains
         if (.not. status%is_ok()) return
         node = place%node%get("stiffness")
         if (.not. node%is_present()) return
+        key = of_joint
+        if (is_geared(joint%kind)) key = of_gear
         if (scene%redundancy /= share_by_stiffness) then
             call refuse_value(place, "stiffness", node, "has no meaning here: it is for scenes with redundancy = ""stiffness""", &
                 status)
         else if (node%kind() /= toml_table) then
             call refuse_value(place, "stiffness", node, "is "//node%kind_text()//" (expected a table with some of "//join(key)// &
-                ", for example { radial = '2e8 N/m' })", status)
+                ", for example { "//trim(key(1))//" = '2e8 N/m' })", status)
         end if
         if (.not. status%is_ok()) return
         inner = place_at(place, node, trim(place%what)//", stiffness")
         call allow_keys(inner, key, status)
-        do i = 1, 4
+        do i = 1, size(key)
             if (i <= 2) call get_quantity(inner, trim(key(i)), stiffness, joint%stiffness(i), status, found)
             if (i > 2) call get_quantity(inner, trim(key(i)), angular_stiffness, joint%stiffness(i), status, found)
             if (.not. status%is_ok() .or. .not. found) cycle

@@ -11,15 +11,15 @@
 module linkdyn_constraint_rows
     use linkdyn_cross, only: cross
     use linkdyn_dense, only: dense_workspace, solve_dense
-    use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, along_axes, along_x_and_y, along_z, &
-        along_normal
+    use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, is_geared, along_axes, along_x_and_y, &
+        along_z, along_normal
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, scene_size
+    use linkdyn_model, only: model_type, joint_type, gear_type, scene_size
     use linkdyn_scene, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_universal, joint_spherical, joint_planar, &
         joint_screw
     implicit none (type, external)
     private
-    public :: loop_type, rows_type, make_loop, take_joints, close_loop, list_rows, joint_frame, any_turned_over
+    public :: loop_type, rows_type, make_loop, take_joints, place_carriers, close_loop, list_rows, joint_frame, any_turned_over
     public :: of_force, of_moment, across, along
 
     real(wp), parameter :: off_start = 0.1_wp           !! [rad, scene sizes] how far the joints are moved off the start, at most
@@ -39,6 +39,7 @@ module linkdyn_constraint_rows
         integer, allocatable :: kind(:)                 !! of these joints
         real(wp), allocatable :: frame(:, :, :, :)      !! of their markers in link axes, columns x, y, z (3, 3, 2, n joints)
         integer, allocatable :: body(:, :)              !! that they connect (2, n joints)
+        integer, allocatable :: carrier(:)              !! of a gear: the body in which its wheels turn (n joints)
         real(wp), allocatable :: position(:, :)         !! (3, 0:n bodies)
         real(wp), allocatable :: rotation(:, :, :)      !! (3, 3, 0:n bodies)
         real(wp) :: size = 1                            !! [m]
@@ -54,7 +55,8 @@ module linkdyn_constraint_rows
         integer, allocatable :: sort(:)                 !! force or moment
         integer, allocatable :: direction(:)            !! across or along
         real(wp), allocatable :: axis(:, :)             !! of the force or moment, world axes (3, n)
-        real(wp), allocatable :: twist(:)               !! moment about the axis that comes with a unit of the force [scene sizes]
+        real(wp), allocatable :: wrench(:, :)           !! force and moment on the second body at its marker, world axes, for a
+                                                        !! unit of this row's reaction [1, scene sizes] (6, n)
     end type rows_type
 
 contains
@@ -82,6 +84,7 @@ contains
         do i = 1, size(joint)
             loop%body(:, i) = body(model%joint(joint(i))%link)
         end do
+        call place_carriers(model, body, loop)
         if (any(loop%body < 0)) return                  ! the other end is placed by coordinates
         allocate (loop%position(3, 0:size(link)), loop%rotation(3, 3, 0:size(link)))
         loop%position = 0
@@ -92,7 +95,7 @@ contains
             goes_on = .false.
             do i = 1, size(joint)
                 from = findloc(is_placed(loop%body(:, i)), .true., 1)
-                if (from == 0 .or. all(is_placed(loop%body(:, i)))) cycle
+                if (from == 0 .or. all(is_placed(loop%body(:, i))) .or. is_geared(loop%kind(i))) cycle
                 call place_behind(model, loop, i, from, off*spread_out(turn + i))
                 is_placed(loop%body(3 - from, i)) = .true.
                 goes_on = .true.
@@ -101,6 +104,19 @@ contains
         end do
         is_connected = all(is_placed)
     end subroutine make_loop
+
+    !> The bodies in which the wheels of gears turn.
+    subroutine place_carriers(model, body, loop)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: body(0:)                 !! of each link
+        type(loop_type), intent(inout) :: loop
+        integer :: i
+
+        allocate (loop%carrier(size(loop%joint)), source=0)
+        do i = 1, size(loop%joint)
+            if (is_geared(loop%kind(i))) loop%carrier(i) = body(model%gear(model%joint(loop%joint(i))%gear)%carrier)
+        end do
+    end subroutine place_carriers
 
     !> The loop's joints as they close loops, and what all loops of the model have in common.
     subroutine take_joints(model, joint, loop)
@@ -240,7 +256,7 @@ contains
         end do
     end function any_turned_over
 
-    !> Steps of least squares, damped by the square of what is open.
+    !> Steps of least squares, damped by the square of what is open. Gears hold no marker and are left out: wheels may stand anyhow.
     subroutine close_loop(model, loop, is_done, most)
         type(model_type), intent(in) :: model
         type(loop_type), intent(inout) :: loop
@@ -257,7 +273,7 @@ contains
         n_step = most_steps
         if (present(most)) n_step = most
         do n = 1, n_step
-            call list_rows(model, loop, rows)
+            call list_rows(model, loop, rows, gears=.false.)
             if (rows%n == 0) return
             is_done = norm2(rows%residual(:rows%n)) <= is_closed
             if (is_done) return
@@ -293,21 +309,29 @@ contains
 
     ! ---------------------------------------------------------------- rows
 
-    !> What each joint holds, by directions of its first marker, and how far it is from holding it.
-    subroutine list_rows(model, loop, rows)
+    !> What each joint holds, by directions of its first marker, and how far it is from holding it. Gears are never open.
+    subroutine list_rows(model, loop, rows, gears)
         type(model_type), intent(in) :: model
         type(loop_type), intent(in) :: loop
         type(rows_type), intent(out) :: rows
+        logical, intent(in), optional :: gears          !! false: without them
         real(wp), dimension(3, 3) :: first, second
         real(wp), dimension(3) :: point, gap, tilt, twist
+        logical :: with_gears
         integer :: i, k
 
         allocate (rows%row(size(loop%column)*ubound(loop%position, 2), most_held*size(loop%joint)), source=0.0_wp)
         allocate (rows%residual(most_held*size(loop%joint)), source=0.0_wp)
         allocate (rows%joint(most_held*size(loop%joint)), rows%sort(most_held*size(loop%joint)), &
                   rows%direction(most_held*size(loop%joint)), rows%axis(3, most_held*size(loop%joint)), &
-                  rows%twist(most_held*size(loop%joint)))
+                  rows%wrench(6, most_held*size(loop%joint)))
+        with_gears = .true.
+        if (present(gears)) with_gears = gears
         do i = 1, size(loop%joint)
+            if (is_geared(loop%kind(i))) then
+                if (with_gears) call add_teeth(model%joint(loop%joint(i)), model%gear(model%joint(loop%joint(i))%gear))
+                cycle
+            end if
             first = joint_frame(loop, i, 1)
             second = joint_frame(loop, i, 2)
             point = joint_point(model, loop, i, 2)
@@ -336,6 +360,31 @@ contains
         end do
 
     contains
+
+        !> One force, with a moment on each wheel, in the carrier's axes.
+        subroutine add_teeth(joint, gear)
+            type(joint_type), intent(in) :: joint
+            type(gear_type), intent(in) :: gear
+            real(wp) :: six(6)
+            integer :: side, b, n
+
+            rows%n = rows%n + 1
+            n = size(loop%column)
+            associate (carrier => loop%rotation(:, :, loop%carrier(i)), axis => rows%axis(:, rows%n))
+                axis = matmul(carrier, gear%direction)
+                do side = 1, 2
+                    b = loop%body(side, i)
+                    six = [axis, matmul(carrier, gear%couple(:, side))/loop%size]
+                    if (side == 2) rows%wrench(:, rows%n) = six
+                    if (b == 0) cycle
+                    six(4:) = six(4:) + cross(matmul(loop%rotation(:, :, b), joint%point(:, side)/loop%size), axis)
+                    rows%row(n*(b - 1) + 1:n*b, rows%n) = rows%row(n*(b - 1) + 1:n*b, rows%n) + (2*side - 3)*six(loop%column)
+                end do
+            end associate
+            rows%joint(rows%n) = i
+            rows%sort(rows%n) = of_force
+            rows%direction(rows%n) = across
+        end subroutine add_teeth
 
         !> The slide along the axis, less what the angle makes of it but for whole turns.
         subroutine add_thread()
@@ -373,8 +422,9 @@ contains
             rows%sort(rows%n) = sort
             rows%direction(rows%n) = merge(along, across, k == 3)
             rows%axis(:, rows%n) = axis
-            rows%twist(rows%n) = 0
-            if (present(twist)) rows%twist(rows%n) = twist
+            rows%wrench(:, rows%n) = [0.0_wp, 0.0_wp, 0.0_wp, axis]
+            if (sort == of_force) rows%wrench(:, rows%n) = [axis, 0.0_wp, 0.0_wp, 0.0_wp]
+            if (present(twist)) rows%wrench(4:, rows%n) = twist*axis
         end subroutine add_row
     end subroutine list_rows
 

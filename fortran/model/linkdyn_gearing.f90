@@ -20,7 +20,7 @@ module linkdyn_gearing
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: plan_gears, lead_by_loose, forget_loose, led_name
+    public :: lay_gears, plan_gears, find_redundant_gears, lead_by_loose, forget_loose, led_name
 
     real(wp), parameter :: alignment = 1.0e-9_wp   !! how far two axes that are one may be apart, by the mechanism's size
     real(wp), parameter :: negligible = 1.0e-12_wp !! part of a sum's largest weight that is rounding
@@ -43,23 +43,75 @@ module linkdyn_gearing
 
 contains
 
-    !> Fill `model%gear` and `model%led`.
-    subroutine plan_gears(model, status)
+    !> Fill `model%gear`: geometry, from the joints as the scene has them.
+    subroutine lay_gears(model, status)
         type(model_type), intent(inout) :: model
         type(status_type), intent(inout) :: status
         integer :: j, n
 
-        allocate (model%gear(count(is_geared(model%joint%kind))), model%led(0), model%loose(0))
+        allocate (model%gear(count(is_geared(model%joint%kind))))
         n = 0
         do j = 1, model%n_joint
-            if (.not. is_geared(model%joint(j)%kind)) cycle
+            if (.not. (status%is_ok() .and. is_geared(model%joint(j)%kind))) cycle
             n = n + 1
             model%joint(j)%gear = n
             call plan_gear(model, j, model%gear(n), status)
-            if (.not. status%is_ok()) return
         end do
-        if (n > 0) call lead_by_gears(model, status)
+    end subroutine lay_gears
+
+    !> Fill `model%led` and `model%loose`: what gears make of the coordinates.
+    subroutine plan_gears(model, status)
+        type(model_type), intent(inout) :: model
+        type(status_type), intent(inout) :: status
+
+        allocate (model%led(0), model%loose(0))
+        if (status%is_ok() .and. size(model%gear) > 0) call lead_by_gears(model, status)
     end subroutine plan_gears
+
+    !> Gears whose sums follow from those of gears before them, as a second planet's do.
+    !>
+    !> **Errors**: `status_bad_input` if phases contradict each other.
+    subroutine find_redundant_gears(model, is_redundant, status)
+        type(model_type), intent(in) :: model
+        logical, allocatable, intent(out) :: is_redundant(:)    !! (gear)
+        type(status_type), intent(inout) :: status
+        real(wp) :: row(0:model%n_variable, size(model%gear))
+        integer :: pivot(size(model%gear)), k, g, n
+
+        allocate (is_redundant(size(model%gear)), source=.false.)
+        n = 0
+        do g = 1, size(model%gear)
+            n = n + 1
+            row(:, n) = [model%gear(g)%total, model%gear(g)%weight]/maxval(abs(model%gear(g)%weight))
+            do k = 1, n - 1
+                row(:, n) = row(:, n) - row(pivot(k), n)*row(:, k)
+                row(pivot(k), n) = 0
+            end do
+            is_redundant(g) = all(abs(row(1:, n)) <= negligible)
+            if (is_redundant(g)) then
+                if (abs(row(0, n)) > fitting .and. status%is_ok()) call fail(status, status_bad_input, &
+                    what(model, model%gear(g)%joint)//" "//quoted(model%joint(model%gear(g)%joint)%name) &
+                    //": its phase does not fit those of the other gears between its wheels (expected phase = " &
+                    //to_text(model%scene%joint(model%gear(g)%joint)%phase - row(0, n)/unit_of_phase(g)) &
+                    //trim(merge(" rad", " m  ", model%joint(model%gear(g)%joint)%told_kind /= joint_rack))//")")
+                n = n - 1
+                cycle
+            end if
+            pivot(n) = maxloc(abs(row(1:, n)), dim=1)
+            row(:, n) = row(:, n)/row(pivot(n), n)
+        end do
+
+    contains
+
+        !> What a unit of its phase adds to the sum.
+        pure real(wp) function unit_of_phase(g) result(unit)
+            integer, intent(in) :: g
+
+            associate (gear => model%gear(g))
+                unit = gear%second/maxval(abs(gear%weight))
+            end associate
+        end function unit_of_phase
+    end subroutine find_redundant_gears
 
     ! ---------------------------------------------------------------- geometry
 
@@ -106,6 +158,7 @@ contains
             do side = 1, 2
                 call add_way(model, ways(side), gear%carrier, power(side), gear%weight)
             end do
+            gear%second = power(2)
             gear%total = power(2)*model%scene%joint(j)%phase
         end associate
 
@@ -385,6 +438,7 @@ contains
         ! Each sum in the variables that are not given, on the right (0) what it is and what coordinates (k) take of it.
         n = 0
         do g = 1, size(model%gear)
+            if (.not. is_geared(model%joint(model%gear(g)%joint)%kind)) cycle    ! let go: others do what it does
             n = n + 1
             scale = maxval(abs(model%gear(g)%weight))
             row(:, n) = model%gear(g)%weight/scale
@@ -436,13 +490,18 @@ contains
             character(len=:), allocatable :: name
 
             name = what(model, model%gear(g)%joint)//" "//quoted(model%joint(model%gear(g)%joint)%name)
-            if (any(abs(of_coordinates) > negligible)) then
+            if (count(abs(of_coordinates) > negligible) == 1) then
+                call fail(status, status_bad_input, name//" locks coordinate " &
+                          //quoted(model%scene%coordinate(maxloc(abs(of_coordinates), dim=1))%name) &
+                          //": the other gears between its wheels have another ratio (expected one gear less, or a ratio that " &
+                          //"fits)")
+            else if (any(abs(of_coordinates) > negligible)) then
                 call fail(status, status_bad_input, name//" ties coordinate " &
                           //quoted(model%scene%coordinate(maxloc(abs(of_coordinates), dim=1))%name) &
                           //" to the others (expected one coordinate less)")
             else
                 call fail(status, status_bad_input, name//": the other gears tie its wheels already, and how they share the load " &
-                          //"is not determined (expected one gear less; of several planets one that has their mass)")
+                          //"is not determined (expected redundancy = 'minimum-norm' or 'stiffness', or one gear less)")
             end if
         end subroutine refuse_excess
     end subroutine lead_by_gears
@@ -462,6 +521,7 @@ contains
         end do
         n = 0
         do g = 1, size(model%gear)
+            if (.not. is_geared(model%joint(model%gear(g)%joint)%kind)) cycle
             scale = maxval(abs(model%gear(g)%weight))
             row = model%gear(g)%weight/scale
             rest = merge(row, 0.0_wp, given == 0 .and. led == 0)

@@ -15,7 +15,7 @@ module linkdyn_model
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
-    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned
+    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -98,7 +98,9 @@ module linkdyn_model
         real(wp) :: radius(2) = 0             !! of both wheels; of a rack 0 [m]
         real(wp) :: pitch(3) = 0              !! where they touch, of a belt the middle; carrier axes [m]
         real(wp), allocatable :: weight(:)    !! of the joint variables in the sum that stays (n_variable)
+        real(wp) :: second = 0                !! weight of the second wheel's turning, or the rack's way, in it
         real(wp) :: total = 0                 !! that sum [m]
+        logical :: follows = .false.          !! it is a sum of those of other gears
     end type gear_type
 
     !> A joint variable that gears make a linear function of the coordinates, and of variables of joints that are placed before: as
@@ -165,6 +167,7 @@ module linkdyn_model
     !> `linkdyn_release` and `linkdyn_shared_reactions`.
     type :: share_type
         integer :: n = 0                      !! states of self-stress; 0: all reactions are determined
+        logical :: may_gape = .false.         !! joints were let go that fit only if the geometry does; else gears that always do
         integer, allocatable :: joint(:)      !! that take part
         integer, allocatable :: link(:)       !! between them
         logical, allocatable :: of_force(:), of_moment(:)    !! what of these joints is not determined
@@ -324,13 +327,13 @@ contains
     end function is_screw
 
     !> Is a coordinate an angle after a whole turn of which the mechanism looks alike? With a screw in it a nut has gone
-    !> on, with gears some wheel stands elsewhere.
+    !> on, with gears some wheel stands elsewhere, and what closes by gears may have come round to another assembly.
     pure logical function repeats(model, k)
         type(model_type), intent(in) :: model
         integer, intent(in) :: k
         integer :: i
 
-        repeats = .not. (is_length(model, k) .or. any(is_threaded(model%joint%kind)))
+        repeats = .not. (is_length(model, k) .or. any(is_threaded(model%joint%kind)) .or. closes_by_gears(model))
         do i = 1, size(model%led)
             ! a wheel has turned by its part
             associate (led => model%led(i))
@@ -352,6 +355,25 @@ contains
         if (.not. counts_turns .or. is_slide(model%joint(led%joint)%kind, led%variable)) return
         counts_turns = abs(led%source_weight(s) - anint(led%source_weight(s))) > rounding
     end function counts_turns
+
+    !> Does a group that is closed by iteration close by way of gears: by a variable that they make of others of the same group?
+    pure logical function closes_by_gears(model)
+        type(model_type), intent(in) :: model
+        integer :: g, i, c, s
+
+        closes_by_gears = .false.
+        do g = 1, size(model%group)
+            associate (group => model%group(g))
+                do i = 1, size(group%joint)
+                    c = group%coordinate(1, i) - model%n_q
+                    if (c <= 0) cycle
+                    do s = 1, size(model%led(c)%source)
+                        closes_by_gears = closes_by_gears .or. any(group%joint == model%led(c)%source(s))
+                    end do
+                end do
+            end associate
+        end do
+    end function closes_by_gears
 
     !> A length typical of the mechanism [m].
     pure real(wp) function scene_size(model)

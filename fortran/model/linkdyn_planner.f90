@@ -148,7 +148,7 @@ contains
         do j = 1, model%n_joint
             tie(j) = tie_type(unknown_links(j), joint_constraints(model, model%joint(j)%kind))
             ! the ties of gears are in the variables that they lead
-            if (is_geared(model%joint(j)%kind)) tie(j) = tie_type()
+            if (is_geared(model%joint(j)%told_kind)) tie(j) = tie_type()
         end do
         n = model%n_joint
         do j = 1, model%n_q
@@ -215,6 +215,7 @@ contains
 
         n_before = plan%n_step
         if (size(member) == 1) call lead_link(model, member(1), plan)
+        call lead_in_group(model, member, plan)
         if (plan%closed_forms) call place_directly()
         if (status%is_ok() .and. plan%n_step == n_before) call add_newton_group(model, member, plan, status)
         call refuse_gear_in_group(model, plan, status)
@@ -249,17 +250,55 @@ contains
                 if (.not. plan%known(model%joint(j)%link(3 - side_of(model%joint(j), link)))) cycle
                 if (count([(.not. all(plan%known(model%joint(model%loose(i)%joint(s))%link)), &
                             s=1, size(model%loose(i)%joint))]) > 1) cycle
-                call lead_by_loose(model, i, j)
-                plan%is_used(i) = .true.
-                plan%given(1, j) = model%n_q + size(model%led)
-                do s = 1, size(model%loose(i)%joint)
-                    call need_world(model, model%joint(model%loose(i)%joint(s))%link(1))
-                    call need_world(model, model%joint(model%loose(i)%joint(s))%link(2))
-                end do
+                call lead_by_sum(model, i, j, plan)
                 return
             end do
         end do
     end subroutine lead_link
+
+    !> A group may close by way of gears: each such sum gives the variable of one of the group's joints from the others in it, which
+    !> are placed before, or with it.
+    subroutine lead_in_group(model, member, plan)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: member(:)
+        type(planning), intent(inout) :: plan
+        logical :: is_here(0:model%n_link)
+        integer :: i, k, j, s, best
+
+        is_here = plan%known
+        is_here(member) = .true.
+        do i = 1, size(model%loose)
+            if (plan%is_used(i)) cycle
+            if (.not. all([(all(is_here(model%joint(model%loose(i)%joint(s))%link)), s=1, size(model%loose(i)%joint))])) cycle
+            ! the one that turns most: whole turns of the others are likelier whole ones of it, and need not be counted
+            best = 0
+            do k = 1, size(model%loose(i)%joint)
+                j = model%loose(i)%joint(k)
+                if (all(plan%known(model%joint(j)%link)) .or. plan%given(1, j) > 0) cycle
+                if (best > 0) then
+                    if (abs(model%loose(i)%part(k)) >= abs(model%loose(i)%part(best))) cycle
+                end if
+                best = k
+            end do
+            if (best > 0) call lead_by_sum(model, i, model%loose(i)%joint(best), plan)
+        end do
+    end subroutine lead_in_group
+
+    !> Sum i gives the variable of joint j.
+    subroutine lead_by_sum(model, i, j, plan)
+        type(model_type), intent(inout) :: model
+        integer, intent(in) :: i, j
+        type(planning), intent(inout) :: plan
+        integer :: s
+
+        call lead_by_loose(model, i, j)
+        plan%is_used(i) = .true.
+        plan%given(1, j) = model%n_q + size(model%led)
+        do s = 1, size(model%loose(i)%joint)
+            call need_world(model, model%joint(model%loose(i)%joint(s))%link(1))
+            call need_world(model, model%joint(model%loose(i)%joint(s))%link(2))
+        end do
+    end subroutine lead_by_sum
 
     !> Gears by which a group would have to close are not taken.
     subroutine refuse_gear_in_group(model, plan, status)

@@ -11,6 +11,11 @@
 !> the one along which what is left of the self-stress acts most, in the worst of many poses; a hinge may be freed
 !> about axes fixed to either of its links, lest the mechanism be singular in a pose where the given one is not.
 !>
+!> *Gears* (racks, belts) that repeat what other gears say go before joints do: a train without its second planet's mesh is as
+!> easily placed as one with a single planet. Which these are, the sums of joint variables tell. A gear beside a loop of joints, a
+!> belt between the cranks of a parallelogram, stays if it can: it may carry the mechanism through positions where the joints alone
+!> leave open how it goes on.
+!>
 !> **Source**: self-stress and statical indeterminacy, S. Pellegrino, C. R. Calladine, Int. J. Solids Struct. 22 (1986) 409; which
 !> reactions of over-constrained mechanisms are unique, M. Wojtyra, Mech. Mach. Theory 44 (2009) 2265.
 module linkdyn_release
@@ -18,14 +23,15 @@ module linkdyn_release
     use linkdyn_constraint_rows, only: loop_type, rows_type, make_loop, close_loop, list_rows, joint_frame, any_turned_over, &
         of_force, of_moment
     use linkdyn_cross, only: cross
-    use linkdyn_joint_table, only: is_geared, joint_groove, joint_plate, joint_loose
+    use linkdyn_gearing, only: find_redundant_gears
+    use linkdyn_joint_table, only: is_geared, joint_gear, joint_rack, joint_belt, joint_groove, joint_plate, joint_loose
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, gear_type
     use linkdyn_null_space, only: find_null_space
     use linkdyn_null_space_plan, only: plan_null_space
     use linkdyn_redundancy, only: most_links, hardly_new
     use linkdyn_scene, only: share_by_stiffness, coordinate_joint, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_universal, joint_spherical, joint_fixed
+        joint_universal, joint_spherical, joint_fixed, joint_n_variable
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
@@ -66,30 +72,38 @@ contains
 
     !> Let joints go of as many directions as are redundant. Without redundancy, or if no joint can, nothing happens.
     !>
-    !> **Errors**: `status_bad_input` if the joints' stiffness does not decide how they share.
-    subroutine release_joints(model, is_released, status)
+    !> **Errors**: `status_bad_input` if the joints' stiffness does not decide how they share, or phases of gears contradict
+    !> each other.
+    subroutine release_joints(model, gears_first, is_released, status)
         type(model_type), intent(inout) :: model
+        logical, intent(in) :: gears_first              !! no joint lets go where a gear can; else the other way round
         logical, intent(out) :: is_released
         type(status_type), intent(inout) :: status
         type(stressed_pose), allocatable :: pose(:)
         type(move_type), allocatable :: move(:), taken(:), best(:)
+        integer, allocatable :: sure(:)
+        logical, allocatable :: is_redundant(:)
         real(wp) :: score, best_score
         integer :: i, first
 
         is_released = .false.
         if (model%n_link > most_links) return
+        call find_redundant_gears(model, is_redundant, status)
+        if (.not. status%is_ok()) return
+        model%gear%follows = is_redundant
         call look_at_poses(model, pose)
         if (size(pose) == 0) return
         if (size(pose(1)%stress, 2) == 0) return
         call list_moves(model, pose(1)%loop, move)
+        sure = pack([(i, i=1, size(move))], lets_gear_go(move))
         best_score = acts
         ! of many moves only the best is one to begin with
-        first = merge(0, 1, size(move)*size(pose(1)%stress, 2) > many_moves)
+        first = merge(0, 1, size(move)*size(pose(1)%stress, 2) > many_moves .or. gears_first)
         do i = first, merge(0, size(move), first == 0)
             if (i > 0) then
-                if (.not. begins(pose(1), move, i)) cycle
+                if (.not. begins(pose(1), move, i) .or. any(sure == i)) cycle
             end if
-            call choose_moves(pose, move, i, taken, score)
+            call choose_moves(pose, move, sure, i, gears_first, taken, score)
             if (score <= best_score*(1 + rounding)) cycle
             best_score = score
             best = taken
@@ -99,8 +113,19 @@ contains
             call make_move(model, pose(1)%loop%joint(best(i)%i), best(i))
         end do
         call note_shares(model, pose)
+        model%share%may_gape = size(best) > size(sure)
         call check_stiffness(model, pose(1), status)
         is_released = .true.
+
+    contains
+
+        !> Is it that of a gear whose sum follows from those of the others?
+        elemental logical function lets_gear_go(move)
+            type(move_type), intent(in) :: move
+
+            lets_gear_go = is_geared(move%needs)
+            if (lets_gear_go) lets_gear_go = is_redundant(model%joint(pose(1)%loop%joint(move%i))%gear)
+        end function lets_gear_go
     end subroutine release_joints
 
     !> Is there a stiffness in every state of self-stress?
@@ -129,7 +154,8 @@ contains
     end subroutine check_stiffness
 
     !> Self-stresses in poses off the start; none if the first of these cannot be closed. The others are all over the place: those
-    !> that close as the joints can be built, and have as much self-stress, count.
+    !> that close as the joints can be built, and have as much self-stress, count. Gears act in them and do not close; cams
+    !> neither act nor close, so what they hold besides is not redundant.
     subroutine look_at_poses(model, pose)
         type(model_type), intent(in) :: model
         type(stressed_pose), allocatable, intent(out) :: pose(:)
@@ -139,7 +165,7 @@ contains
         integer :: p, i
 
         allocate (pose(0))
-        joint = pack([(i, i=1, model%n_joint)], .not. is_geared(model%joint(:model%n_joint)%kind))
+        joint = pack([(i, i=1, model%n_joint)], model%joint(:model%n_joint)%cam == 0)
         do p = 1, max(least_poses, min(most_poses, small/model%n_link**2))
             call make_loop(model, [(i, i=1, model%n_link)], joint, here%loop, is_closed, p - 1)
             if (is_closed .and. p == 1) call close_loop(model, here%loop, is_closed)
@@ -215,6 +241,8 @@ contains
                     call add(joint_fixed, joint_spherical, none, xyz)
                     call add(joint_fixed, joint_loose, xyz, xyz)
                 end if
+            case (joint_gear, joint_rack, joint_belt)
+                call add(model%joint(j)%kind, joint_loose, reshape(z, [3, 1]), none)    ! the one force of its teeth
             end select
         end do
 
@@ -272,15 +300,20 @@ contains
         end subroutine add_lines
     end subroutine list_moves
 
-    !> Does a coordinate or a branch refer to the joint?
+    !> Does a coordinate, a branch or a gear refer to the joint?
     pure logical function is_in_use(model, j)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j
+        integer :: g
 
         associate (scene => model%scene)
             is_in_use = any(scene%coordinate%kind == coordinate_joint .and. scene%coordinate%joint == j) &
                         .or. scene%joint(j)%branch /= 0
         end associate
+        if (joint_n_variable(model%joint(j)%told_kind) /= 1) return
+        do g = 1, size(model%gear)
+            is_in_use = is_in_use .or. model%gear(g)%weight(model%joint(j)%first_variable + 1) /= 0
+        end do
     end function is_in_use
 
     !> Is a move one to begin with? Of those of a joint that lead to the same kind, the first; the others follow from it.
@@ -294,23 +327,29 @@ contains
                             .and. move(:k - 1)%needs == move(k)%needs)
     end function begins
 
-    !> As many moves as there are states of self-stress: to one kind at one joint, then the best that are left.
-    subroutine choose_moves(pose, move, first, taken, score)
+    !> As many moves as there are states of self-stress: the sure ones, then to one kind at one joint, then the best that are left.
+    subroutine choose_moves(pose, move, sure, first, gears_first, taken, score)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
+        integer, intent(in) :: sure(:)                  !! moves that are taken in any case
         integer, intent(in) :: first                    !! move with which to begin, or another of the joint to the same kind; 0: any
+        logical, intent(in) :: gears_first
         type(move_type), allocatable, intent(out) :: taken(:)
         real(wp), intent(out) :: score                  !! of the worst of them
         type(stressed_pose) :: left(size(pose))
-        integer :: kind(size(pose(1)%loop%kind)), k
+        integer :: kind(size(pose(1)%loop%kind)), k, i
         real(wp) :: one_score
 
-        allocate (taken(0))
         left = pose
         kind = pose(1)%loop%kind
+        do i = 1, size(sure)
+            call take_away(left, move(sure(i)))
+            kind(move(sure(i))%i) = move(sure(i))%kind
+        end do
+        taken = move(sure)
         score = 1
         do while (size(left(1)%stress, 2) > 0)
-            call find_best(left, move, kind, merge(first, 0, size(taken) == 0), k, one_score)
+            call find_best(left, move, kind, merge(first, 0, size(taken) == size(sure)), gears_first, k, one_score)
             score = min(score, one_score)
             if (score < acts) return
             call take_away(left, move(k))
@@ -320,11 +359,12 @@ contains
     end subroutine choose_moves
 
     !> The move along whose direction most of what is left of the self-stress acts, at the worst of the poses.
-    subroutine find_best(pose, move, kind, like, best, score)
+    subroutine find_best(pose, move, kind, like, gears_first, best, score)
         type(stressed_pose), intent(in) :: pose(:)
         type(move_type), intent(in) :: move(:)
         integer, intent(in) :: kind(:)                  !! of the joints by now
         integer, intent(in) :: like                     !! only moves like this one; 0: any
+        logical, intent(in) :: gears_first
         integer, intent(out) :: best
         real(wp), intent(out) :: score
         real(wp) :: strength(size(move)), most
@@ -338,6 +378,8 @@ contains
             end if
             strength(k) = minval([(strength_of(pose(p), move(k)), p=1, size(pose))])
         end do
+        if (any((is_geared(move%needs) .eqv. gears_first) .and. strength > acts)) &
+            strength = merge(strength, 0.0_wp, is_geared(move%needs) .eqv. gears_first)
         ! what lets more go leaves less to find, and less to compute
         best = 0
         score = 0
@@ -363,6 +405,10 @@ contains
         integer :: n, k
 
         action = 0
+        if (is_geared(move%needs)) then
+            action(1, :) = pose%stress(pose%first(move%i), :)
+            return
+        end if
         frame = joint_frame(pose%loop, move%i, max(move%side, 1))
         do n = pose%first(move%i), pose%first(move%i + 1) - 1
             do k = 1, move%n
@@ -459,7 +505,9 @@ contains
         do p = 1, size(pose)
             do i = 1, pose(p)%rows%n
                 j = pose(p)%loop%joint(pose(p)%rows%joint(i))
-                if (maxval(abs(pose(p)%whole(i, :))) > hardly_new) is_stressed(pose(p)%rows%sort(i), j) = .true.
+                if (maxval(abs(pose(p)%whole(i, :))) <= hardly_new) cycle
+                is_stressed(pose(p)%rows%sort(i), j) = .true.
+                if (is_geared(model%joint(j)%told_kind)) is_stressed(:, j) = acts_of(model%gear(model%joint(j)%gear))
             end do
         end do
         is_between = .false.
@@ -468,6 +516,9 @@ contains
             do side = 1, 2
                 if (model%joint(j)%link(side) > 0) is_between(model%joint(j)%link(side)) = .true.
             end do
+            if (.not. is_geared(model%joint(j)%told_kind)) cycle
+            side = model%gear(model%joint(j)%gear)%carrier
+            if (side > 0) is_between(side) = .true.    ! its attitude is that of the teeth's force
         end do
         model%share%n = size(pose(1)%whole, 2)
         model%share%joint = pack([(j, j=1, model%n_joint)], any(is_stressed, dim=1))
@@ -475,6 +526,17 @@ contains
         model%share%of_force = is_stressed(of_force, model%share%joint)
         model%share%of_moment = is_stressed(of_moment, model%share%joint)
         call plan_stress(model, pose)
+
+    contains
+
+        !> Has the reaction of a gear a force, and a moment about the second marker?
+        pure function acts_of(gear) result(acts)
+            type(gear_type), intent(in) :: gear
+            logical :: acts(2)
+
+            acts(of_force) = any(gear%direction /= 0)
+            acts(of_moment) = any(gear%couple(:, 2) /= 0)
+        end function acts_of
     end subroutine note_shares
 
     !> How the states of self-stress are found of a pose: from the rows of the joints that share, in the equations of their links.

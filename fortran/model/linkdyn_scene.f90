@@ -153,6 +153,7 @@ module linkdyn_scene
         real(wp) :: wheel(2) = 0                  !! of a gear the teeth of both wheels; of a belt their radii [m]
         logical :: is_turned_over = .false.       !! a gear with teeth inside one wheel, a belt that is crossed
         real(wp) :: phase = 0                     !! of a gear, rack or belt: variable of the second where the first is at zero [m, rad]
+        logical :: has_phase = .false.            !! it was written
         real(wp) :: stiffness(4) = 0              !! radial, axial [N/m], tilt, torsion [N m/rad]; 0: rigid
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
         type(cam_spec) :: cam                     !! of a cam
@@ -268,7 +269,8 @@ module linkdyn_scene
         character(len=4) :: unit = ""             !! "N" or "N m"
         integer :: joint = 0
         integer :: variable = 1                   !! which variable of the joint
-        real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of (force/share)^2
+        real(wp) :: share = 1                     !! where there are more drives than freedoms: the least sum of
+        real(wp) :: preload = 0                   !! ((force - preload)/share)^2 [N, N m]
         type(drive_spec) :: drive
         logical :: has_law = .false.              !! the file says what it does in forward dynamics
         type(motor_spec) :: motor

@@ -11,7 +11,7 @@ module linkdyn_closing_programs
     use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_lock, release_lock
-    use linkdyn_model, only: model_type, group_type, step_group, n_probe
+    use linkdyn_model, only: model_type, group_type, step_group, n_probe, closes_by_gears
     use linkdyn_newton_step, only: newton_step, trace_newton_step
     use linkdyn_placing, only: place_group
     use linkdyn_record, only: record_type, open_record, close_record
@@ -76,6 +76,7 @@ contains
         if (size(q, 2) == 0) return
         ! on which turn of a thread a nut is predicted, only the lanes look at
         if (any(is_threaded(model%joint%kind))) return
+        if (closes_by_gears(model)) return                         ! what gears make of a group's own
         own = turning_each(model)
         sample%n = size(q, 2)
         sample%of(in_q)%x = q

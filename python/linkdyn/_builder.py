@@ -568,7 +568,7 @@ class Builder:
 
     def chain(
         self,
-        type: Literal["UPS", "SPS", "UCU", "cylinder", "PUS", "PSS", "RUS", "RSS", "RUU", "R(SS)2", "RRR", "PRR", "RPR"],
+        type: Literal["UPS", "SPS", "UCU", "UPU", "RPS", "cylinder", "PUS", "PSS", "PRS", "RUS", "RSS", "RRS", "RUU", "R(SS)2", "RRR", "PRR", "RPR"],
         *, base: str | Sequence[str], platform: str | Sequence[str], name: str | None = None, names: Sequence[str] | None = None,
         axis: Vector | Sequence[Vector] | None = None, rail: Vector | Sequence[Vector] | None = None, zero: Vector | Sequence[Vector] | None = None,
         top_axis: Vector | Sequence[Vector] | None = None, elbow: Literal[1, -1] | None = None, width: Quantity | None = None,
@@ -653,8 +653,8 @@ class Builder:
 
     # ------------------------------------------------------------------------------------------------------------- forces
     def actuator(
-        self, joint: str | Joint, *, variable: str | None = None, share: Quantity | None = None, law: Mapping[str, Any] | None = None,
-        drive: Drive | None = None, repeat: int | None = None,
+        self, joint: str | Joint, *, variable: str | None = None, name: str | None = None, share: Quantity | None = None,
+        preload: Quantity | None = None, law: Mapping[str, Any] | None = None, drive: Drive | None = None, repeat: int | None = None,
     ) -> None:  # fmt: skip
         """A driven joint variable; inverse dynamics finds its force or torque.
 
@@ -662,8 +662,12 @@ class Builder:
         ----------
         joint, variable
             The joint; which variable, if it has several.
+        name
+            Of its own, where another drives the same variable.
         share
             Where there are more drives than coordinates: its part.
+        preload
+            What it gives besides, held by the other drives [N, N m].
         law
             What it does in forward runs, see `linkdyn.efforts`.
         drive

@@ -13,8 +13,8 @@ __all__ = ["changed"]
 
 INDEXED = re.compile(r"(.+?)((?:\[\d+\])+)")
 """An element of a list: "cog[0]"."""
-_LABELS = {"coordinate": ("joint", "link"), "actuator": ("joint",), "friction": ("joint",), "load": ("on",), "payload": ("on",),
-           "controller": ("name", "actuator")}  # fmt: skip
+_LABELS = {"coordinate": ("joint", "link"), "actuator": ("name", "joint"), "friction": ("joint",), "load": ("on",),
+           "payload": ("on",), "controller": ("name", "actuator")}  # fmt: skip
 """What names the tables of a list; others have a name."""
 
 
@@ -106,4 +106,5 @@ def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, va
 def _label(key: str, item: Mapping[str, Any]) -> str:
     """What a table of a list is called: "crank", "J1", "C.slide", "platform.tool"."""
     name = next((str(item[label]) for label in _LABELS.get(key, ("name",)) if label in item), "")
-    return f"{name}.{item['variable']}" if "variable" in item and key in _LABELS and key != "controller" else name
+    has_variable = "variable" in item and "name" not in item and key in _LABELS and key != "controller"
+    return f"{name}.{item['variable']}" if has_variable else name

@@ -177,5 +177,6 @@ def _angle(run: xr.Dataset, actuator: str) -> Values:
     if "joint_variable" not in run:
         raise InputError("flywheel: the run has no joint_variable (expected a run that wants it)")
     names = list(map(str, run["variable"].values))
-    place = next(i for i, name in enumerate(names) if name == actuator or name.rpartition(".")[0] == actuator)
+    driven = {actuator, actuator.rpartition(":")[0]} - {""}
+    place = next(i for i, name in enumerate(names) if name in driven or name.rpartition(".")[0] in driven)
     return np.unwrap(run.joint_variable.values[:, place])

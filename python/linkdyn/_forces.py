@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from ._kinematics import variable_of
 from ._postures import Postures, poses_of
 from .errors import InputError
 from .scene import Scene
@@ -116,7 +117,7 @@ def _drives(run: xr.Dataset, postures: Postures, joints: dict[str, dict[str, Any
     groups: dict[bool, list[tuple[Place, Vectors]]] = {False: [], True: []}
     units = dict(zip(run.actuator.values, run.actuator_unit.values))
     for name in map(str, run.actuator.values):
-        joint = joints.get(name) or joints[name.rsplit(".", 1)[0]]
+        joint = found[0] if (found := variable_of(postures.scene, name)) else joints[name]
         link, marker = _end(joint, 0)
         axis = postures.axes[link][marker]
         is_torque = units[name] == "N m"

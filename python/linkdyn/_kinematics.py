@@ -99,8 +99,10 @@ def links_at_rest(scene: Scene, run: xr.Dataset) -> LinkMotion:
 
 
 def variable_of(scene: Scene, name: str) -> tuple[dict[str, Any], str] | None:
-    """Joint and variable that a coordinate or actuator is called by: "J1", "C.slide"; None if it is no joint's."""
+    """Joint and variable that a coordinate or actuator is called by: "J1", "C.slide", "J1:brake"; None if it is no joint's."""
     joints = {joint["name"]: joint for joint in scene.description["joints"]}
+    if name not in joints and ":" in name:
+        name = name.rpartition(":")[0]
     owner, _, variable = name.rpartition(".")
     if name in joints:
         return joints[name], "slide" if joints[name]["type"] == "prismatic" else "angle"

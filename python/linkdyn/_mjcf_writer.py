@@ -56,7 +56,7 @@ class _Writer:
         self.position = [np.zeros(3), *poses.position[0]]
         self.rotation = [np.eye(3), *poses.rotation[0]]
         self.size = max(float(np.abs(self.position).max()), *(abs(x) for link in self.links for m in link["markers"] for x in m["at"]), 1e-6)
-        self.driven = {actuator["name"] for actuator in scene.description["actuators"]}
+        self.driven = {actuator["name"].partition(":")[0] for actuator in scene.description["actuators"]}
         self.joint_names = {joint["name"] for joint in self.joints}
         self.named: set[str] = set()
         """Joint variables that the file has."""
@@ -286,7 +286,8 @@ class _Writer:
     def _add_motors(self, root: Element) -> None:
         motors = Element("actuator")
         for actuator in self.scene.description["actuators"]:
-            name = next((name for name in (actuator["name"], f"{actuator['name']}.angle") if name in self.named), None)     # that of a screw
+            driven = actuator["name"].partition(":")[0]
+            name = next((name for name in (driven, f"{driven}.angle") if name in self.named), None)     # that of a screw
             if name:
                 add(motors, "motor", name=actuator["name"], joint=name)
             else:

@@ -139,7 +139,7 @@ def _draw_wheels(ax: Axes, posture: Posture, unit: float) -> None:
             ax.add_patch(Polygon(circle, facecolor=lighter(colour, 0.10), edgecolor="none", zorder=1.2))
             centre = posture.markers[link][marker][:2]
             ax.plot(*np.array([centre, circle[0]]).T, color=lighter(colour, 0.6), linewidth=1.0, zorder=1.3)
-        ax.plot(*circle.T, color=tuple(0.8 * c for c in to_rgb(colour)), zorder=2.4, **dash)
+        ax.plot(*circle.T, color=tuple(0.8 * c for c in to_rgb(colour)), zorder=2.7, **dash)
     for joint in posture.scene.description["joints"]:
         if joint["type"] == "belt":
             for run in belt_runs(posture, joint):

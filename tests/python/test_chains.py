@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import linkdyn
@@ -133,6 +135,83 @@ def delta(kind: str) -> dict[str, Any]:
             for i in (1, 2, 3)],
         "time": {"end": 0.5, "samples": 161},
     }
+
+
+TRIPODS: dict[str, dict[str, Any]] = {
+    "RPS": {"lower": HALF, "upper": UPPER},
+    "PRS": {"rail": [0, 0, 1], "carriage": CARRIAGE, "rod": ROD, "start": 0.0},
+    "RRS": {"zero": [1, 0, 0], "crank": CRANK, "rod": {"length": 0.8, "mass": 0.8}, "elbow": -1},
+}
+
+
+def tripod(kind: str, **top: Any) -> dict[str, Any]:
+    """Three legs on hinges and balls under a platform that rises and tilts."""
+    swing = lambda mean, amplitude, phase: {"law": "harmonic", "mean": mean, "amplitude": amplitude, "frequency": "1 Hz", "phase": phase}
+    return {
+        "space": "spatial", "gravity": [0.0, 0.0, -9.81],
+        "frame": {"markers": {"B": {"at": [0.6, 0.0, 0.0], "repeat": 3, "about": "z"}}},
+        "link": [{"name": "platform", "mass": 30.0, "cog": [0.02, 0.01, 0.05], "inertia": {"diagonal": [2.0, 2.1, 3.0]}, "start": {"position": [0.0, 0.0, 0.8]},
+                  "markers": {"P": {"at": [0.4, 0.0, 0.0], "repeat": 3, "about": "z"}}}],
+        "chain": [{"type": kind, "base": "frame.B#", "platform": "platform.P#", "repeat": 3, "about": "z", "axis": [0, 1, 0], **TRIPODS[kind], **top}],
+        "coordinate": [{"link": "platform", "components": ["z", "roll", "pitch"],
+                        "motion": {"z": swing(0.8, 0.04, 0), "roll": swing(0.0, 0.08, "1 rad"), "pitch": swing(0.0, 0.1, "2 rad")}}],
+        "time": {"end": 1.0, "samples": 201},
+    }
+
+
+@pytest.mark.parametrize("kind", TRIPODS)
+def test_tripods(kind: str) -> None:
+    """Power balances, other solvers and virtual work agree; hinges keep the balls in their planes; legs are alike at rest."""
+    scene = linkdyn.Scene(tripod(kind))
+    run = scene.inverse(want="all")
+    assert np.all(run.status == 0) and np.abs(run.power_imbalance).max() < 1e-11
+    for solver in ("lapack", "reduced"):
+        agree(run, scene.inverse(solver=solver))
+    poses = scene.poses(run.q.values, in_order=True)
+    for k in range(3):
+        angle = 2 * np.pi * k / 3
+        ball = poses.position[:, 0] + poses.rotation[:, 0] @ np.array([0.4 * np.cos(angle), 0.4 * np.sin(angle), 0.0])
+        np.testing.assert_allclose(ball @ np.array([-np.sin(angle), np.cos(angle), 0.0]), 0.0, atol=1e-11)
+    level = tripod(kind)
+    level["link"][0]["cog"] = [0.0, 0.0, 0.0]
+    force = linkdyn.Scene(level).inverse(q=[[0.8, 0.0, 0.0]], qd=np.zeros((1, 3)), qdd=np.zeros((1, 3))).driving_force.values[0]
+    np.testing.assert_allclose(force, force[0], rtol=1e-9)
+
+
+def test_tripod_as_it_is_written_out() -> None:
+    """The example's legs by name: the same forces, and the hinges' zeros where the legs stand upright."""
+    folder = Path(__file__).resolve().parents[2] / "examples" / "tripod"
+    data = tomllib.loads((folder / "scene.toml").read_text())
+    written = linkdyn.Scene(data, folder).inverse(want="all")
+    lower, upper = ({key: link[key] for key in ("mass", "cog", "inertia")} for link in data["link"][1:])
+    chain = {"type": "RPS", "base": "frame.B#", "platform": "platform.S#", "repeat": 3, "about": "z", "axis": [0, 1, 0], "lower": lower, "upper": upper, "start": 0.632}
+    named = data | {"frame": {"markers": {"B": {"at": ["R", 0, 0], "repeat": 3, "about": "z"}}}, "link": data["link"][:1], "chain": [chain]}
+    named.pop("joint"), named.pop("actuator")
+    run = linkdyn.Scene(named, folder).inverse(want="all")
+    agree(run, written, 1e-10)
+    angles = [[str(v) for v in one["variable"].values] for one in (run, written)]
+    for k in (1, 2, 3):
+        first, second = (one.joint_variable.values[:, names.index(name)] for one, names, name in ((run, angles[0], f"leg{k}.R.angle"), (written, angles[1], f"H{k}.angle")))
+        np.testing.assert_allclose(first, second, atol=1e-10)
+
+
+def test_three_upu() -> None:
+    """Universal joints whose outer axes are tangents, and parallel to each other in pairs: the platform shifts and does not turn."""
+    spot = lambda r: {"at": [r, 0.0, 0.0], "repeat": 3, "about": "z"}
+    swing = lambda mean, amplitude, phase: {"law": "harmonic", "mean": mean, "amplitude": amplitude, "frequency": "1 Hz", "phase": phase}
+    scene = linkdyn.Scene({
+        "space": "spatial", "gravity": [0.0, 0.0, -9.81], "frame": {"markers": {"B": spot(0.6)}},
+        "link": [{"name": "platform", "mass": 10.0, "cog": [0.02, 0.01, 0.05], "inertia": {"diagonal": [0.2, 0.21, 0.3]}, "start": {"position": [0.05, 0.02, 0.8]}, "markers": {"P": spot(0.25)}}],
+        "chain": [{"type": "UPU", "base": "frame.B#", "platform": "platform.P#", "repeat": 3, "about": "z", "axis": [0, 1, 0], "top_axis": [0, 1, 0], "lower": HALF, "upper": UPPER}],
+        "coordinate": [{"link": "platform", "components": ["x", "y", "z"], "motion": {"x": swing(0.05, 0.04, 0), "y": swing(0.02, 0.05, "1 rad"), "z": swing(0.8, 0.05, "2 rad")}}],
+        "time": {"end": 1.0, "samples": 201},
+    })
+    run = scene.inverse(want="all")
+    assert np.all(run.status == 0) and np.abs(run.power_imbalance).max() < 1e-11
+    for solver in ("lapack", "reduced"):
+        agree(run, scene.inverse(solver=solver))
+    poses = scene.poses(run.q.values, in_order=True)
+    np.testing.assert_allclose(poses.rotation[:, 0], np.tile(np.eye(3), (len(run.q), 1, 1)), atol=1e-9)
 
 
 def test_delta_with_its_rods() -> None:
