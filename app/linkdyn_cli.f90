@@ -200,13 +200,26 @@ contains
         subroutine heed_ending()
             character(len=*), parameter :: foreign_ending(*) = &
                 [character(len=8) :: ".xlsx", ".xls", ".ods", ".mat", ".json", ".html", ".pdf", ".png", ".parquet"]
+            character(len=*), parameter :: not_written = ": files of this kind are not written (expected "
             integer :: dot
 
-            if (.not. allocated(config%output) .or. all(config%command /= [command_inverse, command_forward])) return
+            if (.not. allocated(config%output) .or. config%command == command_generate) return
             dot = index(config%output, ".", back=.true.)
             if (dot == 0) return
+            associate (ending => config%output(dot:))
+                select case (config%command)
+                case (command_sweep)
+                    if (any(ending == foreign_ending) .or. ending == ".csv") &
+                        call refuse(quoted(config%output)//not_written//".nc)")
+                    return
+                case (command_study)
+                    if (any(ending == foreign_ending) .or. ending == ".nc") &
+                        call refuse(quoted(config%output)//not_written//".csv)")
+                    return
+                end select
+            end associate
             if (any(config%output(dot:) == foreign_ending)) &
-                call refuse(quoted(config%output)//": files of this kind are not written (expected .nc, or .csv for a spreadsheet)")
+                call refuse(quoted(config%output)//not_written//".nc, or .csv for a spreadsheet)")
             if (config%output(dot:) == ".csv") config%csv = .true.
             if (config%output(dot:) == ".nc" .and. config%csv) &
                 call refuse("--csv: "//quoted(config%output)//" has the ending of netCDF (expected .csv)")
@@ -251,6 +264,8 @@ contains
         if (index(word, "-") /= 1) then
             if (allocated(config%scene)) then
                 call refuse(quoted(word)//": a second scene (expected one)")
+            else if (word == "") then
+                call refuse("the scene has no name (expected a file, e.g. scene.toml)")
             else
                 config%scene = word
             end if

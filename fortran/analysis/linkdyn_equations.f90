@@ -35,7 +35,7 @@ module linkdyn_equations
     use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
     use linkdyn_mass_matrix, only: mass_matrix
     use linkdyn_measures, only: find_laws
-    use linkdyn_model, only: model_type, is_dyad, has_rotors
+    use linkdyn_model, only: model_type, is_dyad, has_rotors, gives_attitude, attitude_angles
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_planar_pass, only: uncertainty_of_dyad
@@ -331,17 +331,24 @@ contains
         end subroutine collect
     end subroutine sample_system
 
-    !> Are all dyads away from their change points? A pose beside one stands for nothing but itself: no pivot that is good
-    !> elsewhere is good there, least of all where several dyads come to theirs at once.
+    !> Are all dyads away from their change points, and attitudes from the poles of their angles? A pose beside one stands for
+    !> nothing but itself: no pivot that is good elsewhere is good there, least of all where several dyads come to theirs at once.
     function stands_clear(model, state) result(is_clear)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         logical :: is_clear(lanes)
-        real(wp), parameter :: least_sine = 0.1_wp     !! of the angle between the rods of a dyad: a digit
+        real(wp), parameter :: least_sine = 0.1_wp     !! of the angle between the rods of a dyad, or two axes of angles: a digit
         real(wp), dimension(lanes, n_map(model)) :: margin, drift
+        integer :: i
 
         call measure_margins(model, state, margin, drift)
         is_clear = all(abs(margin(:, :model%n_branch)) >= least_sine, dim=2)
+        do i = 1, size(model%step)
+            if (.not. gives_attitude(model, model%step(i))) cycle
+            associate (angle => attitude_angles(model%step(i)))
+                is_clear = is_clear .and. abs(cos(state%q(:, angle(2)))) >= least_sine
+            end associate
+        end do
     end function stands_clear
 
     !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.

@@ -56,6 +56,21 @@ def test_ball_joint_goes_on(method: str, slip: float) -> None:
     np.testing.assert_allclose(run.reaction, other.reaction, atol=1e-6 * float(abs(other.reaction).max()))
 
 
+@pytest.mark.parametrize("pitch", [0.5 * np.pi, -0.5 * np.pi])
+@pytest.mark.parametrize("method", ["rk8pd", "gbs", "seulex"])
+def test_ball_joint_starts_at_its_pole(method: str, pitch: float) -> None:
+    """A pose that chooses the pivots of no equations: as few steps from there as from beside it."""
+    given = ball_joint(1e-3)
+    steps = []
+    for start in (pitch, pitch - np.copysign(1e-9, pitch)):
+        given["coordinate"][1]["start"]["position"] = start
+        try:
+            steps.append(linkdyn.Scene(given).forward(t=[0.0, 0.02], method=method).attrs["steps"])
+        except linkdyn.UnavailableError:
+            pytest.skip("built without GSL")
+    assert steps[0] <= steps[1] + 10
+
+
 def test_angles_and_rates_of_a_ball_joint() -> None:
     """The angles told turn by the rates told, and those by the accelerations, away from the pole."""
     t = np.linspace(0.0, 0.5, 50001)
