@@ -4,8 +4,8 @@ module linkdyn_scene_controllers
     use linkdyn_expression, only: measured_value
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, controller_spec, measure_spec, law_spec, name_len, measure_time, measure_joint, &
-        measure_spring, coordinate_joint, coordinate_pose, law_none, law_over, drive_controlled, side_joint, side_torque, &
-        side_voltage, feed_law, feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
+        measure_marker, measure_spring, coordinate_joint, coordinate_pose, law_none, law_over, drive_controlled, &
+        side_joint, side_torque, side_voltage, feed_law, feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
     use linkdyn_scene_forces, only: force_quantity
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, allow_keys, counted, get_quantity, get_name, &
@@ -185,19 +185,22 @@ contains
                 call find_joint(scene, place, joint, status)
                 if (status%is_ok()) call find_variable(scene, place, joint, variable, status)
             end if
-            if (status%is_ok()) call measure_variable(joint, variable)
+            if (status%is_ok()) call measure_variable(scene, joint, variable, shelf, controller, measured)
         end if
-
-    contains
-
-        subroutine measure_variable(joint, variable)
-            integer, intent(in) :: joint, variable
-
-            measured = variable_quantity(scene%joint(joint)%kind, variable)
-            call add_joint_measure(scene, joint, variable, 0.0_wp, .false., shelf, controller%measure)
-            call add_joint_measure(scene, joint, variable, 0.0_wp, .true., shelf, controller%rate_measure)
-        end subroutine measure_variable
     end subroutine read_measured
+
+    !> A joint variable, and how fast it changes.
+    subroutine measure_variable(scene, joint, variable, shelf, controller, measured)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: joint, variable
+        type(table_shelf), intent(inout) :: shelf
+        type(controller_spec), intent(inout) :: controller
+        type(quantity_type), intent(out) :: measured
+
+        measured = variable_quantity(scene%joint(joint)%kind, variable)
+        call add_joint_measure(scene, joint, variable, 0.0_wp, .false., shelf, controller%measure)
+        call add_joint_measure(scene, joint, variable, 0.0_wp, .true., shelf, controller%rate_measure)
+    end subroutine measure_variable
 
     !> A measure of the scene; how fast it changes is known unless it is a rate itself.
     subroutine read_measure(place, shelf, scene, controller, measured, status)
@@ -244,7 +247,6 @@ contains
 
     !> A coordinate: a joint variable, or a place of a pose.
     subroutine read_coordinate(place, shelf, scene, controller, measured, status)
-        use linkdyn_scene, only: measure_marker
         type(scene_place), intent(in) :: place
         type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(in) :: scene
@@ -266,10 +268,7 @@ contains
         end if
         associate (coordinate => scene%coordinate(k))
             if (coordinate%kind == coordinate_joint) then
-                measured = variable_quantity(scene%joint(coordinate%joint)%kind, coordinate%variable)
-                call add_joint_measure(scene, coordinate%joint, coordinate%variable, 0.0_wp, .false., shelf, controller%measure)
-                call add_joint_measure(scene, coordinate%joint, coordinate%variable, 0.0_wp, .true., shelf, &
-                    controller%rate_measure)
+                call measure_variable(scene, coordinate%joint, coordinate%variable, shelf, controller, measured)
             else if (coordinate%unit == "m" .and. coordinate%kind == coordinate_pose) then
                 measure = measure_spec(kind=measure_marker, link=coordinate%link, component=coordinate%variable, length_power=1)
                 shelf%book%measure = [shelf%book%measure, measure]

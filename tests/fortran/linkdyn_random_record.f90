@@ -1,15 +1,18 @@
-!> Records of random operations, always the same.
+!> Records of random operations, always the same, and derivatives of records against differences.
 module linkdyn_random_record
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_folding, only: result_of
+    use linkdyn_interpreter, only: interpret
+    use linkdyn_kernel, only: kernel_type, compile_kernel
     use linkdyn_kinds, only: wp
     use linkdyn_mix, only: counter_uniform
     use linkdyn_operation, only: op_root, op_reciprocal
-    use linkdyn_record, only: new_input
+    use linkdyn_record, only: new_input, record_type
+    use linkdyn_testing, only: test_error, check_close
     use linkdyn_value, only: value, constant, operator(+), operator(-), sin, abs
     implicit none (type, external)
     private
-    public :: number, some_inputs, random_record
+    public :: number, some_inputs, random_record, compare_with_differences
 
 contains
 
@@ -68,4 +71,29 @@ contains
             draw = counter_uniform(int(seed, int64), int(k, int64), int(i, int64))
         end function draw
     end subroutine random_record
+
+    !> The second half of the outputs against central differences of the first along a way.
+    subroutine compare_with_differences(record, output, point, way, factor, power, error)
+        type(record_type), intent(in) :: record
+        type(value), intent(in) :: output(:)
+        real(wp), intent(in) :: point(:, :)            !! where (n_input, n_point)
+        real(wp), intent(in) :: way(:)                 !! (n_input)
+        real(wp), intent(in) :: factor                 !! an error is at most this times the step squared, ...
+        integer, intent(in) :: power                   !! and times one and this power of the largest value
+        type(test_error), intent(inout) :: error
+        type(kernel_type) :: kernel
+        real(wp), dimension(size(output)) :: here, after, before
+        real(wp), parameter :: h = epsilon(1.0_wp)**(1.0_wp/3)
+        integer :: i, half
+
+        half = size(output)/2
+        call compile_kernel(record, output, .false., kernel)
+        do i = 1, size(point, 2)
+            call interpret(kernel, point(:, i), here)
+            call interpret(kernel, point(:, i) + h*way, after)
+            call interpret(kernel, point(:, i) - h*way, before)
+            call check_close(error, here(half + 1:), (after(:half) - before(:half))/(2*h), &
+                             factor*h**2*(1 + maxval(abs(here))**power), "derivative")
+        end do
+    end subroutine compare_with_differences
 end module linkdyn_random_record

@@ -14,7 +14,7 @@ module test_look_ups
     use linkdyn_kinds, only: wp
     use linkdyn_operation, only: op_piece, op_nearest, op_farthest
     use linkdyn_piecewise, only: piecewise_curve, look_up
-    use linkdyn_random_record, only: number
+    use linkdyn_random_record, only: number, compare_with_differences
     use linkdyn_rates, only: rate_map, set_rate, rate_of
     use linkdyn_record, only: record_type, open_record, close_record, new_input, add_curve
     use linkdyn_status, only: status_type
@@ -335,13 +335,13 @@ contains
         do i = 1, 6
             output(6 + i) = rate_of(rates, output(i))
         end do
-        call compare_with_differences(record, output, way, error)
+        call compare_with_differences(record, output, smooth_points(), way, 1.0e4_wp, 2, error)
         ! once more
         output(:6) = output(7:)
         do i = 1, 6
             output(6 + i) = rate_of(rates, output(i))
         end do
-        call compare_with_differences(record, output, way, error)
+        call compare_with_differences(record, output, smooth_points(), way, 1.0e4_wp, 2, error)
         call close_record(record)
     end subroutine test_rates
 
@@ -359,32 +359,17 @@ contains
             d = gradient(output(i), x)
             output(6 + i) = constant(way(1))*d(1) + constant(way(2))*d(2)
         end do
-        call compare_with_differences(record, output, way, error)
+        call compare_with_differences(record, output, smooth_points(), way, 1.0e4_wp, 2, error)
         call close_record(record)
     end subroutine test_gradients
 
-    !> The second half of the outputs against central differences of the first along a way.
-    subroutine compare_with_differences(record, output, way, error)
-        type(record_type), intent(in) :: record
-        type(value), intent(in) :: output(12)
-        real(wp), intent(in) :: way(2)
-        type(test_error), intent(inout) :: error
-        type(kernel_type) :: kernel
-        real(wp) :: p(2, n_point), here(12), after(12), before(12), h
-        integer :: i, n_compared
+    !> Those of the points near whose centres of curvature nothing is smooth are left out.
+    function smooth_points() result(p)
+        real(wp), allocatable :: p(:, :)
+        real(wp) :: every(2, n_point)
+        integer :: i
 
-        call compile_kernel(record, output, .false., kernel)
-        p = some_points()
-        h = eps**(1.0_wp/3)
-        n_compared = 0
-        do i = 1, n_point
-            if (norm2(p(:, i)) < 0.8_wp) cycle         ! near centres of curvature nothing is smooth
-            call interpret(kernel, p(:, i), here)
-            call interpret(kernel, p(:, i) + h*way, after)
-            call interpret(kernel, p(:, i) - h*way, before)
-            n_compared = n_compared + 1
-            call check_close(error, here(7:), (after(:6) - before(:6))/(2*h), 1e4_wp*h**2*(1 + maxval(abs(here))**2), "derivative")
-        end do
-        call check(error, n_compared > n_point/2, "too few points were compared")
-    end subroutine compare_with_differences
+        every = some_points()
+        p = every(:, pack([(i, i=1, n_point)], norm2(every, dim=1) >= 0.8_wp))
+    end function smooth_points
 end module test_look_ups

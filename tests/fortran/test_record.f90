@@ -8,7 +8,7 @@ module test_record
     use linkdyn_kernel, only: kernel_type, compile_kernel, count_of, find_boundary
     use linkdyn_kinds, only: wp
     use linkdyn_operation, only: op_add, op_subtract, op_multiply, op_reciprocal, op_root, op_minimum, op_absolute, op_select
-    use linkdyn_random_record, only: number, some_inputs, random_record
+    use linkdyn_random_record, only: number, some_inputs, random_record, compare_with_differences
     use linkdyn_rates, only: rate_map, set_rate, rate_of
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_substitution, only: substitution, replace, substituted
@@ -279,7 +279,7 @@ contains
         do i = 1, 6
             output(6 + i) = rate_of(rates, y(i))
         end do
-        call compare_with_differences(record, output, way, error)
+        call compare_with_differences(record, output, some_points(), way, 200.0_wp, 3, error)
         call close_record(record)
     end subroutine test_rates
 
@@ -298,30 +298,16 @@ contains
             d = gradient(y(i), x)
             output(6 + i) = constant(way(1))*d(1) + constant(way(2))*d(2) + constant(way(3))*d(3)
         end do
-        call compare_with_differences(record, output, way, error)
+        call compare_with_differences(record, output, some_points(), way, 200.0_wp, 3, error)
         call close_record(record)
     end subroutine test_gradients
 
-    !> The second half of the outputs against central differences of the first along a way.
-    subroutine compare_with_differences(record, output, way, error)
-        type(record_type), intent(in) :: record
-        type(value), intent(in) :: output(12)
-        real(wp), intent(in) :: way(3)
-        type(test_error), intent(inout) :: error
-        type(kernel_type) :: kernel
-        real(wp) :: x(3), here(12), after(12), before(12), h
+    function some_points() result(x)
+        real(wp) :: x(3, 10)
         integer :: i
 
-        call compile_kernel(record, output, .false., kernel)
-        h = eps**(1.0_wp/3)
-        do i = 1, 10
-            x = [number(3*i), number(3*i + 1), number(3*i + 2)]
-            call interpret(kernel, x, here)
-            call interpret(kernel, x + h*way, after)
-            call interpret(kernel, x - h*way, before)
-            call check_close(error, here(7:), (after(:6) - before(:6))/(2*h), 200*h**2*(1 + maxval(abs(here))**3), "derivative")
-        end do
-    end subroutine compare_with_differences
+        x = reshape([(number(i), i=3, 32)], [3, 10])
+    end function some_points
 
     !> The root of what is negative where the other road is taken.
     subroutine test_select_derivative(error)
