@@ -436,7 +436,7 @@ contains
         real(wp), intent(in) :: t_end
         real(wp), intent(inout) :: y(:, :)
         real(wp) :: h, t_before, solution(size(y, 2)), kept(lanes, size(y, 2))
-        logical :: ok
+        logical :: ok, is_sound
         integer :: n_jump
 
         solution = y(1, :)
@@ -455,8 +455,9 @@ contains
                 exit
             end if
             if (system%n_guard > 0) call look_through(self, system, t_before, y, solution)
+            is_sound = keeps_law(self, system, solution)
             call go_on(self, system, solution, self%t - t_before, y)
-            if (.not. all(self%failed)) call undo_broken_steps(self, system, n_jump, kept, y)
+            if (.not. (is_sound .or. all(self%failed))) call undo_broken_steps(self, system, n_jump, kept, y)
             if (all(self%failed) .and. self%reason == stop_law) self%good_until = t_before
             if (all(self%failed)) exit
             if (self%is_at_crossing) call meet(self, system, y)
@@ -469,6 +470,17 @@ contains
         end do
         call count_work(self)
     end subroutine advance_multistep
+
+    !> Does a step to a solution keep the law of the system as far as the tolerances ask? The first steps of the multistep method,
+    !> which are of low order, do so by no more.
+    logical function keeps_law(self, system, solution)
+        type(integrator_type), intent(in) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: solution(:)                     !! at self%t
+
+        keeps_law = .not. system%broken_law(self%t, solution, 4*spacing(solution), &
+                                            self%options%atol + self%options%rtol*abs(solution)) > 1
+    end function keeps_law
 
     !> A step of the multistep method, looked through by another one that takes parts of it from its beginning, at the same
     !> tolerances. Where guards cross the step ends.

@@ -82,7 +82,8 @@ def driven(file: Path) -> dict[str, Any]:
     content = tomllib.loads(file.read_text())
     if len(scene.actuators) != len(scene.coordinates):
         content["actuator"] = [{key: c[key] for key in ("joint", "variable") if key in c} for c in content["coordinate"]]
-    content.pop("sweep", None)
+    for part in ("sweep", "payload"):    # what comes and goes with time moves nothing
+        content.pop(part, None)
     return content
 
 
