@@ -412,7 +412,7 @@ contains
         class(forward_system), intent(inout) :: self
         logical :: is_broken(lanes)
         real(wp), parameter :: gross = 0.01_wp         !! part of the energy in motion: a hundred such steps, and nothing is left
-        real(wp), parameter :: fine = 1.0e-6_wp        !! in digits that a result must have
+        real(wp), parameter :: fine = 1.0e-5_wp        !! likewise where rates are rounding: five digits of the speed
         real(wp), parameter :: more = 100
         real(wp), parameter :: rounding = 1.0e6_wp     !! of positions near a change point, in units in the last place
         real(wp), parameter :: near = 1.0e-3_wp        !! margin at which rates lose digits
@@ -646,7 +646,8 @@ contains
         type(controller_spec), intent(in) :: spec
         real(wp), intent(in) :: t(lanes)               !! [s]
         real(wp), intent(in) :: law(:, :)              !! (lane, law)
-        real(wp) :: feed(lanes), ignored(lanes), ratio, none
+        real(wp), dimension(lanes) :: feed, rate, rate2
+        real(wp) :: ratio, none
 
         none = ieee_value(1.0_wp, ieee_quiet_nan)
         ratio = effort_scale(self%model, spec%actuator)
@@ -656,7 +657,7 @@ contains
             if (spec%feed_law%kind == law_over) then
                 feed = law(:, spec%feed_law%law)
             else
-                call law_on_lanes(spec%feed_law, t, feed, ignored, ignored)
+                call law_on_lanes(spec%feed_law, t, feed, rate, rate2)
             end if
         case (feed_gravity)
             feed = merge(self%holding%force(:, spec%actuator)/ratio, none, self%holding%status == sample_ok)
