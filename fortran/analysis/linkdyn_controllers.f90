@@ -7,10 +7,10 @@ module linkdyn_controllers
     use linkdyn_control_law, only: control_sight, control_memory, control_continuously, control_a_sample
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_scene, only: controller_spec
+    use linkdyn_scene, only: controller_spec, is_sampled
     implicit none (type, external)
     private
-    public :: controllers_type, begin_controllers, next_instant, is_sampled, take_samples, put_out_samples, run_continuous
+    public :: controllers_type, begin_controllers, next_instant, take_samples, put_out_samples, run_continuous
 
     type :: controllers_type
         integer :: n = 0
@@ -45,20 +45,13 @@ contains
         allocate (control%memory(lanes, control%n))
         n_place = 1
         do i = 1, control%n
-            if (spec(i)%period > 0) n_place = max(n_place, ceiling(spec(i)%delay/spec(i)%period) + 2)
+            if (is_sampled(spec(i))) n_place = max(n_place, ceiling(spec(i)%delay/spec(i)%period) + 2)
             ! what stays before the first sample takes effect is within the limits
             control%output(:, i) = min(max(0.0_wp, spec(i)%low), spec(i)%high)
         end do
         allocate (control%waiting(lanes, n_place, control%n), source=0.0_wp)
         allocate (control%waiting_limited(lanes, n_place, control%n), source=.false.)
     end subroutine begin_controllers
-
-    !> Does a controller take samples?
-    elemental logical function is_sampled(spec)
-        type(controller_spec), intent(in) :: spec
-
-        is_sampled = spec%period > 0
-    end function is_sampled
 
     !> The next instant at which a controller takes a sample, or one takes effect; huge: none.
     pure real(wp) function next_instant(spec, control) result(next)

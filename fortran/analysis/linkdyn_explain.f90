@@ -17,7 +17,8 @@ module linkdyn_explain
     use linkdyn_motor_loads, only: is_self_locking
     use linkdyn_planner, only: mobility_of, joint_constraints
     use linkdyn_scene, only: share_by_least_norm, share_name, joint_revolute, joint_kind_name, variable_name, joint_n_variable, &
-        payload_changes, motor_spec, controller_spec, n_controller, side_joint, side_voltage, feed_none, feed_gravity, feed_inverse
+        payload_changes, motor_spec, controller_spec, n_controller, is_sampled, side_joint, side_voltage, feed_none, feed_gravity, &
+        feed_inverse
     use linkdyn_status, only: status_type
     use linkdyn_sweep_spec, only: sampling_name, sampling_values, quantity_name
     use linkdyn_text, only: to_text
@@ -420,7 +421,7 @@ contains
         character(len=:), allocatable :: text
 
         text = ", continuous"
-        if (spec%period > 0) text = ", a sample every "//to_text(spec%period)//" s"
+        if (is_sampled(spec)) text = ", a sample every "//to_text(spec%period)//" s"
         if (spec%delay > 0) text = text//", "//to_text(spec%delay)//" s late"
     end function sampling_in_words
 

@@ -15,7 +15,7 @@ module linkdyn_forward_state
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
-    use linkdyn_scene, only: scene_type, law_none, n_controller
+    use linkdyn_scene, only: scene_type, law_none, n_controller, is_sampled
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted
     use linkdyn_vec3, only: vec3, identity_mat3, zero_vec3
@@ -128,7 +128,7 @@ contains
         allocate (layout%integral(n_controller(scene)), layout%slope(n_controller(scene)), source=0)
         do i = 1, n_controller(scene)
             associate (spec => scene%controller(i))
-                if (spec%period > 0) cycle
+                if (is_sampled(spec)) cycle
                 if (abs(spec%ki) > 0) call take(layout%integral(i))
                 if (spec%filter > 0) call take(layout%slope(i))
             end associate

@@ -9,7 +9,7 @@ module linkdyn_forward_system
         accept_assembly
     use linkdyn_constants, only: golden, two_pi
     use linkdyn_control_law, only: control_sight
-    use linkdyn_controllers, only: controllers_type, begin_controllers, next_instant, is_sampled, take_samples, &
+    use linkdyn_controllers, only: controllers_type, begin_controllers, next_instant, take_samples, &
         put_out_samples, run_continuous
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
@@ -42,8 +42,8 @@ module linkdyn_forward_system
     use linkdyn_motor_laws, only: torque_of_law, brake_torque
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
-    use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_controller, controller_spec, law_over, &
-        feed_law, feed_gravity, feed_inverse
+    use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_controller, is_sampled, controller_spec, &
+        law_over, feed_law, feed_gravity, feed_inverse
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
@@ -1057,7 +1057,7 @@ contains
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t, y(:, :)             !! (n, state)
         real(wp), intent(out) :: surplus(:)            !! [J] (state)
-        real(wp) :: lane_y(lanes, self%n), energy(lanes), kinetic(lanes), instant(lanes)
+        real(wp) :: lane_y(lanes, self%n), energy(lanes), instant(lanes)
         integer :: first, lane
 
         instant = t
@@ -1067,7 +1067,7 @@ contains
             end do
             call unpack_state(self%model, self%layout, instant, lane_y, self%turns, self%assembly%state)
             call evaluate_on_assembly(self%model, instant, self%assembly, self%assembly%state)
-            call energy_of_motion(self%model, self%assembly%state, energy, kinetic)
+            call energy_of_motion(self%model, self%assembly%state, energy)
             energy = energy - lane_y(:, self%layout%supplied)
             do lane = 1, min(lanes, size(surplus) - first + 1)
                 surplus(first + lane - 1) = energy(lane)

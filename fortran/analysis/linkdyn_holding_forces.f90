@@ -14,7 +14,6 @@ module linkdyn_holding_forces
     public :: holding_forces, plan_holding_forces, find_holding_forces, free_holding_forces
 
     type :: holding_forces
-        logical :: is_needed = .false.
         integer, allocatable :: status(:)              !! of those found last (lane)
         real(wp), allocatable :: force(:, :)           !! found last (lane, n_actuator) [N, N m]
         type(equations_type), private :: equations
@@ -28,7 +27,6 @@ contains
         type(holding_forces), intent(inout) :: holding
         type(status_type), intent(inout) :: status
 
-        holding%is_needed = .true.
         ! friction comes from reactions
         call build_equations(model, merge(solver_elimination, solver_reduced, size(model%contact) > 0), .false., &
                              holding%equations, status)

@@ -9,7 +9,7 @@
 !> actuation of parallel manipulators, in: Parallel Manipulators (2008).
 module linkdyn_shared_drives
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
-    use linkdyn_joint_rates, only: actuator_columns, work_columns
+    use linkdyn_joint_rates, only: actuator_columns, normal_matrix, work_columns
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
@@ -29,18 +29,11 @@ contains
         logical, intent(out) :: is_singular(lanes)         !! some coordinate is led by no drive here
         real(wp) :: jacobian(lanes, model%n_actuator, model%n_q), normal(lanes, model%n_q, model%n_q)
         real(wp) :: factors(lanes, model%n_q, model%n_q), tau(lanes, model%n_q), left(lanes, model%n_q, 1), growth(lanes)
-        integer :: i, j, k, pass
+        integer :: i, k, pass
 
         call actuator_columns(model, state, jacobian)
         call work_columns(model, state, load, tau)
-        normal = 0
-        do k = 1, model%n_q
-            do j = 1, model%n_q
-                do i = 1, model%n_actuator
-                    normal(:, j, k) = normal(:, j, k) + model%scene%actuator(i)%share**2*jacobian(:, i, j)*jacobian(:, i, k)
-                end do
-            end do
-        end do
+        normal = normal_matrix(model, jacobian)
         driving_force = spread(model%scene%actuator%preload, 1, lanes)
         do pass = 1, 2
             do k = 1, model%n_q

@@ -12,7 +12,7 @@ module linkdyn_stiffest_part
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_spec, drive_constant, drive_spring_damper, drive_dc_motor, drive_pd, drive_inverse, &
-        controller_spec, measure_joint, side_joint, side_voltage
+        controller_spec, measure_joint, side_joint, side_voltage, is_sampled
     use linkdyn_status, only: status_type
     use linkdyn_text, only: quoted
     implicit none (type, external)
@@ -84,7 +84,7 @@ contains
 
         associate (actuator => model%scene%actuator(controller%actuator), &
                    measure => model%scene%laws%measure(controller%measure))
-            watches = controller%period <= 0 .and. controller%filter <= 0 .and. controller%side /= side_voltage &
+            watches = .not. is_sampled(controller) .and. controller%filter <= 0 .and. controller%side /= side_voltage &
                       .and. measure%kind == measure_joint .and. .not. measure%is_rate &
                       .and. measure%joint == actuator%joint .and. measure%variable == actuator%variable
         end associate

@@ -24,12 +24,13 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state     !! positions and velocities
         real(wp), intent(out) :: energy(lanes)         !! [J]
-        real(wp), intent(out) :: kinetic(lanes)        !! part of it [J]
-        real(wp), dimension(lanes) :: potential, of_springs
+        real(wp), intent(out), optional :: kinetic(lanes)    !! part of it [J]
+        real(wp), dimension(lanes) :: of_motion, potential, of_springs
 
-        call measure_energy(model, state, kinetic, potential)
+        call measure_energy(model, state, of_motion, potential)
         call spring_energy(model, state, of_springs)
-        energy = kinetic + (potential - of_springs)
+        energy = of_motion + (potential - of_springs)
+        if (present(kinetic)) kinetic = of_motion
     end subroutine energy_of_motion
 
     !> Power of loads, springs and given driving forces.

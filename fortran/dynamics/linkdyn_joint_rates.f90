@@ -20,7 +20,7 @@ module linkdyn_joint_rates
     implicit none (type, external)
     private
     public :: joint_view, view_joint, driven_axis, told_frame, measure_variable, coordinate_of, joint_rate, slide_column
-    public :: measure_joints, measure_one_joint, actuator_rates, actuator_columns, power_imbalance, work_columns
+    public :: measure_joints, measure_one_joint, actuator_rates, actuator_columns, normal_matrix, power_imbalance, work_columns
 
     !> The two markers of a joint in motion, world axes.
     type :: joint_view
@@ -276,6 +276,23 @@ contains
             end do
         end do
     end subroutine actuator_columns
+
+    !> J^T W J of the actuators' Jacobian, W the squares of the drives' shares: how drives that share the work hold the coordinates.
+    pure function normal_matrix(model, jacobian) result(normal)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: jacobian(lanes, model%n_actuator, model%n_q)
+        real(wp) :: normal(lanes, model%n_q, model%n_q)
+        integer :: i, j, k
+
+        normal = 0
+        do k = 1, model%n_q
+            do j = 1, model%n_q
+                do i = 1, model%n_actuator
+                    normal(:, j, k) = normal(:, j, k) + model%scene%actuator(i)%share**2*jacobian(:, i, j)*jacobian(:, i, k)
+                end do
+            end do
+        end do
+    end function normal_matrix
 
     subroutine actuator_rate(model, state, i, velocity, omega, rate)
         type(model_type), intent(in) :: model

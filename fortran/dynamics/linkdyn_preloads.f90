@@ -4,7 +4,7 @@
 !> 1 - e^T W J (J^T W J)^-1 J^T e: where that is zero no other drive can hold against it.
 module linkdyn_preloads
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
-    use linkdyn_joint_rates, only: actuator_columns
+    use linkdyn_joint_rates, only: actuator_columns, normal_matrix
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -47,7 +47,7 @@ contains
         real(wp) :: jacobian(lanes, model%n_actuator, model%n_q), normal(lanes, model%n_q, model%n_q)
         real(wp) :: left(lanes, model%n_q, model%n_actuator), growth(lanes), own(lanes)
         logical :: is_singular(lanes)
-        integer :: i, j, k, lane
+        integer :: i, k, lane
 
         call prepare_kinematics(model, model%n_q, state)
         do k = 1, model%n_q
@@ -55,13 +55,8 @@ contains
         end do
         call evaluate_kinematics(model, state)
         call actuator_columns(model, state, jacobian)
+        normal = normal_matrix(model, jacobian)
         do k = 1, model%n_q
-            do j = 1, model%n_q
-                normal(:, j, k) = 0
-                do i = 1, model%n_actuator
-                    normal(:, j, k) = normal(:, j, k) + model%scene%actuator(i)%share**2*jacobian(:, i, j)*jacobian(:, i, k)
-                end do
-            end do
             left(:, k, :) = jacobian(:, :, k)
         end do
         call solve_gauss_jordan(model%n_q, model%n_actuator, normal, left, growth, is_singular)

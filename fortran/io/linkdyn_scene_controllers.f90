@@ -4,17 +4,17 @@ module linkdyn_scene_controllers
     use linkdyn_expression, only: measured_value
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, controller_spec, measure_spec, law_spec, name_len, measure_time, measure_joint, &
-        measure_marker, measure_spring, coordinate_joint, coordinate_pose, law_none, law_over, drive_controlled, &
+        measure_spring, coordinate_joint, law_none, law_over, drive_controlled, is_sampled, &
         side_joint, side_torque, side_voltage, feed_law, feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
     use linkdyn_scene_forces, only: force_quantity
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, refuse, refuse_value, refuse_missing, allow_keys, counted, get_quantity, get_name, &
-        get_word, get_text, get_integer, text_of
+        get_word, get_integer, text_of
     use linkdyn_scene_laws, only: table_shelf, read_law, spline
     use linkdyn_scene_motor_limits, only: read_positive
     use linkdyn_scene_names, only: find_joint, find_variable
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
-    use linkdyn_scene_state_laws, only: read_force_law, add_joint_measure
+    use linkdyn_scene_state_laws, only: read_force_law, read_coordinate_measure, add_joint_measure
     use linkdyn_status, only: status_type
     use linkdyn_suggest, only: suggestion
     use linkdyn_text, only: to_text, quoted
@@ -253,32 +253,15 @@ contains
         type(controller_spec), intent(inout) :: controller
         type(quantity_type), intent(out) :: measured
         type(status_type), intent(inout) :: status
-        character(len=name_len) :: name
         type(measure_spec) :: measure
-        integer :: k
 
         measured = length
-        call get_name(place, "coordinate", name, status)
+        call read_coordinate_measure(place, scene, measure, measured, status)
         if (.not. status%is_ok()) return
-        k = findloc(scene%coordinate%name, name, dim=1)
-        if (k == 0) then
-            call refuse_value(place, "coordinate", place%node%get("coordinate"), "= "//quoted(name)//": there is no such "// &
-                "coordinate (expected the name of a coordinate)"//suggestion(name, (scene%coordinate%name)), status)
-            return
-        end if
-        associate (coordinate => scene%coordinate(k))
-            if (coordinate%kind == coordinate_joint) then
-                call measure_variable(scene, coordinate%joint, coordinate%variable, shelf, controller, measured)
-            else if (coordinate%unit == "m" .and. coordinate%kind == coordinate_pose) then
-                measure = measure_spec(kind=measure_marker, link=coordinate%link, component=coordinate%variable, length_power=1)
-                shelf%book%measure = [shelf%book%measure, measure]
-                controller%measure = size(shelf%book%measure)
-                call add_rate(shelf, controller)
-            else
-                call refuse_value(place, "coordinate", place%node%get("coordinate"), "= "//quoted(name)//" is an angle of a "// &
-                    "pose (expected a place of a pose, or a joint variable)", status)
-            end if
-        end associate
+        measure%length_power = measured%power(2)
+        shelf%book%measure = [shelf%book%measure, measure]
+        controller%measure = size(shelf%book%measure)
+        call add_rate(shelf, controller)
     end subroutine read_coordinate
 
     !> What the measured value is to be.
@@ -389,11 +372,11 @@ contains
             else if (controller%filter > 0 .and. .not. abs(kd) > 0) then
                 call refuse_value(place, "filter", place%node%get("filter"), "is that of 'kd', which is not there "// &
                     "(expected 'kd', or no filter)", status)
-            else if (abs(kd) > 0 .and. controller%rate_measure == 0 .and. .not. controller%period > 0) then
+            else if (abs(kd) > 0 .and. controller%rate_measure == 0 .and. .not. is_sampled(controller)) then
                 call refuse_value(place, "kd", place%node%get("kd"), "asks for an acceleration: what is measured is a rate "// &
                     "(expected none, or a sampled controller, with 'rate')", status)
             else if (abs(kd) > 0 .and. controller%target%kind == law_over .and. .not. controller%damps_measured .and. &
-                     .not. controller%period > 0) then
+                     .not. is_sampled(controller)) then
                 call refuse_value(place, "kd", place%node%get("kd"), "asks for the rate of a target that depends on the "// &
                     "motion (expected damps = ""measured"", or a sampled controller, with 'rate')", status)
             end if
@@ -467,27 +450,26 @@ contains
         type(scene_place), intent(in) :: place
         type(controller_spec), intent(inout) :: controller
         type(status_type), intent(inout) :: status
-        logical :: has_limits, found, has_time
+        logical :: is_limited, found, has_time
 
-        has_limits = max(controller%high, -controller%low) < huge(1.0_wp) .or. controller%high < huge(1.0_wp) &
-                     .or. controller%low > -huge(1.0_wp)
-        controller%windup = merge(windup_clamp, windup_back, controller%period > 0)
+        is_limited = controller%high < huge(1.0_wp) .or. controller%low > -huge(1.0_wp)
+        controller%windup = merge(windup_clamp, windup_back, is_sampled(controller))
         call get_word(place, "anti_windup", [character(len=16) :: "none", "clamp", "back-calculation"], controller%windup, status, &
             found)
         call read_positive(place, "tracking_time", time_span, "s", controller%tracking_time, status)
         has_time = controller%tracking_time > 0
         if (.not. status%is_ok()) return
-        if ((found .or. has_time) .and. .not. (has_limits .and. abs(controller%ki) > 0)) then
+        if ((found .or. has_time) .and. .not. (is_limited .and. abs(controller%ki) > 0)) then
             call refuse(place, trim(merge("key 'anti_windup'  ", "key 'tracking_time'", found))// &
                 " is about an integral at a limit (expected 'ki' and one of 'limit', 'min', 'max')", status)
-        else if (controller%windup == windup_clamp .and. .not. controller%period > 0) then
+        else if (controller%windup == windup_clamp .and. .not. is_sampled(controller)) then
             call refuse_value(place, "anti_windup", place%node%get("anti_windup"), "= 'clamp' switches the integral on and "// &
                 "off, which a continuous controller cannot (expected ""back-calculation"", ""none"", or 'rate' beside it)", status)
         else if (has_time .and. controller%windup /= windup_back) then
             call refuse_value(place, "tracking_time", place%node%get("tracking_time"), "is that of anti_windup = "// &
                 """back-calculation"" (expected that, or no time)", status)
         end if
-        if (.not. (has_limits .and. abs(controller%ki) > 0)) controller%windup = windup_none
+        if (.not. (is_limited .and. abs(controller%ki) > 0)) controller%windup = windup_none
         if (.not. status%is_ok() .or. controller%windup /= windup_back .or. has_time) return
         controller%tracking_time = usual_time(controller)
         if (.not. controller%tracking_time > 0) call refuse_missing(place, "tracking_time", "in which the integral is led back "// &
@@ -606,11 +588,11 @@ contains
         if (has_delay .and. has_samples) then
             call refuse_value(place, "delay", place%node%get("delay"), "stands beside 'delay_samples' "// &
                 "(expected one of them)", status)
-        else if (.not. controller%period > 0 .and. (has_delay .or. has_samples)) then
+        else if (.not. is_sampled(controller) .and. (has_delay .or. has_samples)) then
             call refuse_continuous(trim(merge("delay        ", "delay_samples", has_delay)))
-        else if (.not. controller%period > 0 .and. controller%resolution > 0) then
+        else if (.not. is_sampled(controller) .and. controller%resolution > 0) then
             call refuse_continuous("resolution")
-        else if (.not. controller%period > 0 .and. controller%output_resolution > 0) then
+        else if (.not. is_sampled(controller) .and. controller%output_resolution > 0) then
             call refuse_continuous("output_resolution")
         else if (has_samples) then
             if (n < 0 .or. n > most_samples) call refuse_value(place, "delay_samples", place%node%get("delay_samples"), &

@@ -12,7 +12,7 @@ module linkdyn_scene_state_laws
         measure_time, measure_joint, measure_marker, measure_spring, law_over, law_table
     use linkdyn_scene_joints, only: variable_quantity
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, require_table, &
-        get_quantity, get_text, get_word, get_flag, text_of
+        get_quantity, get_name, get_text, get_word, get_flag, text_of
     use linkdyn_scene_laws, only: table_shelf, table_reading, read_law, read_table_keys, column_in_si, table_law, spline, &
         straight_lines, require_positive
     use linkdyn_scene_names, only: find_marker, find_joint, find_variable
@@ -25,7 +25,7 @@ module linkdyn_scene_state_laws
     use linkdyn_variables, only: symbol_entry, formula_of_text
     implicit none (type, external)
     private
-    public :: read_measures, read_named_laws, read_force_law, read_spring_law, add_joint_measure
+    public :: read_measures, read_named_laws, read_force_law, read_spring_law, read_coordinate_measure, add_joint_measure
 
     character(len=13), parameter :: over_key(9) = [character(len=13) :: "law", "table", "column", "over", "argument", &
         "interpolation", "period", "type", "at"]    ! the last two of actuators only
@@ -107,7 +107,7 @@ contains
             if (status%is_ok()) quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
         else
             call allow_keys(place, [character(len=10) :: "coordinate", "rate"], status)
-            call read_coordinate(place, coordinate, scene, measure, quantity, status)
+            call read_coordinate_measure(place, scene, measure, quantity, status)
         end if
         if (.not. status%is_ok()) return
         call get_quantity(place, "near", quantity, measure%near, status, found)
@@ -160,41 +160,41 @@ contains
             place%node%get("component"), "= 'z', which a plane has not (expected x or y)", status)
     end subroutine read_marker
 
-    !> A coordinate is measured as the joint variable or the place of a link that it is.
-    subroutine read_coordinate(place, node, scene, measure, quantity, status)
+    !> Key `coordinate`: measured as the joint variable or the place of a link that it is.
+    subroutine read_coordinate_measure(place, scene, measure, quantity, status)
         type(scene_place), intent(in) :: place
-        type(toml_node), intent(in) :: node
         type(scene_type), intent(in) :: scene
         type(measure_spec), intent(inout) :: measure
-        type(quantity_type), intent(inout) :: quantity
+        type(quantity_type), intent(inout) :: quantity    !! of the coordinate
         type(status_type), intent(inout) :: status
-        character(len=:), allocatable :: text
-        integer :: i
+        character(len=name_len) :: name
+        integer :: k
 
-        call get_text(place, "coordinate", text, status)
+        call get_name(place, "coordinate", name, status)
         if (.not. status%is_ok()) return
-        do i = 1, size(scene%coordinate)
-            if (scene%coordinate(i)%name /= text) cycle
-            associate (coordinate => scene%coordinate(i))
-                if (coordinate%kind == coordinate_joint) then
-                    measure%kind = measure_joint
-                    measure%joint = coordinate%joint
-                    measure%variable = coordinate%variable
-                    quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
-                else if (coordinate%unit == "m") then
-                    measure%kind = measure_marker
-                    measure%link = coordinate%link
-                    measure%component = coordinate%variable
-                else
-                    call refuse_value(place, "coordinate", node, "= "//quoted(text)//" is an angle of a pose "// &
-                        "(expected a place of a pose, or a joint variable)", status)
-                end if
-            end associate
+        k = findloc(scene%coordinate%name, name, dim=1)
+        if (k == 0) then
+            call refuse_value(place, "coordinate", place%node%get("coordinate"), "= "//quoted(name)//": there is no such "// &
+                "coordinate (expected the name of a coordinate)"//suggestion(name, (scene%coordinate%name)), status)
             return
-        end do
-        call refuse_value(place, "coordinate", node, "= "//quoted(text)//": there is no such coordinate "// &
-            "(expected the name of a coordinate)"//suggestion(text, (scene%coordinate%name)), status)
-    end subroutine read_coordinate
+        end if
+        associate (coordinate => scene%coordinate(k))
+            if (coordinate%kind == coordinate_joint) then
+                measure%kind = measure_joint
+                measure%joint = coordinate%joint
+                measure%variable = coordinate%variable
+                quantity = variable_quantity(scene%joint(measure%joint)%kind, measure%variable)
+            else if (coordinate%unit == "m") then
+                measure%kind = measure_marker
+                measure%link = coordinate%link
+                measure%component = coordinate%variable
+                quantity = length
+            else
+                call refuse_value(place, "coordinate", place%node%get("coordinate"), "= "//quoted(name)//" is an angle of a "// &
+                    "pose (expected a place of a pose, or a joint variable)", status)
+            end if
+        end associate
+    end subroutine read_coordinate_measure
 
     !> Onto the shelf, and its name among the symbols of formulas.
     subroutine add_measure(place, measure, quantity, shelf)

@@ -34,7 +34,8 @@ module linkdyn_scene
     public :: pose_position, pose_attitude, is_pose_part
     public :: drive_inverse, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, drive_over, &
         drive_controlled
-    public :: controller_spec, n_controller, feed_none, feed_law, feed_gravity, feed_inverse, windup_none, windup_clamp, windup_back
+    public :: controller_spec, n_controller, is_sampled, feed_none, feed_law, feed_gravity, feed_inverse
+    public :: windup_none, windup_clamp, windup_back
     public :: side_joint, side_torque, side_voltage, has_limits
 
     integer, parameter :: name_len = 64     !! longest name of a link, marker, joint, ...
@@ -536,6 +537,13 @@ contains
         n_controller = 0
         if (allocated(scene%controller)) n_controller = size(scene%controller)
     end function n_controller
+
+    !> Does a controller take samples? Else it is continuous.
+    elemental logical function is_sampled(controller)
+        type(controller_spec), intent(in) :: controller
+
+        is_sampled = controller%period > 0
+    end function is_sampled
 
     !> Sides of end stops.
     pure integer function n_stop(scene)

@@ -18,7 +18,7 @@ module linkdyn_recorded_rates
     use linkdyn_recorded_friction, only: friction_programs, friction_space, settle_block, settle_one, free_friction_programs, &
         free_friction_space
     use linkdyn_samples, only: sample_arrays, set_block
-    use linkdyn_scene, only: law_spec, law_over, drive_over, side_torque, side_voltage, measure_time
+    use linkdyn_scene, only: law_spec, law_over, drive_over, side_torque, side_voltage, measure_time, is_sampled
     use linkdyn_scene_program, only: scene_program, program_space, load_samples, run_samples, run_one_sample, output_target, &
         goes_to, free_scene_program, free_program_space
     implicit none (type, external)
@@ -90,7 +90,7 @@ contains
         type(model_type), intent(in) :: model
 
         measures_for_controllers = .false.
-        if (allocated(model%scene%controller)) measures_for_controllers = .not. all(model%scene%controller%period > 0)
+        if (allocated(model%scene%controller)) measures_for_controllers = .not. all(is_sampled(model%scene%controller))
     end function measures_for_controllers
 
     subroutine free_rates(recorded)
