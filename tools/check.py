@@ -2,7 +2,7 @@
 
 Usage: check.py [NAME ...]
 
-Names are `test`, the tests of the ordinary build as `make test` runs them, the ways below, and `blas`. Without a name: all. The last line is `N passed,
+Names are `test`, the tests of the ordinary build as `make test` runs them but with more of the fuzzer's cases, the ways below, and `blas`. Without a name: all. The last line is `N passed,
 N failed`, exit status 1 if anything failed. What cannot run on this machine is said before it.
 """
 
@@ -23,6 +23,8 @@ ORDINARY = BUILD / "wheel"
 TWIN = BUILD / "real128"
 ACCURACY = ("-m", "accuracy and not long")
 """Long runs never come to LAPACK."""
+FUZZ_CASES = "2000"
+"""Of the ordinary build; `make test` takes fewer."""
 TWIN_RESULTS = BUILD / "twin-results"
 """Of the twin, for all ways: they are the same."""
 OPTIMIZED_LITTLE = ("-Dbuildtype=plain", "-Doptimization=1")
@@ -200,6 +202,7 @@ def main(*names: str) -> int:
         return 2
     shutil.rmtree(TWIN_RESULTS, ignore_errors=True)
     os.environ["LINKDYN_TWIN_RESULTS"] = str(TWIN_RESULTS)
+    os.environ.setdefault("LINKDYN_FUZZ_CASES", FUZZ_CASES)
     total, lines = Count(), []
     for name in names or known:
         if name == "test":

@@ -145,8 +145,10 @@ def move(file: Path, reach: str, seed: int, *options: str) -> Motion:
     return Motion(case, run.variable_unit.values, results, variables_told(scene, run.variable.values))
 
 
-MOTIONS = [(file, reach, seed) for file in SCENES for reach in REACH for seed in range(1 if names(file) in SLOW else 2)]
-IDS = [f"{names(file)}-{reach}-{seed}" for file, reach, seed in MOTIONS]
+MOTIONS = [
+    pytest.param(file, reach, seed, marks=[pytest.mark.long] * (seed > 0), id=f"{names(file)}-{reach}-{seed}")
+    for file in SCENES for reach in REACH for seed in range(1 if names(file) in SLOW else 2)
+]
 
 
 def jumps(motion: Motion) -> Iterator[str]:
@@ -165,7 +167,7 @@ def jumps(motion: Motion) -> Iterator[str]:
         yield f"variable {k} from {motion.variable[i, k]:.9g} to {motion.variable[i + 1, k]:.9g} between samples {i} and {i + 1}"
 
 
-@pytest.mark.parametrize(("file", "reach", "seed"), MOTIONS, ids=IDS)
+@pytest.mark.parametrize(("file", "reach", "seed"), MOTIONS)
 def test_nothing_jumps_and_the_end_is_the_start(file: Path, reach: str, seed: int) -> None:
     motion = move(file, reach, seed)
     assert motion.good[0]
