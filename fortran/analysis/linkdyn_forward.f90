@@ -748,6 +748,7 @@ contains
         else
             call run%system%evaluate_on_lanes(instant, run%output, rate, failed)
             force = run%system%workspace%driving_force(1, :)
+            run%system%n_output = run%system%n_output + 1
         end if
         call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%turns, run%system%workspace%state, &
                               lane_q, lane_qd, lane_qdd)
