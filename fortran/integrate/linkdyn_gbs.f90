@@ -6,6 +6,7 @@
 !> **Source**: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.9.
 module linkdyn_gbs
     use linkdyn_extrapolation, only: extrapolation_method
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -65,7 +66,7 @@ contains
                 call system%evaluate(instant, self%trial, self%rate, failed)
                 system%n_used = lanes
                 self%n_evaluation = self%n_evaluation + 1
-                has_failed = any(failed .and. m <= 2*column)
+                has_failed = any(failed .and. m <= 2*column) .or. is_interrupted()
                 if (has_failed) return
                 do i = 1, size(y)
                     next = self%before(:, i) + (2*substep)*self%rate(:, i)

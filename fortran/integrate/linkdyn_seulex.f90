@@ -9,6 +9,7 @@
 module linkdyn_seulex
     use linkdyn_extrapolation, only: extrapolation_method
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -76,7 +77,7 @@ contains
                 call system%evaluate(instant, self%trial, self%rate, failed)
                 system%n_used = lanes
                 self%n_evaluation = self%n_evaluation + 1
-                has_failed = any(failed .and. m <= n_substep)
+                has_failed = any(failed .and. m <= n_substep) .or. is_interrupted()
                 if (has_failed) return
                 do i = 1, size(y)
                     self%before(:, i) = 0

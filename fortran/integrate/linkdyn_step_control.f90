@@ -16,6 +16,7 @@ module linkdyn_step_control
     use linkdyn_constants, only: golden, least_accuracy, two_pi
     use linkdyn_crossings, only: step_taken
     use linkdyn_exact_sum, only: add_exactly
+    use linkdyn_interrupt, only: is_interrupted
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
@@ -155,7 +156,8 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t_end
         real(wp), intent(in) :: t_kink                 !! never beyond; not before t_end
-        type(pause_type), intent(inout) :: pause       !! looked at before every trial; nothing in the results changes
+        type(pause_type), intent(inout) :: pause       !! looked at before every trial; nothing in the results changes. A trial
+                                                       !! during which the process is told to stop is none
         integer, intent(out) :: outcome                !! one of `step_*`; t and y are as before if not accepted
         type(trial_type) :: trial
 
@@ -164,11 +166,12 @@ contains
         if (.not. self%knows_rate) return
         do
             outcome = step_paused
-            if (pause%is_due()) return
+            if (pause%is_due() .or. is_interrupted()) return
             outcome = step_too_short
             if (self%has_broken_law) outcome = step_breaks_law
             if (self%t + self%step == self%t .or. .not. self%step > 0) exit
             call try_length(self, system, self%step, t_end, trial)
+            if (is_interrupted()) cycle
             call pause%note_work()
             if (trial%part <= 1) call look_at_end(self, system, trial)
             if (trial%part <= 1 .and. .not. trial%has_failed) then
@@ -386,6 +389,7 @@ contains
         type(trial_type), intent(inout) :: trial
         real(wp), intent(in) :: longest                !! that a step may be
         integer, intent(out) :: outcome
+        real(wp) :: rough(size(self%y))
 
         outcome = step_paused                          ! go on
         if (self%i_stretch == 0) then
@@ -400,14 +404,16 @@ contains
             if (trial%part < unexpected .and. trial%step > suspicious*self%longest &
                 .and. (trial%step > self%last .or. max(self%rtol, self%atol) > nearly_rounding)) return
             if (.not. trial%has_failed) then
-                self%is_rough = is_rounding(trial, rounding_of(self, system, trial))
+                rough = rounding_of(self, system, trial)
+                if (is_interrupted()) return
                 ! A jump of the rates: shorter steps come up to it, however much it looks like rounding.
-                if (system%has_jumped) self%is_rough = .false.
+                self%is_rough = is_rounding(trial, rough) .and. .not. system%has_jumped
                 if (.not. self%is_rough) return
             end if
             self%best_score = huge(1.0_wp)
         else
             call consider(self, system, trial)
+            if (is_interrupted()) return
         end if
         if (self%is_rough .and. (self%best_score <= unexpected &
                                  .or. (self%i_stretch >= n_longer .and. self%best_score < huge(1.0_wp)))) then
@@ -435,6 +441,7 @@ contains
 
         if (trial%has_failed) return
         rough = rounding_of(self, system, trial)
+        if (is_interrupted()) return
         self%is_rough = self%is_rough .or. (is_rounding(trial, rough) .and. .not. system%has_jumped)
         score = max(trial%part, maxval(rough/trial%allowed))
         if (.not. score < self%best_score) return
@@ -485,6 +492,7 @@ contains
         if (self%n_unseen <= most_unseen) return
         self%n_unseen = 0
         rough = rounding_of(self, system, trial)
+        if (is_interrupted()) return
         self%roughness = merge(0.0_wp, 1.0_wp, all(explained*rough <= trial%asked))*rough/trial%step
     end subroutine watch_roughness
 

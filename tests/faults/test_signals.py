@@ -74,13 +74,13 @@ def test_sign_of_life_and_first_signal(endless, signal_number, tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
-@pytest.mark.parametrize("method", ["rk8pd", "gbs"])
+@pytest.mark.parametrize(("method", "stiffness"), [("rk8pd", "1e9"), ("gbs", "1e9"), ("seulex", "1e12")])
 @pytest.mark.parametrize("signal_number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
-def test_signal_between_output_instants(method, signal_number, tmp_path):
-    """A stiff spring asks for a million steps up to the next instant of output."""
+def test_signal_between_output_instants(method, stiffness, signal_number, tmp_path):
+    """A stiff spring asks for a million steps up to the next instant of output, or for trials of a step that take seconds."""
     scene = (ROOT / "tests" / "python" / "scenes" / "stiff_spring.toml").read_text()
     assert "stiffness = 1e+31" in scene
-    (tmp_path / "scene.toml").write_text(scene.replace("stiffness = 1e+31", "stiffness = 1e9"))
+    (tmp_path / "scene.toml").write_text(scene.replace("stiffness = 1e+31", f"stiffness = {stiffness}"))
     command = ["forward", "scene.toml", "--until", "50", "--samples", "2", "--method", method, "--no-output"]
     process = start(command, tmp_path, stderr=subprocess.DEVNULL)
     try:
