@@ -3,7 +3,7 @@
 module test_recorded_rates
     use linkdyn_builder, only: build_model
     use linkdyn_forward, only: forward_options, forward_results, forward_run, integrator_options, start_forward, advance_forward, &
-        finish_forward, run_ensemble, method_rk4
+        finish_forward, run_ensemble, method_gbs, method_rk4
     use linkdyn_forward_state, only: fill_start
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_kinds, only: wp
@@ -44,7 +44,8 @@ contains
                  new_test("groups closed by iteration", test_iterated), new_test("a free body", test_free_body), &
                  new_test("a frame that moves", test_moving_frame), &
                  new_test("controllers", test_controllers), &
-                 new_test("a run", test_run), new_test("forces of a motion", test_motion_forces), &
+                 new_test("a run", test_run), new_test("instants closer than steps", test_close_instants), &
+                 new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
                  new_test("an ensemble", test_ensemble)]
     end subroutine collect_recorded_rates
@@ -252,6 +253,24 @@ contains
         call check(error, n_by_record > 4000, "nearly all rates come from the record: "//to_text(n_by_record))
         call check_close(error, by_record, by_lanes, 1.0e5_wp*epsilon(1.0_wp)*maxval(abs(by_lanes)), "crank")
     end subroutine test_run
+
+    !> Instants of output closer than the steps are steps, too: that many are worth a record, however few steps there are.
+    subroutine test_close_instants(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n = 2000
+        type(model_type), target :: model
+        real(wp) :: t(n), close(1, n), ends(1, 2)
+        integer :: n_by_record, n_unasked, i
+
+        t = [(0.5_wp*i/n, i=1, n)]
+        call load_model(error, "examples/fourbar_constant_torque/scene", model)
+        associate (options => integrator_options(method=method_gbs))
+            call run_to_end(error, model, options, .true., t, close, n_by_record)
+            call run_to_end(error, model, options, .false., t([n/2, n]), ends, n_unasked)
+        end associate
+        call check(error, n_by_record > n, "nearly all rates come from the record: "//to_text(n_by_record))
+        call check_close(error, close(:, [n/2, n]), ends, 1.0e-8_wp, "crank")
+    end subroutine test_close_instants
 
     !> Drives that apply what the scene's motion asks for: the crank keeps to its law by either road.
     subroutine test_motion_forces(error)
