@@ -27,6 +27,8 @@ BAR, EDGE = 5.0, 1.3
 FONT = 8.0
 STRAIGHT = 1e-6
 """How far a slide may be from the line through both hinges, as a part of their distance, to be a cylinder."""
+PLATE: dict[str, Any] = {"boxstyle": "square,pad=0.05", "facecolor": (1.0, 1.0, 1.0, 0.6), "edgecolor": "none"}
+"""Names can be read where they have to stand on lines."""
 SOLID = "solid"
 """Mark of the patches on which no name may stand."""
 
@@ -294,7 +296,7 @@ def _draw_slider(ax: Axes, posture: Posture, joint: dict[str, Any], unit: float)
 
 
 def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylinder]) -> None:
-    """Each name where it is farthest from lines, joints and names already written; a cylinder has one name."""
+    """Each name where it is farthest from lines and joints, and on no other name; a cylinder has one name."""
     told = {cylinder.name: 0.5 * (cylinder.foot + cylinder.head) for cylinder in cylinders}
     hidden = {link for cylinder in cylinders for link in cylinder.joint["links"]}
     joints = [joint for joint in posture.scene.description["joints"] if joint["name"].rpartition(".")[0] not in told and joint["name"] not in told]
@@ -318,18 +320,21 @@ def _write_names(ax: Axes, posture: Posture, unit: float, cylinders: list[_Cylin
             centre = outline.mean(axis=0)
             taken = np.concatenate([taken, *(centre + part * (outline - centre) for part in (1.0, 0.6, 0.2))])
     low, high = np.array([ax.get_xlim(), ax.get_ylim()]).T
+    boxes: list[tuple[Points, Points]] = []
     for text, anchor, colour, is_link in anchors:
         half = unit * np.array([0.36 * len(text), 0.62]) * (FONT / 8.0)
         places = _places_around(anchor, half, unit, is_link)
         boxed = np.array([_clearance(taken, place, half) for place in places])
         outside = ((places - half < low) | (places + half > high)).any(axis=1)
+        covered = np.array([sum(_overlap(place, half, *box) for box in boxes) for place in places])
         distance = np.linalg.norm(places - anchor, axis=1)
-        score = np.minimum(boxed, 1.2 * unit) - 0.25 * distance - 100 * unit * outside
+        score = np.minimum(boxed, 1.2 * unit) - 0.25 * distance - 100 * unit * outside - 5 * covered
         place = places[np.argmax(score)]
         style: dict[str, Any] = {"color": colour}
         if is_link:
             style = {"fontstyle": "italic", "color": tuple(0.7 * c for c in to_rgb(colour))}
-        ax.text(place[0], place[1], text, fontsize=FONT, ha="center", va="center", zorder=7, **style)
+        ax.text(place[0], place[1], text, fontsize=FONT, ha="center", va="center", zorder=7, bbox=PLATE, **style)
+        boxes.append((place, half))
         grid = np.linspace(-1.0, 1.0, 5)
         taken = np.concatenate([taken, place + half * np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)])
 
@@ -351,9 +356,14 @@ def _sampled(corners: Points, step: float) -> Points:
 def _places_around(anchor: Points, half: Points, unit: float, is_link: bool) -> Points:
     angles = np.arange(24) * (2 * np.pi / 24)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    rings = [0.7, 1.4, 2.4] if is_link else [0.6, 1.2, 2.0]
+    rings = [0.7, 1.4, 2.4] if is_link else [0.6, 1.2, 2.0, 3.0]
     places = [anchor + directions * (half + ring * unit) for ring in rings]
     return np.concatenate([[anchor], *places] if is_link else places)
+
+
+def _overlap(centre: Points, half: Points, other: Points, other_half: Points) -> float:
+    """How far one box would have to go to leave another; zero if it is outside."""
+    return max(0.0, float(np.min(half + other_half - np.abs(centre - other))))
 
 
 def _clearance(points: Points, centre: Points, half: Points) -> float:
