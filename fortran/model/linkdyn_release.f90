@@ -149,8 +149,8 @@ contains
         end do
         call fail(status, status_bad_input, "redundancy = 'stiffness': "//to_text(size(left, 2)) &
                   //trim(merge(" way ", " ways", size(left, 2) == 1))//" to share the reactions of joints " &
-                  //names &
-                  //" bend no joint that has a 'stiffness' (expected it of more of them, or 'minimum-norm')")
+                  //names//trim(merge(" bends", " bend ", size(left, 2) == 1)) &
+                  //" no joint that has a 'stiffness' (expected it of more of them, or 'minimum-norm')")
     end subroutine check_stiffness
 
     !> Self-stresses in poses off the start; none if the first of these cannot be closed. The others are all over the place: those

@@ -493,4 +493,4 @@ def test_refusal_on_request() -> None:
 
 def test_stiffness_must_decide() -> None:
     scene = planets(2) | {"redundancy": "stiffness"}
-    assert "bend no joint that has a 'stiffness'" in refused(scene)
+    assert "bends no joint that has a 'stiffness'" in refused(scene)
