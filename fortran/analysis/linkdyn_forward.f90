@@ -683,6 +683,10 @@ contains
             reason = reason//"coordinate "//quoted(run%model%scene%coordinate(run%dead_coordinate)%name) &
                      //" comes to its dead point"
             if (run%options%switches) reason = reason//", and no other joint variable can take its place"
+        else if (run%system%bounce%is_ahead) then
+            reason = reason//"a coordinate that is part of a pose or of a joint with several axes comes to its dead point, where " &
+                     //"it turns back and the mechanism goes on (expected hinges or slides as coordinates: others can take " &
+                     //"their places)"
         else if (run%system%assembly%map_lost(1) > 0) then
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)

@@ -5,6 +5,7 @@
 module linkdyn_forward_system
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_assembly_trail, only: sample_assembly
+    use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, look_at_end, note_start
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, evaluate_assembled, &
         accept_assembly
     use linkdyn_constants, only: golden, two_pi
@@ -69,6 +70,7 @@ module linkdyn_forward_system
         real(wp) :: surplus_noise = 0                  !! what rounding makes of it [J]
         real(wp), private :: surplus_noise_tried = 0   !! the same of the state looked at last
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
+        type(bounce_watch) :: bounce                   !! on the other coordinates
         logical, private :: is_compared = .false.      !! the watch's ratios at the state evaluated last are known:
         real(wp), allocatable, private :: ratio_tried(:, :)    !! these (n_variable, n_q)
         ! ---- drives `inverse` of free coordinates: the force that the scene's motion law asks for
@@ -173,6 +175,8 @@ contains
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
         system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         system%may_jump = size(model%scene%laws%law) > 0
+        call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
+        if (system%bounce%is_on) system%workspace%state%world_rates = .true.
         call prepare_events(model, system)
         call prepare_controllers(model, system, status)
         allocate (system%brake(lanes, model%n_actuator), source=0.0_wp)
@@ -381,6 +385,7 @@ contains
             call weigh_energy(self, y)
             self%surplus_noise = self%surplus_noise_tried
         end if
+        if (self%bounce%is_on) call note_start(self%model, self%assembly%state, t(1), self%bounce)
         call accept_motion(t, is_accepted, self%of_motion)
         if (allocated(self%turning)) then
             if (size(self%turning) > 0) call follow_angles(self, t, y, is_accepted)
@@ -1039,12 +1044,18 @@ contains
         self%surplus_noise_tried = noise
     end function broken_law
 
-    !> Has a coordinate come past where it should be exchanged?
-    logical function leads_too_far(self)
+    !> Has a coordinate come past where it should be exchanged, or the mechanism been thrown back at its dead point?
+    logical function leads_too_far(self, t)
         class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
         real(wp), allocatable :: accepted(:, :)
 
         leads_too_far = .false.
+        if (self%bounce%is_on) then
+            call catch_up(self)
+            call look_at_end(self%model, self%workspace%state, t, self%workspace%acceleration(1, :), self%bounce, leads_too_far)
+            if (leads_too_far) return
+        end if
         if (.not. (self%watch%is_on .and. self%watch%may_exchange)) return
         accepted = self%watch%ratio
         call catch_up(self)

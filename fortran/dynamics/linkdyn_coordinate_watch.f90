@@ -18,7 +18,7 @@ module linkdyn_coordinate_watch
         joint_screw, frame_link
     implicit none (type, external)
     private
-    public :: coordinate_watch, prepare_watch, compare_rates, note_rates, forget_rates, grows, is_near_dead_point, &
+    public :: coordinate_watch, has_one_axis, prepare_watch, compare_rates, note_rates, forget_rates, grows, is_near_dead_point, &
         is_well_past, dead_coordinate
 
     ! Of ratios, to what they were at best.

@@ -94,9 +94,11 @@ contains
         is_broken = .false.
     end function has_broken_law
 
-    !> Does the state evaluated last lie beyond where the caller would have come to rest? A shorter step gets there.
-    logical function leads_too_far(self)
+    !> Does the state evaluated last lie beyond where the caller would have come to rest, or on no way from the accepted one? A
+    !> shorter step gets there.
+    logical function leads_too_far(self, t)
         class(lane_system), intent(inout) :: self
+        real(wp), intent(in) :: t                        !! of that state
 
         leads_too_far = .false.
     end function leads_too_far

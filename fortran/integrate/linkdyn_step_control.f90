@@ -291,7 +291,7 @@ contains
         self%n_evaluation = self%n_evaluation + 1
         trial%mode = system%mode(1)
         if (trial%has_failed) return
-        trial%is_too_far = system%leads_too_far()
+        trial%is_too_far = system%leads_too_far(self%t + trial%step)
         trial%has_failed = trial%is_too_far
         if (trial%has_failed) return
         error = trial%allowed

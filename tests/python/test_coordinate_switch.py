@@ -514,3 +514,35 @@ def test_no_exchange_without_dead_point() -> None:
         assert run.attrs["stopped"] == "" and run.attrs.get("coordinates_integrated", "") == ""
         errors.append(abs(run.q.values[-1, 0] - 6.287023252453347))
     assert errors[0] < 2e-3 and errors[1] < errors[0] / 2**3.8 and errors[2] < errors[1] / 2**3.8
+
+
+# ---------------------------------------------------------------- coordinates that nothing can stand in for
+
+SCENES = Path(__file__).resolve().parent / "scenes"
+
+
+@pytest.mark.parametrize(("tolerance", "within"), [(1e-9, 2e-6), (1e-6, 1e-4)])
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
+@pytest.mark.parametrize(("name", "end"), [("fivebar_by_tip", 0.281655), ("hooke_by_angle", 0.365021)])
+def test_nothing_is_thrown_back(name: str, end: float, method: str, tolerance: float, within: float) -> None:
+    """At its dead point a pose turns back and the mechanism goes on. A state before that point has the same coordinates as one
+    behind it: a step over it would end in the former, with all joints turning the other way."""
+    try:
+        run = linkdyn.load(SCENES / f"{name}.toml").forward(method=method, rtol=tolerance, atol=tolerance, step=2e-3, want="power")
+    except linkdyn.UnavailableError as error:
+        pytest.skip(f"a build without {method}: {error}")
+    good = run.status.values == 0
+    assert (good == (run.time.values < end)).all()
+    energy = (run.kinetic_energy + run.potential_energy).values[good]
+    assert np.ptp(energy) < 100 * tolerance * np.abs(energy).max() + 10 * tolerance
+    assert float(run.attrs["stopped"].split("t = ")[1].split(" s")[0]) == pytest.approx(end, abs=within)
+
+
+def test_the_tip_of_a_five_bar_by_its_cranks() -> None:
+    """The instant of the test above, by coordinates that have no dead point there."""
+    scene = tomllib.loads((SCENES / "fivebar_by_tip.toml").read_text())
+    scene["coordinate"] = [{"joint": "A", "start": {"position": 2.0, "velocity": 1.0}}, {"joint": "D", "start": {"position": 1.1, "velocity": 2.0}}]
+    scene["measures"] = {"elbow": {"joint": "B"}}
+    scene["event"] = [{"name": "stretched", "when": "sin(elbow)"}]
+    run = linkdyn.Scene(scene).forward(0.4, **TIGHT)
+    assert run.event_time.values[0] == pytest.approx(0.281655, abs=1e-6)
