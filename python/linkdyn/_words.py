@@ -85,6 +85,16 @@ class LegLink(TypedDict, total=False):
     inertia_check: bool
 
 
+class WordLink(TypedDict, total=False):
+    """A link of a chain that is a row of letters; ``to`` leads from its first joint to its next [m]."""
+
+    to: Vector
+    mass: Quantity
+    cog: Vector
+    inertia: Quantity | Vector | Mapping[str, Vector]
+    inertia_check: bool
+
+
 def table_of(keys: Mapping[str, Any]) -> Table:
     """Arguments of a function as a table of the scene file: what is None is left out, ``from_`` is the key ``from``."""
     return {"from" if key == "from_" else key: plain(value) for key, value in keys.items() if value is not None}
