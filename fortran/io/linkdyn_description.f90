@@ -320,7 +320,8 @@ contains
                    //pair("inertia", number(motor%inertia))//","//pair("efficiency", number(motor%efficiency))//"," &
                    //pair("back_efficiency", number(motor%back_efficiency))//"," &
                    //pair("torque_constant", number(motor%torque_constant))//"," &
-                   //pair("resistance", number(motor%resistance))//"}"
+                   //pair("resistance", number(motor%resistance))//"," &
+                   //pair("inductance", number(motor%inductance))//"}"
         end associate
     end function motor_object
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ._arguments import as_known, as_path
 from ._output import text_inputs, write_output
 from ._toml import as_toml
-from ._words import Drive, Law, LegLink, Marker, Named, Quantity, Stiffness, Table, Vector, WordLink, plain, table_of
+from ._words import Drive, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, plain, table_of
 from .errors import SceneError
 
 if TYPE_CHECKING:
@@ -498,7 +498,7 @@ class Builder:
 
     def belt(
         self, name: str, first: str, second: str, *, radii: Sequence[Quantity], run: Literal["open", "crossed"] | None = None,
-        phase: Quantity | None = None, repeat: int | None = None,
+        phase: Quantity | None = None, strands: Strands | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """A belt or chain over two wheels, each of which has its hinge already.
 
@@ -514,6 +514,8 @@ class Builder:
             "crossed": the wheels turn against each other.
         phase
             Angle of the second where that of the first is zero [rad].
+        strands
+            It stretches: stiffness [N/m], damping [N s/m] and pretension [N] of each strand, ``{"stiffness": 2e5, "pretension": 400}``.
         repeat
             Copies.
         """
