@@ -10,7 +10,7 @@ module linkdyn_belt_measures
     use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.), vec3_of
     implicit none (type, external)
     private
-    public :: measure_strands, belt_wrench_on, strand_energy
+    public :: measure_strands, measure_stretch, belt_wrench_on, strand_energy
 
 contains
 

@@ -169,3 +169,47 @@ def test_turns_are_counted() -> None:
                       {"name": "C", "type": "revolute", "between": ["frame.C", "crank.O"]}]
     with pytest.raises(linkdyn.SceneError, match="belt 'belt' stretches, and the turns of joint 'A' are not counted"):
         linkdyn.Scene(data)
+
+
+def led(k: float = K, r: float = R1) -> dict[str, Any]:
+    """Both shafts led by motions; stiffness and a radius are parameters."""
+    data = belt(stiffness="k") | {"variables": {"k": str(k), "r": str(r)}}
+    data["joint"][2]["radii"] = ["r", R2]
+    data["coordinate"] = [{"joint": "A", "motion": {"law": "constant-rate", "rate": 3.0}}, {"joint": "B", "motion": {"law": "harmonic", "amplitude": 0.1, "frequency": 1}}]
+    data["actuator"] = [{"joint": "A"}, {"joint": "B"}]
+    return data
+
+
+def test_designs_and_ensembles() -> None:
+    """A sweep over stiffness and radius finds of each design what a scene of its own does; members of an ensemble are runs."""
+    data = led()
+    angles = ([0.02, 0.1], [0.0, 0.01])
+    data["sweep"] = {"reduce": ["driving_force"], "axis": [
+        {"coordinate": "A", "values": angles[0]}, {"coordinate": "B", "values": angles[1]},
+        {"parameter": "variables.k", "values": [1e5, 2e5, 4e5]}, {"parameter": "variables.r", "values": [0.03, 0.04]}]}  # fmt: skip
+    found = linkdyn.Scene(data).sweep()
+    q = np.array([[a, b] for a in angles[0] for b in angles[1]])
+    for i, (k, r) in enumerate(found.design_value.values):
+        own = linkdyn.Scene(led(k, r)).inverse(q=q, qd=0 * q, qdd=0 * q).driving_force.values
+        np.testing.assert_allclose(found.driving_force_max.values[i], own.max(axis=0), rtol=1e-12)
+        np.testing.assert_allclose(found.driving_force_min.values[i], own.min(axis=0), rtol=1e-12)
+        pull = k * (r * q[:, 0] - R2 * q[:, 1])
+        force = np.maximum(T0 + pull, 0) - np.maximum(T0 - pull, 0)
+        np.testing.assert_allclose(own, np.outer(force, [1, 0]) * r - np.outer(force, [0, 1]) * R2, atol=1e-9)
+    t = np.linspace(0.0, 0.1, 21)
+    start = np.array([[0.0, 0.0], [1.0, 0.33]])
+    members = linkdyn.Scene(belt()).ensemble(q=start, qd=np.zeros((2, 2)), t=t, step=5e-5)
+    for k in range(2):
+        data = belt()
+        data["coordinate"] = [{"joint": j, "start": v} for j, v in zip("AB", start[k])]
+        np.testing.assert_allclose(members.q.values[k], linkdyn.Scene(data).forward(t=t).q.values, atol=1e-8)
+
+
+def test_too_stiff_a_belt_is_named() -> None:
+    """Where its motion is too fast for any step the run says so, and how long it takes."""
+    data = belt(stiffness=2e17, pretension=1e14)
+    data["coordinate"] = [{"joint": "A", "start": {"position": 0.0, "velocity": 3.0}}, {"joint": "B"}]
+    words = linkdyn.Scene(data).forward(5.0, method="rk8pd").attrs["stopped"]
+    assert "belt 'belt' is too stiff" in words
+    period = float(words.partition("its motion takes ")[2].partition(" s")[0])
+    assert period == pytest.approx(2 * np.pi / np.sqrt(2 * 2e17 * (R1**2 / J1 + R2**2 / J2)), rel=1e-5)
