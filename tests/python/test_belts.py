@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import linkdyn
+import linkdyn.cycle
 import numpy as np
 import pytest
 
@@ -159,6 +160,9 @@ def test_energy_of_a_run() -> None:
 
 def test_turns_are_counted() -> None:
     """A wheel on a linkage whose turns nobody counts is refused; contributions by cause are, too."""
+    scene = linkdyn.Scene(led())
+    with pytest.raises(linkdyn.InputError, match="a belt stretches"):
+        linkdyn.cycle.contributions(scene.inverse(), scene)
     data = tomllib.loads(SCENE.read_text())
     data["coordinate"].pop(0)
     data["coordinate"].append({"joint": "C"})
@@ -213,3 +217,16 @@ def test_too_stiff_a_belt_is_named() -> None:
     assert "belt 'belt' is too stiff" in words
     period = float(words.partition("its motion takes ")[2].partition(" s")[0])
     assert period == pytest.approx(2 * np.pi / np.sqrt(2 * 2e17 * (R1**2 / J1 + R2**2 / J2)), rel=1e-5)
+
+
+def test_motion_of_a_rim() -> None:
+    """Python's own motion of links takes such a belt for no constraint: a point on the drum goes round with the drum alone."""
+    data = tomllib.loads(SCENE.read_text())
+    data["link"][1]["markers"]["P"] = [0.1, 0.0]
+    scene = linkdyn.Scene(data)
+    run = scene.forward(0.05, want="all")
+    told = linkdyn.cycle.marker(run, "drum.P", scene)
+    angle, rate, rate2 = (run[name].values[:, 1] for name in ("q", "qd", "qdd"))
+    arm = 0.1 * np.column_stack([np.cos(angle), np.sin(angle)])
+    across = np.column_stack([-arm[:, 1], arm[:, 0]])
+    np.testing.assert_allclose(told.acceleration.values[:, :2], rate2[:, np.newaxis] * across - (rate**2)[:, np.newaxis] * arm, atol=1e-8 * np.abs(rate2).max())
