@@ -293,7 +293,7 @@ contains
     pure logical function is_released(joint)
         type(joint_type), intent(in) :: joint
 
-        is_released = joint%kind /= joint%told_kind .and. .not. holds_spin(joint)
+        is_released = joint%kind /= joint%told_kind .and. .not. (holds_spin(joint) .or. joint%belt > 0)
     end function is_released
 
     !> Is the step one of the planar dyads?
