@@ -18,7 +18,7 @@ module linkdyn_drive_inverse
         result_driving_speed, result_driving_power, result_reaction, result_joint_variable, result_joint_rate, result_status, &
         result_rcond, result_singularity_distance, result_error, result_growth, result_transmission_angle, &
         result_friction, result_friction_power, result_transmission_force, &
-        result_contact_force, result_pressure_angle, view_motor_loads, &
+        result_contact_force, result_pressure_angle, result_strand_force, view_motor_loads, &
         result_power_imbalance, result_driving_force_error, &
         result_reaction_error, result_assembly, variable_index
     use linkdyn_run_output, only: output_type, open_results, put_results, note_result, note_roads, note_assembly, close_results, &
@@ -274,6 +274,7 @@ contains
         call view_values(layout, result_transmission_angle, n, block, results%transmission_angle)
         call view_values(layout, result_contact_force, n, block, results%contact_force)
         call view_values(layout, result_pressure_angle, n, block, results%pressure_angle)
+        call view_values(layout, result_strand_force, n, block, results%strand_force)
         if (allocated(scratch%driving_force)) results%driving_force => scratch%driving_force(:, :n)
         if (allocated(scratch%joint_rate)) results%joint_rate => scratch%joint_rate(:, :n)
         if (allocated(states%time)) then

@@ -22,12 +22,12 @@ GROUPS = {
     "Platforms": ("stewart_drilling", "stewart_workspace", "stewart_tsai", "stewart_taghirad", "stewart_aris", "stewart_mathworks",
                   "delta", "tripod", "ship_hexapod"),
     "Screws, tables, welds": ("screw_lift", "air_bearing_stage"),
-    "More constraints than needed": ("agile_eye",),
+    "More constraints than needed": ("agile_eye", "tripteron"),
     "Gears and belts": ("planetary_crank", "planetary_gearbox", "geared_fivebar"),
     "Cams and slots": ("valve_train",),
     "Set going": ("fourbar_start", "fourbar_constant_torque", "fivebar_motors", "andrews", "n_fourbar", "rcsp_start", "spatial_slider_crank",
                   "flyball_governor", "stewart_forward", "double_wishbone", "cart_pole",
-                  "stopped_rocker", "hoist", "fivebar_pick"),
+                  "stopped_rocker", "hoist", "belt_drive", "fivebar_pick"),
 }
 HEAD = """\
 # Gallery

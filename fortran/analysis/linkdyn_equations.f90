@@ -463,7 +463,7 @@ contains
         n = equations%formulation%n_unknown
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         workspace%state%has_applied = equations%are_solved .and. &
-                                      (size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 &
+                                      (size(model%scene%spring) + size(model%belt) + size(model%scene%laws%law) > 0 &
                                        .or. model%scene%base%moves .or. has_hard_stops(model%scene) .or. size(model%contact) > 0 &
                                        .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world

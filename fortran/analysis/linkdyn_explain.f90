@@ -145,6 +145,7 @@ contains
                     what = what//", "//counted(carried(2), "moment")
                 end if
                 if (any(model%contact%joint == j)) what = what//", friction"
+                if (joint%belt > 0) what = "none: its strands pull as far as they are stretched"
                 write (unit, "(2x,a24,a,1x,a)") adjustl(joint%name), joint_kind_name(joint%told_kind), what
             end associate
         end do

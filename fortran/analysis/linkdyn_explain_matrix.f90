@@ -69,7 +69,7 @@ contains
         call build_formulation(model, style_lecture, formulation)
         call mark_applied(model, spread(.false., 1, model%n_actuator), formulation)
         call prepare_kinematics(model, 0, state)
-        state%has_applied = size(model%scene%spring) + size(model%scene%laws%law) > 0 .or. model%scene%base%moves
+        state%has_applied = size(model%scene%spring) + size(model%belt) + size(model%scene%laws%law) > 0 .or. model%scene%base%moves
         state%world_rates = .true.
         state%q = spread(q, 1, lanes)
         state%qd = spread(qd, 1, lanes)

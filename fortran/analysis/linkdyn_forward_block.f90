@@ -7,7 +7,7 @@ module linkdyn_forward_block
         result_joint_variable, result_joint_rate, result_status, result_rcond, result_error, result_growth, &
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
         result_closure, result_step, result_stand_in, result_assembly, result_friction, result_friction_power, &
-        result_transmission_force, result_brake_torque, result_contact_force, result_pressure_angle, &
+        result_transmission_force, result_brake_torque, result_contact_force, result_pressure_angle, result_strand_force, &
         result_controller_target, result_controller_error, result_controller_output, result_controller_limited, view_motor_loads
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
@@ -66,6 +66,7 @@ contains
             call view_values(layout, result_transmission_angle, n, block, forces%transmission_angle)
             call view_values(layout, result_contact_force, n, block, forces%contact_force)
             call view_values(layout, result_pressure_angle, n, block, forces%pressure_angle)
+            call view_values(layout, result_strand_force, n, block, forces%strand_force)
             call view_values(layout, result_kinetic_energy, n, block, forces%kinetic_energy)
             call view_values(layout, result_potential_energy, n, block, forces%potential_energy)
             call view_values(layout, result_closure, n, block, forces%closure)

@@ -119,6 +119,9 @@ contains
                 call copy(from%system%layout%integral(k), system%layout%integral(k))
                 call copy(from%system%layout%slope(k), system%layout%slope(k))
             end do
+            do k = 1, size(system%layout%current)
+                call copy(from%system%layout%current(k), system%layout%current(k))
+            end do
             call system%take_over(from%system, t, y)
             call system%look_at(spread(t, 1, lanes), y)
             fits = is_same_place(model, system%watch%state, from%system%watch%state)
@@ -126,7 +129,7 @@ contains
 
     contains
 
-        !> What a controller has in y.
+        !> What a controller or a motor has in y.
         subroutine copy(place_before, place)
             integer, intent(in) :: place_before, place    !! 0: it has none
 

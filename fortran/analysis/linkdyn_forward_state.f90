@@ -1,7 +1,7 @@
 !> What forward dynamics integrates: for every free coordinate its value and rate, for every free pose position,
 !> quaternion, velocity and angular velocity, for every free spherical joint quaternion and angular velocity, since three
 !> angles are not regular everywhere; the angles of coordinates that others stand in for, which count their
-!> turns; integrals and filters of continuous controllers; last the work of the driving forces, and the energy that all forces but
+!> turns; integrals and filters of continuous controllers; currents in windings; last the work of the driving forces, and the energy that all forces but
 !> gravity supply.
 module linkdyn_forward_state
     use linkdyn_drives, only: law_on_lanes
@@ -12,6 +12,7 @@ module linkdyn_forward_state
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_pose, gives_attitude, attitude_angles, repeats
+    use linkdyn_motor_laws, only: has_winding
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
     use linkdyn_quaternion, only: rotation_of_quaternion, quaternion_rate, quaternion_of_rpy
@@ -36,6 +37,7 @@ module linkdyn_forward_state
         integer, allocatable :: counted(:)       !! angle that a coordinate stands in for; 0: none (n_q)
         integer, allocatable :: integral(:)      !! I part of a continuous controller; 0: it has none (n_controller)
         integer, allocatable :: slope(:)         !! its D part behind a filter; 0: it has none (n_controller)
+        integer, allocatable :: current(:)       !! in the winding of a motor; 0: it has no inductance (n_actuator)
         integer :: work = 0                      !! of the driving forces
         integer :: supplied = 0                  !! energy that all forces but gravity have supplied
     end type state_layout
@@ -114,6 +116,12 @@ contains
             layout%counted(k) = layout%n
         end do
         call plan_controllers(model%scene, layout)
+        allocate (layout%current(model%n_actuator), source=0)
+        do k = 1, model%n_actuator
+            if (.not. has_winding(model%scene%actuator(k))) cycle
+            layout%n = layout%n + 1
+            layout%current(k) = layout%n
+        end do
         layout%work = layout%n + 1
         layout%supplied = layout%n + 2
         layout%n = layout%n + 2

@@ -40,7 +40,7 @@ module linkdyn_forward_system
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
-    use linkdyn_motor_laws, only: torque_of_law, brake_torque
+    use linkdyn_motor_laws, only: torque_of_law, brake_torque, current_rate
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_controller, is_sampled, controller_spec, &
@@ -83,6 +83,7 @@ module linkdyn_forward_system
         logical, private :: has_continuous = .false., has_sampled = .false.
         ! ---- laws at motors
         real(wp), allocatable :: brake(:, :)           !! taken of motors' torques at the state evaluated last (lane, n_actuator) [N m]
+        real(wp), allocatable :: current_rate(:, :)            !! in windings, at the states evaluated last (lane, n_actuator) [A/s]
         real(wp), private :: t_braked(lanes) = 0       !! end of the accepted step: a brake that comes on there was off until then [s]
         real(wp), allocatable, private :: switched(:, :)    !! last event that switched a brake (lane, n_actuator) [s]; -huge: none
         logical, allocatable, private :: is_on(:, :)   !! since then (lane, n_actuator)
@@ -179,7 +180,7 @@ contains
         if (system%bounce%is_on) system%workspace%state%world_rates = .true.
         call prepare_events(model, system)
         call prepare_controllers(model, system, status)
-        allocate (system%brake(lanes, model%n_actuator), source=0.0_wp)
+        allocate (system%brake(lanes, model%n_actuator), system%current_rate(lanes, model%n_actuator), source=0.0_wp)
         allocate (system%switched(lanes, model%n_actuator), source=-huge(1.0_wp))
         allocate (system%is_on(lanes, model%n_actuator), source=.false.)
         if (.not. (wants_motion(model) .or. (any(system%by_inverse) .and. .not. allocated(system%given_force)))) return
@@ -556,12 +557,13 @@ contains
                 end if
             end do
             if (self%control%n > 0) call drive_by_controllers(self, t, y)
-            if (any(model%scene%actuator%drive%side /= side_joint)) call drive_by_motors(self, t)
+            if (any(model%scene%actuator%drive%side /= side_joint)) call drive_by_motors(self, t, y)
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self)) call hold_at_stops(self, t, y)
             call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
             call pack_control_rates(self, rate)
+            call pack_current_rates(self, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
             if (self%may_jump) call self%note_mode(workspace%state%mode, rate)
             failed = workspace%status /= sample_ok
@@ -753,10 +755,11 @@ contains
     ! ---------------------------------------------------------------- motors
 
     !> The same in a record's samples, whose states are placed; what is lost is taken off.
-    subroutine drive_record_by_motors(self, n, t)
+    subroutine drive_record_by_motors(self, n, t, y)
         class(forward_system), intent(inout) :: self
         integer, intent(in) :: n
         real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
         real(wp) :: speed, braked
         integer :: i, k, lane
 
@@ -769,7 +772,7 @@ contains
                         speed = motor%ratio*self%record%samples%qd(k, lane)
                         braked = brake_torque(motor, min(t(lane), self%t_braked(lane)), self%switched(lane, i), &
                                               self%is_on(lane, i), speed)
-                        effort = motor%ratio*(torque_of_law(motor, drive%side, effort, speed) - braked)
+                        effort = motor%ratio*(motor_torque(self, i, lane, y, effort, speed) - braked)
                     end associate
                 end do
             end associate
@@ -780,11 +783,12 @@ contains
     end subroutine drive_record_by_motors
 
     !> What motors give at their joint variables, where laws are about them, less what brakes take of it.
-    subroutine drive_by_motors(self, t)
+    subroutine drive_by_motors(self, t, y)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)               !! [s]
-        real(wp) :: speed(lanes)
-        integer :: i
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp) :: speed(lanes), torque(lanes)
+        integer :: i, lane
 
         associate (model => self%model, workspace => self%workspace)
             call actuator_rates(model, workspace%state, workspace%driving_rate)
@@ -794,12 +798,46 @@ contains
                     if (self%equations%unknown%drive(i) .or. drive%side == side_joint) cycle
                     speed = motor%ratio*workspace%driving_rate(:, i)
                     self%brake(:, i) = brake_torque(motor, min(t, self%t_braked), self%switched(:, i), self%is_on(:, i), speed)
-                    force = motor%ratio*(torque_of_law(motor, drive%side, force, speed) - self%brake(:, i))
+                    do lane = 1, lanes
+                        torque(lane) = motor_torque(self, i, lane, y, force(lane), speed(lane))
+                    end do
+                    force = motor%ratio*(torque - self%brake(:, i))
                 end associate
             end do
             workspace%motor_force = workspace%driving_force
         end associate
     end subroutine drive_by_motors
+
+    !> Torque of a motor by its law; by its current, whose rate is found on the way, if the winding has an inductance.
+    real(wp) function motor_torque(self, i, lane, y, law, speed) result(torque)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: i, lane                 !! actuator, lane
+        real(wp), intent(in) :: y(:, :)                !! (lane, n)
+        real(wp), intent(in) :: law                    !! what its law gives [N m, V]
+        real(wp), intent(in) :: speed                  !! of the motor [rad/s]
+
+        associate (motor => self%model%scene%actuator(i)%motor, drive => self%model%scene%actuator(i)%drive, &
+                   place => self%layout%current(i))
+            if (place == 0) then
+                torque = torque_of_law(motor, drive%side, law, speed)
+                return
+            end if
+            self%current_rate(lane, i) = current_rate(motor, law, y(lane, place), speed)
+            torque = motor%torque_constant*y(lane, place)
+        end associate
+    end function motor_torque
+
+    !> Rates of the currents that are in y. Lanes that are not used are like the last one.
+    subroutine pack_current_rates(self, rate)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(inout) :: rate(:, :)          !! (lane, n)
+        integer :: i, lane
+
+        do i = 1, self%model%n_actuator
+            if (self%layout%current(i) > 0) &
+                rate(:, self%layout%current(i)) = self%current_rate([(min(lane, self%n_used), lane=1, lanes)], i)
+        end do
+    end subroutine pack_current_rates
 
     !> An event switches the brakes that wait for it.
     subroutine switch_brakes(self, lane, event, t, has_changed)
@@ -904,7 +942,7 @@ contains
             changes_efforts = has_motor_laws .or. self%control%n > 0
             if (changes_efforts) call apply_record_laws(n, self%record)
             if (self%control%n > 0) call drive_record_by_controllers(self, n, t, y)
-            if (has_motor_laws) call drive_record_by_motors(self, n, t)
+            if (has_motor_laws) call drive_record_by_motors(self, n, t, y)
             call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), &
                             rate(:, self%layout%supplied), laws_are_there=changes_efforts)
             if (self%assembly%is_needed) then
@@ -917,6 +955,7 @@ contains
         end associate
         call pack_rates(self%model, self%layout, y, self%workspace%acceleration, self%workspace%state, rate)
         call pack_control_rates(self, rate)
+        call pack_current_rates(self, rate)
         if (self%may_jump) &
             call self%note_mode(self%record%samples%mode([(min(lane, n), lane=1, lanes)]), rate)
     end subroutine evaluate_by_record

@@ -12,6 +12,7 @@ module linkdyn_inverse
     use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
     use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
+    use linkdyn_belt_measures, only: measure_strands
     use linkdyn_cam_measures, only: measure_presses, measure_pressure_angles
     use linkdyn_dyad_map, only: transmission_angle
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, build_no_equations, &
@@ -529,6 +530,7 @@ contains
             real(wp) :: total(lanes)
             real(wp), allocatable :: transmission(:, :)
             real(wp), dimension(lanes, model%n_cam) :: press, pressure
+            real(wp) :: strand(lanes, 2*size(model%belt))
             integer :: lane, sample, i, outcome(lanes)
             logical :: failed
 
@@ -544,10 +546,14 @@ contains
             end if
             if (associated(results%contact_force)) call measure_presses(model, workspace%state, reaction, press)
             if (associated(results%pressure_angle)) call measure_pressure_angles(model, workspace%state, pressure)
+            do i = 1, merge(size(model%belt), 0, associated(results%strand_force))
+                call measure_strands(model, i, workspace%state, strand(:, 2*i - 1:2*i))
+            end do
             ! The last check: nothing that is not finite stands beside a good outcome.
             total = 0
             if (associated(results%contact_force)) call add_sizes(press, total)
             if (associated(results%pressure_angle)) call add_sizes(pressure, total)
+            if (associated(results%strand_force)) call add_sizes(strand, total)
             if (associated(results%driving_force)) call add_sizes(workspace%driving_force, total)
             if (associated(results%acceleration)) call add_sizes(workspace%acceleration, total)
             if (associated(results%joint_variable)) call add_sizes(variable, total)
@@ -615,6 +621,7 @@ contains
                 end if
                 if (associated(results%contact_force)) results%contact_force(:, sample) = press(lane, :)
                 if (associated(results%pressure_angle)) results%pressure_angle(:, sample) = pressure(lane, :)
+                if (associated(results%strand_force)) results%strand_force(:, sample) = strand(lane, :)
                 if (associated(results%acceleration)) then
                     results%acceleration(:, sample) = workspace%acceleration(lane, :)
                 end if

@@ -4,7 +4,7 @@ module linkdyn_inverse_results
     use linkdyn_catalogue, only: result_qdd, result_driving_force, result_reaction, result_joint_variable, result_joint_rate, &
         result_power_imbalance, result_transmission_angle, result_kinetic_energy, result_potential_energy, result_closure, &
         result_position, result_rotation, result_driving_position, result_driving_speed, result_friction, result_friction_power, &
-        result_transmission_force, result_contact_force, result_pressure_angle
+        result_transmission_force, result_contact_force, result_pressure_angle, result_strand_force
     use linkdyn_kinds, only: wp
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: result_list, add_target
@@ -35,6 +35,7 @@ module linkdyn_inverse_results
         real(wp), pointer, contiguous :: transmission_angle(:, :) => null() !! (n_dyad, n) [rad]
         real(wp), pointer, contiguous :: contact_force(:, :) => null() !! (n_cam, n) with which follower and curve press [N]
         real(wp), pointer, contiguous :: pressure_angle(:, :) => null() !! (n_cam, n) [rad]
+        real(wp), pointer, contiguous :: strand_force(:, :) => null() !! (2 n_belt, n) [N]
         real(wp), pointer, contiguous :: acceleration(:, :) => null() !! (n_q, n) of the coordinates, found or given
         real(wp), pointer, contiguous :: kinetic_energy(:) => null() !! (n) [J]
         real(wp), pointer, contiguous :: potential_energy(:) => null() !! (n) of gravity and springs [J]
@@ -75,6 +76,7 @@ contains
         if (associated(whole%transmission_angle)) part%transmission_angle => whole%transmission_angle(:, first:last)
         if (associated(whole%contact_force)) part%contact_force => whole%contact_force(:, first:last)
         if (associated(whole%pressure_angle)) part%pressure_angle => whole%pressure_angle(:, first:last)
+        if (associated(whole%strand_force)) part%strand_force => whole%strand_force(:, first:last)
         if (associated(whole%acceleration)) part%acceleration => whole%acceleration(:, first:last)
         if (associated(whole%kinetic_energy)) part%kinetic_energy => whole%kinetic_energy(first:last)
         if (associated(whole%potential_energy)) part%potential_energy => whole%potential_energy(first:last)
@@ -107,6 +109,7 @@ contains
         if (associated(results%transmission_angle)) results%transmission_angle(:, sample) = nan
         if (associated(results%contact_force)) results%contact_force(:, sample) = nan
         if (associated(results%pressure_angle)) results%pressure_angle(:, sample) = nan
+        if (associated(results%strand_force)) results%strand_force(:, sample) = nan
         if (associated(results%acceleration)) results%acceleration(:, sample) = nan
         if (associated(results%kinetic_energy)) results%kinetic_energy(sample) = nan
         if (associated(results%potential_energy)) results%potential_energy(sample) = nan
@@ -143,6 +146,8 @@ contains
             call add_target(list, result_contact_force, size(results%contact_force, 1), n, results%contact_force)
         if (associated(results%pressure_angle)) &
             call add_target(list, result_pressure_angle, size(results%pressure_angle, 1), n, results%pressure_angle)
+        if (associated(results%strand_force)) &
+            call add_target(list, result_strand_force, size(results%strand_force, 1), n, results%strand_force)
         if (associated(results%kinetic_energy)) call add_target(list, result_kinetic_energy, 1, n, results%kinetic_energy)
         if (associated(results%potential_energy)) call add_target(list, result_potential_energy, 1, n, results%potential_energy)
         if (associated(results%closure)) call add_target(list, result_closure, 1, n, results%closure)

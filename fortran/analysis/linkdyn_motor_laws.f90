@@ -2,10 +2,10 @@
 !> turning rotor induces a voltage against it; the largest torque that a motor has at a speed; and the brake on its shaft.
 module linkdyn_motor_laws
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: motor_spec, brake_spec, side_voltage, law_none
+    use linkdyn_scene, only: motor_spec, brake_spec, actuator_spec, side_voltage, law_none
     implicit none (type, external)
     private
-    public :: torque_of_law, available_torque, brake_torque
+    public :: torque_of_law, available_torque, brake_torque, has_winding, current_rate
 
 contains
 
@@ -24,6 +24,22 @@ contains
         if (torque > largest) torque = largest
         if (torque < -largest) torque = -largest
     end function torque_of_law
+
+    !> Does the current of a motor follow its voltage late, so that it is a state of forward runs?
+    elemental logical function has_winding(actuator)
+        type(actuator_spec), intent(in) :: actuator
+
+        has_winding = actuator%drive%side == side_voltage .and. actuator%motor%inductance > 0
+    end function has_winding
+
+    !> What of the voltage resistance and turning rotor leave makes the current grow.
+    elemental real(wp) function current_rate(motor, voltage, current, speed) result(rate)
+        type(motor_spec), intent(in) :: motor
+        real(wp), intent(in) :: voltage, current       !! [V, A]
+        real(wp), intent(in) :: speed                  !! of the motor [rad/s]
+
+        rate = (voltage - motor%resistance*current - motor%torque_constant*speed)/motor%inductance
+    end function current_rate
 
     !> The largest torque of a motor at a speed, driving or braking, in either direction: what its limits leave of it.
     elemental real(wp) function available_torque(motor, speed) result(torque)

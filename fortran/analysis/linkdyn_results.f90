@@ -14,6 +14,7 @@ module linkdyn_results
         result_qd_error, result_qdd_error, result_joint_rate_error, result_friction, result_friction_power, &
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
         result_transmission_loss, result_torque_margin, result_brake_torque, result_contact_force, result_pressure_angle, &
+        result_strand_force, &
         result_controller_target, result_controller_error, result_controller_output, result_controller_limited
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
@@ -32,7 +33,7 @@ module linkdyn_results
     public :: find_motor_loads, view_motor_loads, margin_of
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
-        dim_cam, dim_controller, n_dimension
+        dim_cam, dim_controller, dim_strand, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
@@ -41,7 +42,7 @@ module linkdyn_results
     public :: result_transmission_angle, result_stand_in, result_singularity_distance, result_assembly
     public :: result_q_error, result_qd_error, result_qdd_error, result_joint_rate_error
     public :: result_friction, result_friction_power
-    public :: result_contact_force, result_pressure_angle
+    public :: result_contact_force, result_pressure_angle, result_strand_force
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
@@ -62,7 +63,8 @@ module linkdyn_results
     integer, parameter :: dim_motor = 8
     integer, parameter :: dim_cam = 9
     integer, parameter :: dim_controller = 10
-    integer, parameter :: n_dimension = 10
+    integer, parameter :: dim_strand = 11
+    integer, parameter :: n_dimension = 11
 
     ! ---- variables: the numbers of the catalogue
     integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
@@ -302,7 +304,7 @@ contains
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
-            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor", "cam", "controller"]
+            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor", "cam", "controller", "strand"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         if (present(is_forward)) layout%motor%creeps = is_forward &
@@ -320,6 +322,7 @@ contains
         end if
         if (wanted%motor) call describe_motors(is_run, layout)
         call describe_cams(scene, wanted, layout)
+        call describe_belts(scene, wanted, layout)
         if (present(follows_assembly)) then
             if (follows_assembly .and. has_time) call add(layout, result_assembly, "assembly", &
                 "how the assembly of the sample was found", "1", flag=reached_name)
@@ -507,6 +510,27 @@ contains
         call add(layout, result_pressure_angle, "pressure_angle", &
             "angle between the normal and the way of the follower in its guide, 0 to pi/2", "rad", of=[dim_cam])
     end subroutine describe_cams
+
+    !> What scenes with belts that stretch have.
+    subroutine describe_belts(scene, wanted, layout)
+        type(scene_type), intent(in) :: scene
+        type(wanted_type), intent(in) :: wanted
+        type(layout_type), intent(inout) :: layout
+        integer :: j, k
+
+        associate (strand => layout%dimension(dim_strand))
+            allocate (strand%label(0))
+            do j = 1, n_holding(scene)
+                if (.not. scene%joint(j)%strand(1) > 0) cycle
+                strand%label = [character(len=label_len) :: strand%label, &
+                                (trim(scene%joint(j)%name)//"."//achar(iachar("0") + k), k=1, 2)]
+            end do
+            strand%size = size(strand%label)
+            if (strand%size == 0) return
+        end associate
+        if (wanted%reaction) call add(layout, result_strand_force, "strand_force", &
+            "tension of a belt's strand; zero: it is slack", "N", of=[dim_strand])
+    end subroutine describe_belts
 
     !> What scenes with controllers have.
     subroutine describe_controllers(scene, is_told, layout)

@@ -1,10 +1,11 @@
-!> The spring or drive whose motion is the fastest, by name: what makes the steps of a run as short as they are.
+!> The spring, belt or drive whose motion is the fastest, by name: what makes the steps of a run as short as they are.
 !>
 !> A unit force of the part alone, no other spring or drive acting, accelerates the mechanism by M^-1 a, where a is how the
 !> part's length changes with the coordinates. By a.M^-1 a, the mass that it moves, inverted, and its stiffness k or damping
 !> d its motion has the rate sqrt(k a.M^-1 a) or d a.M^-1 a.
 module linkdyn_stiffest_part
     use linkdyn_applied_wrenches, only: spring_energy
+    use linkdyn_belt_measures, only: measure_stretch
     use linkdyn_energy_balance, only: applied_power
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_joint_rates, only: actuator_rates
@@ -41,6 +42,9 @@ contains
         bare%scene%spring%stiffness = 0
         bare%scene%spring%damping = 0
         bare%scene%base%moves = .false.
+        do i = 1, size(bare%belt)
+            bare%belt(i)%number = [tiny(1.0_wp), 0.0_wp, 0.0_wp]
+        end do
         do i = 1, bare%n_actuator
             if (bare%scene%actuator(i)%drive%kind /= drive_inverse) bare%scene%actuator(i)%drive = drive_spec(kind=drive_constant)
         end do
@@ -52,6 +56,13 @@ contains
             associate (spring => model%scene%spring(i))
                 of_part = rate_of(spring%stiffness, spring%damping, mobility_at_spring(bare, system, t, y, i))
                 if (of_part > rate) name = "spring "//quoted(spring%name)
+                rate = max(rate, of_part)
+            end associate
+        end do
+        do i = 1, size(model%belt)
+            associate (k => model%belt(i)%number)
+                of_part = rate_of(2*k(1), 2*k(2), mobility_at_belt(bare, system, t, y, i))
+                if (of_part > rate) name = "belt "//quoted(model%joint(model%belt(i)%gear%joint)%name)
                 rate = max(rate, of_part)
             end associate
         end do
@@ -141,6 +152,30 @@ contains
         end associate
         mobility = power(1)/(2*energy(1))
     end function mobility_at_spring
+
+    !> The same of a belt: how fast it shortens at the acceleration that a unit of T1 - T2 makes.
+    real(wp) function mobility_at_belt(bare, system, t, y, i) result(mobility)
+        type(model_type), intent(inout) :: bare
+        type(forward_system), intent(inout) :: system
+        real(wp), intent(in) :: t, y(:)
+        integer, intent(in) :: i
+        real(wp), dimension(lanes) :: stretch, rate
+        real(wp) :: acceleration(bare%n_q), total
+
+        acceleration = acceleration_at(system, t, y)
+        associate (belt => bare%belt(i))
+            total = belt%gear%total
+            call measure_stretch(bare, i, system%workspace%state, stretch, rate)
+            belt%gear%total = total - stretch(1) + 0.5_wp
+            belt%number = [1.0_wp, 0.0_wp, 1.0_wp]
+            acceleration = acceleration_at(system, t, y) - acceleration
+            belt%gear%total = total
+            belt%number = [tiny(1.0_wp), 0.0_wp, 0.0_wp]
+        end associate
+        call move(system, t, y, acceleration)
+        call measure_stretch(bare, i, system%workspace%state, stretch, rate)
+        mobility = -rate(1)
+    end function mobility_at_belt
 
     !> The same of a drive: its speed at the acceleration that a unit force makes.
     real(wp) function mobility_at_drive(bare, system, t, y, i) result(mobility)

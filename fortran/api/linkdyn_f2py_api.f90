@@ -441,6 +441,7 @@ contains
             n_growth, growth, n_assembly, assembly, n_friction, friction, n_friction_power, friction_power, &
             n_motor, transmission_force, motor_torque, motor_speed, motor_power, transmission_loss, n_current, motor_current, &
             n_margin, torque_margin, n_contact, contact_force, n_pressure, pressure_angle, &
+            n_strand, strand_force, &
             sample_status, roads, n_passed, lost_sample, lost_in_words, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: handle
@@ -448,16 +449,16 @@ contains
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: first                ! number of the first sample in messages, from 0
         integer(c_int), intent(in) :: in_order             ! 1: the samples follow each other, so does the assembly
-        integer(c_int), intent(in) :: wanted(19)           ! 1: driving force, power, reaction, joint variables, checks, rcond,
+        integer(c_int), intent(in) :: wanted(20)           ! 1: driving force, power, reaction, joint variables, checks, rcond,
                                                            ! distance, relative error, errors of driving forces, of
                                                            ! reactions, transmission angles, growth, assembly, friction,
                                                            ! motors, their currents, their margins, contact forces, pressure angles
-                                                           ! of cams
+                                                           ! of cams, strands of belts
         integer(c_int), intent(in) :: n                    ! samples
         integer(c_int), intent(in) :: n_q_values, n_load_values, n_driving, n_power, n_reaction, n_variable, n_check
         integer(c_int), intent(in) :: n_rcond, n_distance, n_error, n_driving_error, n_reaction_error, n_transmission, n_growth
         integer(c_int), intent(in) :: n_assembly, n_t, n_friction, n_friction_power, n_motor, n_current, n_margin, &
-                                      n_contact, n_pressure
+                                      n_contact, n_pressure, n_strand
         real(c_double), intent(in), target :: q(n_q_values), qd(n_q_values), qdd(n_q_values)     ! (n_q, n)
         real(c_double), intent(in), target :: load(n_load_values)                                ! (6, n_load, n)
         real(c_double), intent(in), target :: t(n_t)                                             ! instants (n); one of them: all
@@ -478,6 +479,7 @@ contains
         real(c_double), intent(inout), target :: motor_current(n_current)                        ! (n_motor, n)
         real(c_double), intent(inout), target :: torque_margin(n_margin)                         ! (n_motor, n)
         real(c_double), intent(inout), target :: contact_force(n_contact), pressure_angle(n_pressure)  ! (n_cam, n)
+        real(c_double), intent(inout), target :: strand_force(n_strand)                          ! (2 n_belt, n)
         integer(c_int), intent(inout), target :: assembly(n_assembly)                            ! (n)
         integer(c_int), intent(inout), target :: sample_status(n)
         integer(c_int), intent(out) :: roads(3)            ! samples closed in closed form, by iteration; handed to the dense solver
@@ -525,6 +527,7 @@ contains
             if (wanted(17) == 1) call offer(24, torque_margin)
             if (wanted(18) == 1) call offer(25, contact_force)
             if (wanted(19) == 1) call offer(26, pressure_angle)
+            if (wanted(20) == 1) call offer(27, strand_force)
             call compute_inverse(scene, options, first, n, q, qd, qdd, load(:used(n_load_values, 6*scene%model%n_load)), room, &
                                  sample_status, found, status, [(t(min(i, n_t)), i=1, n)])
         end if

@@ -16,6 +16,7 @@ module linkdyn_inverse_call
         result_transmission_angle, result_growth, result_assembly, result_friction, result_friction_power, &
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
         result_transmission_loss, result_torque_margin, margin_of, result_contact_force, result_pressure_angle, &
+        result_strand_force, &
         find_motor_loads
     use linkdyn_roads, only: road_counts
     use linkdyn_scene, only: scene_type, takes_time, payload_changes, has_limits, guide_of
@@ -28,18 +29,18 @@ module linkdyn_inverse_call
         check_count
 
     !> What inverse dynamics can give, whoever asks for it: the number of a room is its place here.
-    integer, parameter :: n_room = 26
+    integer, parameter :: n_room = 27
     integer, parameter :: room_id(n_room) = [result_driving_force, result_driving_speed, result_driving_power, result_reaction, &
         result_joint_variable, result_joint_rate, result_power_imbalance, result_rcond, result_singularity_distance, &
         result_error, result_driving_force_error, result_reaction_error, result_transmission_angle, result_growth, &
         result_assembly, result_friction, result_friction_power, result_transmission_force, result_motor_torque, &
         result_motor_speed, result_motor_power, result_transmission_loss, result_motor_current, result_torque_margin, &
-        result_contact_force, result_pressure_angle]
+        result_contact_force, result_pressure_angle, result_strand_force]
     character(len=20), parameter :: room_name(n_room) = [character(len=20) :: "driving_force", "driving_speed", "driving_power", &
         "reaction", "joint_variable", "joint_rate", "power_imbalance", "rcond", "singularity_distance", "error", &
         "driving_force_error", "reaction_error", "transmission_angle", "growth", "assembly", &
         "friction", "friction_power", "transmission_force", "motor_torque", "motor_speed", "motor_power", &
-        "transmission_loss", "motor_current", "torque_margin", "contact_force", "pressure_angle"]
+        "transmission_loss", "motor_current", "torque_margin", "contact_force", "pressure_angle", "strand_force"]
 
     !> Where a result goes; null: it is not wanted.
     type :: room_type
@@ -85,6 +86,8 @@ contains
             width = model%n_cam
         case (result_pressure_angle)
             width = merge(model%n_cam, 0, has_guides(model))
+        case (result_strand_force)
+            width = 2*size(model%belt)
         case default
             width = 1
         end select
@@ -284,6 +287,8 @@ contains
                 results%contact_force(1:model%n_cam, 1:n) => room(i)%real
             case (result_pressure_angle)
                 if (has_guides(model)) results%pressure_angle(1:model%n_cam, 1:n) => room(i)%real
+            case (result_strand_force)
+                if (size(model%belt) > 0) results%strand_force(1:2*size(model%belt), 1:n) => room(i)%real
             case (result_transmission_force)
                 results%transmission_force(1:size(model%motor), 1:n) => room(i)%real
             case (result_friction)

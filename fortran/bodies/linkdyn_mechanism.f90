@@ -18,7 +18,7 @@ module linkdyn_mechanism
     public :: mechanism_type, begin_mechanism, properties_of, marker_point, marker_frame, point_of_action, has_slide
     public :: told_marker_frame
     public :: payload_properties
-    public :: set_slide, wheel_wrench, pair_of, told_pair_of, gravity_of, in_own_axes
+    public :: set_slide, wheel_wrench, belt_wrench, belt_numbers, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
     public :: watch, must_be_positive, least_square
 
@@ -111,6 +111,33 @@ contains
             couple = r.rotate.point_at(mechanism, at + 3*side)
         end associate
     end subroutine wheel_wrench
+
+    !> What a belt that stretches does to one of its wheels, as above: for a unit of the difference of its tensions, and of their sum.
+    subroutine belt_wrench(mechanism, i, side, difference, couple, line, lever)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i, side
+        type(vector), intent(out) :: difference, couple    !! force [1] and moment [m], of the difference
+        type(vector), intent(out) :: line, lever           !! of the sum
+
+        associate (r => mechanism%own(mechanism%model%belt(i)%gear%carrier)%r, at => mechanism%at%belt(i))
+            difference = r.rotate.point_at(mechanism, at)
+            couple = r.rotate.point_at(mechanism, at + 3*side)
+            line = r.rotate.point_at(mechanism, at + 9)
+            lever = zero_vector()
+            if (side == 2) lever = r.rotate.point_at(mechanism, at + 12)
+        end associate
+    end subroutine belt_wrench
+
+    !> Stiffness, damping and pretension of a strand, the sum that stays of a rigid belt, and the weights of the variables in it.
+    function belt_numbers(mechanism, i) result(k)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value), allocatable :: k(:)
+
+        associate (at => mechanism%at%belt(i))
+            k = mechanism%number(at + 15:at + 18 + size(mechanism%model%belt(i)%joint))
+        end associate
+    end function belt_numbers
 
     !> Each joint with its own numbers.
     subroutine make_kinds(mechanism)

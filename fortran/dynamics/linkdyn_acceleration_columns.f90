@@ -86,6 +86,9 @@ contains
                 end if
             end associate
         end do
+        do i = 1, size(model%belt)
+            call mark(model%joint(model%belt(i)%gear%joint)%link)
+        end do
         do i = 1, size(model%contact)
             call mark(model%joint(model%contact(i)%joint)%link)
         end do

@@ -1,5 +1,6 @@
 !> Forces that are known from the motion: springs, and driving forces that are given. They act on the links as loads do.
 module linkdyn_applied_wrenches
+    use linkdyn_belt_measures, only: belt_wrench_on, strand_energy
     use linkdyn_joint_rates, only: joint_view, view_joint, driven_axis, measure_variable
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
@@ -100,12 +101,13 @@ contains
         w%z = moment
     end function about_z
 
-    !> All springs of the scene. Needs angular rates in world axes.
+    !> All springs of the scene, and belts that stretch. Needs angular rates in world axes.
     subroutine apply_springs(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
         real(wp) :: value(lanes), rate(lanes)
-        integer :: i
+        type(vec3) :: point, force, moment
+        integer :: i, side
 
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
@@ -119,6 +121,15 @@ contains
                     call apply_between_markers(model, spring, state)
                 end if
             end associate
+        end do
+        do i = 1, size(model%belt)
+            do side = 1, 2
+                call belt_wrench_on(model, i, side, state, point, force, moment)
+                associate (link => model%joint(model%belt(i)%gear%joint)%link(side))
+                    call apply_force(model, link, point, force, state)
+                    call apply_moment(model, link, moment, state)
+                end associate
+            end do
         end do
     end subroutine apply_springs
 
@@ -223,17 +234,21 @@ contains
         i = 0
     end function spring_without_direction
 
-    !> Energy stored in the springs.
+    !> Energy stored in the springs and belts.
     subroutine spring_energy(model, state, energy)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: energy(lanes)         !! [J]
         type(vec3) :: point(2), line
-        real(wp) :: value(lanes), rate(lanes)
+        real(wp) :: value(lanes), rate(lanes), of_belt(lanes)
         logical :: ignored(lanes)
         integer :: i
 
         energy = 0
+        do i = 1, size(model%belt)
+            call strand_energy(model, i, state, of_belt)
+            energy = energy + of_belt
+        end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint > 0) then

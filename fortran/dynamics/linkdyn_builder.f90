@@ -6,9 +6,9 @@ module linkdyn_builder
     use linkdyn_contact, only: list_contacts
     use linkdyn_cross, only: cross
     use linkdyn_gear_fit, only: gears_fit, settle_phases
-    use linkdyn_gearing, only: lay_gears, plan_gears
+    use linkdyn_gearing, only: lay_gears, plan_gears, refuse_uncounted_belts
     use linkdyn_idle_spin, only: idle_spin, find_idle_spins, refuse_eccentric, hold_spins
-    use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam
+    use linkdyn_joint_table, only: moment_directions, along_axes, is_geared, joint_rack, joint_cam, joint_loose
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -171,8 +171,9 @@ contains
         type(model_type), intent(out) :: model
         type(status_type), intent(inout) :: status
         logical, intent(in), optional :: closed_forms
-        integer :: i
+        integer :: i, n_belt
 
+        n_belt = 0
         model%scene = scene
         if (.not. allocated(model%scene%spring)) allocate (model%scene%spring(0))
         if (.not. allocated(model%scene%payload)) allocate (model%scene%payload(0))
@@ -201,6 +202,10 @@ contains
             call take_joint(scene, i, model%joint(i))
             model%joint(i)%first_variable = model%n_variable
             if (i <= model%n_joint) model%n_variable = model%n_variable + joint_n_variable(model%joint(i)%kind)
+            if (scene%joint(i)%strand(1) > 0) then
+                n_belt = n_belt + 1
+                model%joint(i)%belt = n_belt
+            end if
             if (model%joint(i)%kind /= joint_cam) cycle
             model%n_cam = model%n_cam + 1
             model%joint(i)%cam = model%n_cam
@@ -214,6 +219,7 @@ contains
         call list_joints_of_links(model)
         call settle_spins(model, status)
         call plan_links(model, status, closed_forms)
+        if (status%is_ok()) call refuse_uncounted_belts(model, status)
         if (status%is_ok()) call refuse_idle_branches(model, status)
         if (status%is_ok()) call plan_carried_legs(model)
         call choose_strides(model)
@@ -385,6 +391,7 @@ contains
         associate (spec => scene%joint(index))
             joint%name = spec%name
             joint%kind = spec%kind
+            if (spec%strand(1) > 0) joint%kind = joint_loose        ! it pulls, and holds nothing
             joint%told_kind = spec%kind
             joint%link = spec%link
             joint%pitch = spec%lead/two_pi
@@ -435,7 +442,7 @@ contains
 
         place = 0
         do j = 1, model%n_joint
-            if (.not. is_geared(model%joint(j)%kind)) place(model%joint(j)%link) = place(model%joint(j)%link) + 1
+            if (.not. is_geared(model%joint(j)%told_kind)) place(model%joint(j)%link) = place(model%joint(j)%link) + 1
         end do
         allocate (model%first_at(model%n_link + 1), model%joint_at(sum(place(1:))))
         model%first_at(1) = 1
@@ -444,7 +451,7 @@ contains
         end do
         place(1:) = model%first_at(:model%n_link)
         do j = 1, model%n_joint
-            if (is_geared(model%joint(j)%kind)) cycle
+            if (is_geared(model%joint(j)%told_kind)) cycle
             do side = 1, 2
                 i = model%joint(j)%link(side)
                 if (i == frame_link) cycle

@@ -1,6 +1,7 @@
 !> From the solved unknowns to joint reactions: world axes, at the joint point (the second link's marker).
 module linkdyn_reactions
     use linkdyn_assembly, only: column_direction
+    use linkdyn_belt_measures, only: belt_wrench_on
     use linkdyn_formulation, only: formulation_type, wrench_column
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -44,8 +45,8 @@ contains
         type(kinematic_state), intent(in) :: state
         type(solution_type), intent(in) :: solution
         real(wp), intent(out) :: reaction(lanes, model%n_component, *)    !! Fx Fy Fz Mx My Mz, planar Fx Fy Mz [N, N m]
-        type(vec3) :: total
-        integer :: j, half
+        type(vec3) :: total, point, force, moment
+        integer :: i, j, half
 
         if (model%is_planar) then
             call collect_planar_reactions(model, formulation, state, solution, reaction)
@@ -71,6 +72,16 @@ contains
                 reaction(:, 3*half, j) = total%z
             end do
         end do
+        do i = 1, size(model%belt)
+            call belt_wrench_on(model, i, 2, state, point, force, moment)
+            j = model%belt(i)%gear%joint
+            reaction(:, 1, j) = force%x
+            reaction(:, 2, j) = force%y
+            reaction(:, 3, j) = force%z
+            reaction(:, 4, j) = moment%x
+            reaction(:, 5, j) = moment%y
+            reaction(:, 6, j) = moment%z
+        end do
     end subroutine collect_reactions
 
     !> Moment that comes with a unit force, on the second link about its marker, world axes.
@@ -91,8 +102,8 @@ contains
         type(solution_type), intent(in) :: solution
         real(wp), intent(out) :: reaction(lanes, 3, *)
         type(vec2) :: force
-        type(vec3) :: total
-        integer :: j
+        type(vec3) :: total, point, pull, moment
+        integer :: i, j
 
         do j = 1, model%n_joint
             associate (part => formulation%part(1, j))
@@ -115,6 +126,13 @@ contains
             end associate
             if (model%joint(j)%cam > 0) &
                 reaction(:, 3, j) = unknown(solution, formulation%first_column(j) + 1)*state%plane%contact(model%joint(j)%cam)%arm
+        end do
+        do i = 1, size(model%belt)
+            call belt_wrench_on(model, i, 2, state, point, pull, moment)
+            j = model%belt(i)%gear%joint
+            reaction(:, 1, j) = pull%x
+            reaction(:, 2, j) = pull%y
+            reaction(:, 3, j) = moment%z
         end do
     end subroutine collect_planar_reactions
 

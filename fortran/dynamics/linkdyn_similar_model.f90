@@ -156,6 +156,19 @@ contains
                 if (spec%kind == joint_rack) scaled%phase = scale*spec%phase
             end associate
         end do
+        do i = 1, size(model%belt)
+            associate (belt => similar%belt(i), spec => similar%scene%joint(model%belt(i)%gear%joint))
+                belt%gear%couple = scale*belt%gear%couple
+                belt%gear%total = scale*belt%gear%total
+                belt%gear%radius = scale*belt%gear%radius
+                belt%gear%pitch = scale*belt%gear%pitch
+                belt%lever = scale*belt%lever
+                belt%weight = scale*belt%weight
+                belt%number(3) = scale*belt%number(3)
+                spec%wheel = scale*spec%wheel
+                spec%strand(3) = scale*spec%strand(3)
+            end associate
+        end do
         do i = 1, size(model%led)
             associate (led => model%led(i))
                 own_scale = merge(scale, 1.0_wp, is_slide(model%joint(led%joint)%kind, led%variable))

@@ -8,6 +8,7 @@
 !> Some of what acts is unknown: a reaction along every direction in which its joint transmits, and driving forces.
 module linkdyn_force_system
     use linkdyn_acting, only: acting_type, turned, at_joint_variable
+    use linkdyn_belts, only: belt_reaction
     use linkdyn_bodies, only: world_axes, own_axes
     use linkdyn_cam, only: cam
     use linkdyn_inertia_wrench, only: inertia_wrench, mass_properties
@@ -384,6 +385,10 @@ contains
         integer, intent(in) :: j
         type(value) :: r(6)
 
+        if (mechanism%model%joint(j)%belt > 0) then
+            r = belt_reaction(mechanism, mechanism%model%joint(j)%belt)
+            return
+        end if
         associate (acting => unknowns%reaction(j), bodies => mechanism%bodies)
             r(:3) = solved(system, components(turned(bodies, acting%force, acting%turning, 0)))
             if (holds_spin(mechanism%model%joint(j))) then

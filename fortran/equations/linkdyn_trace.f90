@@ -16,6 +16,7 @@ module linkdyn_trace
     use linkdyn_placing, only: run_step
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_rotor_forces, only: rotor_force
+    use linkdyn_belts, only: apply_belt
     use linkdyn_springs, only: apply_spring
     use linkdyn_system, only: system_type, unknown, solve
     use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), square, min
@@ -144,6 +145,9 @@ contains
             do i = 1, size(model%scene%spring)
                 call apply_spring(traced%mechanism, i, spring)
                 traced%acting = [traced%acting, spring]
+            end do
+            do i = 1, size(model%belt)
+                traced%acting = [traced%acting, apply_belt(traced%mechanism, i)]
             end do
             do i = 1, size(model%payload)
                 traced%acting = [traced%acting, payload_wrench(traced%mechanism, i)]

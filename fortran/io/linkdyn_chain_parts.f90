@@ -13,7 +13,7 @@ module linkdyn_chain_parts
     use linkdyn_scene_links, only: new_marker, add_marker
     implicit none (type, external)
     private
-    public :: leg_spec, build_leg
+    public :: leg_spec, build_leg, add_beside
 
     real(wp), parameter :: origin(3) = 0, x_axis(3) = [1, 0, 0], y_axis(3) = [0, 1, 0], z_axis(3) = [0, 0, 1]
 
@@ -86,29 +86,30 @@ contains
                 marker = marker_at_end(letters, m, side, leg, scene%planar, aside)
                 marker%name = leg%name//"."//suffix
                 marker%line = leg%line
-                call add_beside(leg%end_marker(side), link(side), marker, place(side))
+                call add_beside(leg%end_marker(side), link(side), marker, scene, place(side))
             end do
             scene%joint(index) = joint_spec(name=leg%name//"."//suffix, kind=joint_kind_of(letters(m:m)), line=leg%line, &
                                             link=link, marker=place)
         end subroutine join
-
-        !> One more marker on the base or the platform, placed as seen from another.
-        subroutine add_beside(other, link, marker, place)
-            integer, intent(in) :: other, link
-            type(marker_spec), intent(inout) :: marker
-            integer, intent(out) :: place
-
-            if (link == frame_link) then
-                marker%at = marker%at + scene%frame%marker(other)%at
-                call add_marker(scene%frame, marker)
-                place = size(scene%frame%marker)
-            else
-                marker%at = marker%at + scene%link(link)%marker(other)%at
-                call add_marker(scene%link(link), marker)
-                place = size(scene%link(link)%marker)
-            end if
-        end subroutine add_beside
     end subroutine build_leg
+
+    !> One more marker on the base or the platform, placed as seen from another.
+    subroutine add_beside(other, link, marker, scene, place)
+        integer, intent(in) :: other, link
+        type(marker_spec), intent(inout) :: marker
+        type(scene_type), intent(inout) :: scene
+        integer, intent(out) :: place                      !! among the link's markers
+
+        if (link == frame_link) then
+            marker%at = marker%at + scene%frame%marker(other)%at
+            call add_marker(scene%frame, marker)
+            place = size(scene%frame%marker)
+        else
+            marker%at = marker%at + scene%link(link)%marker(other)%at
+            call add_marker(scene%link(link), marker)
+            place = size(scene%link(link)%marker)
+        end if
+    end subroutine add_beside
 
     !> A cylinder is what its space makes of it.
     pure function letters_in(kind, planar) result(letters)

@@ -205,6 +205,7 @@ contains
                 string(marker_name(scene, joint%link(2), joint%marker(2)))//"]"
             if (joint%kind == joint_screw) text = text//","//pair("lead", number(joint%lead))
             if (model%joint(j)%gear > 0) text = text//gear_members(model, model%gear(model%joint(j)%gear))
+            if (model%joint(j)%belt > 0) text = text//gear_members(model, model%belt(model%joint(j)%belt)%gear)
             if (model%joint(j)%cam > 0) text = text//cam_members(joint%cam)
             text = text//"}"
         end associate
@@ -235,7 +236,8 @@ contains
 
         text = ","//pair("carrier", integer_value(gear%carrier))//","//pair("radii", numbers(gear%radius))//","// &
             pair("pitch", numbers(gear%pitch))//","// &
-            pair("crossed", logical_value(model%scene%joint(gear%joint)%is_turned_over))//',"tied":['
+            pair("crossed", logical_value(model%scene%joint(gear%joint)%is_turned_over))//","// &
+            pair("stretches", logical_value(model%joint(gear%joint)%belt > 0))//',"tied":['
         n = 0
         do i = 1, model%n_joint
             if (joint_n_variable(model%joint(i)%kind) == 0) cycle
@@ -320,7 +322,8 @@ contains
                    //pair("inertia", number(motor%inertia))//","//pair("efficiency", number(motor%efficiency))//"," &
                    //pair("back_efficiency", number(motor%back_efficiency))//"," &
                    //pair("torque_constant", number(motor%torque_constant))//"," &
-                   //pair("resistance", number(motor%resistance))//"}"
+                   //pair("resistance", number(motor%resistance))//"," &
+                   //pair("inductance", number(motor%inductance))//"}"
         end associate
     end function motor_object
 

@@ -1,21 +1,24 @@
 !> Ready-made chains of a scene file: [[chain]] tables turned into links, joints and actuators.
 !>
 !> What kinds there are stands in `linkdyn_chain_kinds`, what a leg is made of in `linkdyn_chain_parts`; here the keys are read.
+!> Of legs that are words of joint letters `linkdyn_chain_words` has both.
 module linkdyn_scene_chain
     use linkdyn_chain_kinds, only: chain_kind, list_chain_kinds, links_of_leg, joints_of_leg, is_crank_kind, is_rail_kind, &
-        is_telescope, drive_of, in_plane, in_space
+        is_telescope, drive_of, in_plane, in_space, is_chain_word, kind_of_word
     use linkdyn_chain_parts, only: leg_spec, build_leg
+    use linkdyn_chain_words, only: word_key, read_word_leg
     use linkdyn_kinds, only: wp
     use linkdyn_status, only: status_type
-    use linkdyn_text, only: to_text, quoted
+    use linkdyn_text, only: to_text, quoted, join
     use linkdyn_scene, only: scene_type, link_spec, name_len, frame_link
     use linkdyn_toml, only: toml_node, toml_array, toml_string
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, counted, allow_keys, &
-        require_table, direction_of, text_of, get_name, get_word, get_flag, get_integer, get_quantity, require_name
+        require_table, direction_of, text_of, get_name, get_text, get_flag, get_integer, get_quantity, require_name
     use linkdyn_scene_names, only: find_marker
     use linkdyn_scene_links, only: read_mass_properties, carried_x
     use linkdyn_scene_joints, only: require_two_links
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at, pattern_type, read_pattern
+    use linkdyn_suggest, only: suggestion
     use linkdyn_units, only: quantity_type, length, angle
     implicit none (type, external)
     private
@@ -50,24 +53,37 @@ contains
         end do
     end subroutine count_chain_parts
 
-    !> The key `type`: a kind that the space has.
+    !> The key `type`: a kind that the space has, or a word of its joints.
     subroutine read_kind(place, planar, kind, status)
         type(scene_place), intent(in) :: place
         logical, intent(in) :: planar
         type(chain_kind), intent(out) :: kind
         type(status_type), intent(inout) :: status
         type(chain_kind), allocatable :: kinds(:)
+        character(len=:), allocatable :: word
+        type(toml_node) :: links
         integer :: k
 
         kinds = list_chain_kinds()
-        k = 1
-        call get_word(place, "type", kinds%name, k, status)
-        kind = kinds(k)
+        call get_text(place, "type", word, status)
         if (.not. status%is_ok()) return
-        if (planar .and. kind%space == in_space) then
-            call refuse(place, "a "//trim(kind%name)//" chain does not exist in a plane (expected space = ""spatial"")", status)
-        else if (.not. planar .and. kind%space == in_plane) then
-            call refuse(place, "a "//trim(kind%name)//" chain exists in a plane only (expected space = ""planar"")", status)
+        k = findloc(kinds%name == word, .true., dim=1)
+        if (k > 0) then
+            kind = kinds(k)
+            if (kind%space /= merge(in_space, in_plane, planar)) return
+        end if
+        links = place%node%get("links")
+        if (is_chain_word(word, planar) .and. links%is_present()) then
+            kind = kind_of_word(word)
+        else if (planar .and. (k > 0 .or. is_chain_word(word, .false.)) .and. .not. is_chain_word(word, .true.)) then
+            call refuse(place, "a "//word//" chain does not exist in a plane (expected space = ""spatial"")", status)
+        else if (k > 0) then
+            call refuse(place, "a "//word//" chain exists in a plane only (expected space = ""planar"", or 'axes' and 'links' "// &
+                "that draw it in space)", status)
+        else
+            call refuse_value(place, "type", place%node%get("type"), "= "//quoted(word)//" is unknown (expected one of "// &
+                join(kinds%name)//", or a row of two to eight joints with 'links' between them)"// &
+                suggestion(word, kinds%name), status)
         end if
     end subroutine read_kind
 
@@ -114,8 +130,8 @@ contains
         place%what = "chain "//quoted(chain_name)
         call read_kind(place, scene%planar, kind, status)
         if (.not. status%is_ok()) return
-        call allow_keys(place, [character(len=8) :: "type", "name", "names", "base", "platform", "actuated", "start", kind%link, &
-            direction_keys(kind)], status)
+        call allow_keys(place, [character(len=10) :: "type", "name", "names", "base", "platform", "actuated", "start", &
+            own_keys(kind)], status)
         base = marker_list(place, "base", -1, status)
         platform = marker_list(place, "platform", n_marker(base), status)
         call leg_names(place, chain_name, kind, base, names, status)
@@ -125,27 +141,36 @@ contains
             if (.not. status%is_ok()) return
             leg = leg_spec(line=place%line)
             leg%name = trim(names(i))              ! in the constructor gfortran would not free it
-            call read_leg(place, i, kind, base, platform, next_link, scene, leg, status)
+            call read_ends(place, marker_at(base, i), marker_at(platform, i), scene, leg, status)
+            if (kind%is_word) then
+                call read_word_leg(place, kind, leg, next_link, next_joint, scene, status)
+            else
+                call read_leg(place, i, kind, next_link, scene, leg, status)
+            end if
             if (.not. status%is_ok()) return
-            call build_leg(kind, leg, next_link, next_joint, scene)
-            if (is_driven) driven = [driven, next_joint + drive_of(kind) - 1]
+            if (.not. kind%is_word) call build_leg(kind, leg, next_link, next_joint, scene)
+            if (is_driven .and. drive_of(kind) > 0) driven = [driven, next_joint + drive_of(kind) - 1]
             next_link = next_link + links_of_leg(kind)
             next_joint = next_joint + joints_of_leg(kind)
         end do
     end subroutine read_chain
 
-    !> The keys that say how a leg of a kind lies.
-    pure function direction_keys(kind) result(key)
+    !> The keys that legs of a kind have and not all: their links, and how these lie.
+    pure function own_keys(kind) result(key)
         type(chain_kind), intent(in) :: kind
-        character(len=8), allocatable :: key(:)
+        character(len=10), allocatable :: key(:)
 
-        allocate (key(0))
-        if (is_rail_kind(kind)) key = [key, "rail    "]
-        if (has_axis(kind)) key = [key, "axis    "]
-        if (is_crank_kind(kind)) key = [character(len=8) :: key, "zero", "elbow"]
-        if (has_top_axis(kind)) key = [key, "top_axis"]
-        if (kind%is_parallelogram) key = [key, "width   "]
-    end function direction_keys
+        if (kind%is_word) then
+            key = word_key
+            return
+        end if
+        key = [character(len=10) :: kind%link]
+        if (is_rail_kind(kind)) key = [character(len=10) :: key, "rail"]
+        if (has_axis(kind)) key = [character(len=10) :: key, "axis"]
+        if (is_crank_kind(kind)) key = [character(len=10) :: key, "zero", "elbow"]
+        if (has_top_axis(kind)) key = [character(len=10) :: key, "top_axis"]
+        if (kind%is_parallelogram) key = [character(len=10) :: key, "width"]
+    end function own_keys
 
     !> Has a leg an axis that the scene must give, of its first universal joint or of its hinge on the base?
     pure logical function has_axis(kind)
@@ -237,12 +262,24 @@ contains
         end do
     end subroutine leg_names
 
-    !> What the scene says of leg i, and the mass properties of its links.
-    subroutine read_leg(place, i, kind, base, platform, link, scene, leg, status)
+    !> Where a leg begins and ends: markers of two links.
+    subroutine read_ends(place, base, platform, scene, leg, status)
+        type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: base, platform
+        type(scene_type), intent(in) :: scene
+        type(leg_spec), intent(inout) :: leg
+        type(status_type), intent(inout) :: status
+
+        call find_marker(scene, place, "base", base, leg%end_link(1), leg%end_marker(1), status)
+        call find_marker(scene, place, "platform", platform, leg%end_link(2), leg%end_marker(2), status)
+        call require_two_links(place, "platform", platform, scene, leg%end_link, status)
+    end subroutine read_ends
+
+    !> What else the scene says of leg i, and the mass properties of its links.
+    subroutine read_leg(place, i, kind, link, scene, leg, status)
         type(scene_place), intent(in) :: place
         integer, intent(in) :: i                       !! number of the leg
         type(chain_kind), intent(in) :: kind
-        type(toml_node), intent(in) :: base, platform  !! lists of markers
         integer, intent(in) :: link                    !! where the leg's own begin
         type(scene_type), intent(inout) :: scene
         type(leg_spec), intent(inout) :: leg
@@ -252,9 +289,6 @@ contains
         logical :: found
         integer :: k
 
-        call find_marker(scene, place, "base", marker_at(base, i), leg%end_link(1), leg%end_marker(1), status)
-        call find_marker(scene, place, "platform", marker_at(platform, i), leg%end_link(2), leg%end_marker(2), status)
-        call require_two_links(place, "platform", marker_at(platform, i), scene, leg%end_link, status)
         if (place%copy > 0) call read_pattern(place, scene%planar, .true., pattern, status)
         call read_directions(place, i, kind, scene%planar, pattern, leg, status)
         if (kind%is_parallelogram) then

@@ -3,16 +3,18 @@ module linkdyn_scene_gears
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: joint_spec, joint_gear, joint_rack, joint_belt, joint_kind_name
-    use linkdyn_scene_keys, only: scene_place, refuse_value, get_vector, get_quantity, get_word
+    use linkdyn_scene_keys, only: scene_place, place_at, require_table, allow_keys, refuse_missing, refuse_value, get_vector, &
+        get_quantity, get_word
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
     use linkdyn_toml, only: toml_node
-    use linkdyn_units, only: plain_number, length, angle
+    use linkdyn_units, only: quantity_type, plain_number, length, angle, stiffness, damping, force
     implicit none (type, external)
     private
     public :: read_wheels, gear_key
 
-    character(len=5), parameter :: gear_key(*) = [character(len=5) :: "teeth", "radii", "mesh", "run", "phase"]
+    character(len=7), parameter :: gear_key(*) = [character(len=7) :: "teeth", "radii", "mesh", "run", "phase", "strands"]
+    character(len=10), parameter :: strand_key(3) = [character(len=10) :: "stiffness", "damping", "pretension"]
     character(len=8), parameter :: mesh_name(2) = [character(len=8) :: "external", "internal"]
     character(len=7), parameter :: run_name(2) = [character(len=7) :: "open", "crossed"]
 
@@ -42,6 +44,7 @@ contains
             call get_word(place, "run", run_name, way, status, found)
         end select
         joint%is_turned_over = way == 2
+        call read_strands(place, joint, status)
         if (joint%kind == joint_rack) then
             call get_quantity(place, "phase", length, joint%phase, status, joint%has_phase)
         else
@@ -67,6 +70,45 @@ contains
             end do
         end subroutine require_positive
     end subroutine read_wheels
+
+    !> The strands of a belt that stretches.
+    subroutine read_strands(place, joint, status)
+        type(scene_place), intent(in) :: place
+        type(joint_spec), intent(inout) :: joint
+        type(status_type), intent(inout) :: status
+        character(len=*), parameter :: expected = "{ stiffness = '2e5 N/m', damping = .., pretension = '400 N' }"
+        type(toml_node) :: node
+        type(scene_place) :: inner
+        logical :: found(3)
+        integer :: k
+
+        if (.not. status%is_ok()) return
+        node = place%node%get("strands")
+        if (.not. node%is_present()) return
+        inner = place_at(place, node, trim(place%what)//", strands")
+        call require_table(inner, "a table, "//expected, status)
+        call allow_keys(inner, strand_key, status)
+        call get_quantity(inner, "stiffness", stiffness, joint%strand(1), status, found(1))
+        call get_quantity(inner, "damping", damping, joint%strand(2), status, found(2))
+        call get_quantity(inner, "pretension", force, joint%strand(3), status, found(3))
+        if (.not. status%is_ok()) return
+        if (.not. found(1)) then
+            call refuse_missing(inner, "stiffness", "of one strand, its force over what it is longer, for example '2e5 N/m'", &
+                                status)
+        else if (.not. found(3)) then
+            call refuse_missing(inner, "pretension", "the force in each strand at rest, for example '400 N'", status)
+        else if (.not. joint%strand(1) > 0) then
+            call refuse_value(inner, "stiffness", inner%node%get("stiffness"), "= "//to_text(joint%strand(1))// &
+                " N/m (expected more than zero; a belt that does not stretch has no strands)", status)
+        end if
+        do k = 2, 3
+            if (status%is_ok() .and. joint%strand(k) < 0) call refuse_value(inner, trim(strand_key(k)), &
+                inner%node%get(trim(strand_key(k))), "= "//to_text(joint%strand(k))//" is negative (expected zero or more)", status)
+        end do
+        node = place%node%get("stiffness")
+        if (status%is_ok() .and. node%is_present()) call refuse_value(place, "stiffness", node, "has no meaning here: it shares " &
+            //"reactions, and those of strands are known", status)
+    end subroutine read_strands
 
     pure logical function has_key(kind, key)
         integer, intent(in) :: kind

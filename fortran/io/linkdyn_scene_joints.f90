@@ -18,7 +18,7 @@ module linkdyn_scene_joints
     use linkdyn_scene_slots, only: joint_word, slot_word, split_slot
     implicit none (type, external)
     private
-    public :: read_joints, require_two_links, variable_quantity
+    public :: read_joints, require_two_links, variable_quantity, start_of_joint, stiffness_of_joint
 
 contains
 
@@ -98,8 +98,8 @@ contains
             call find_marker(scene, place, "between", between%at(i), joint%link(i), joint%marker(i), status)
         end do
         call require_two_links(place, "between", between, scene, joint%link, status)
-        call read_joint_start(place, joint, status)
-        call read_stiffness(place, scene, joint, status)
+        call start_of_joint(place, place%node%get("start"), joint, status)
+        call stiffness_of_joint(place, place%node%get("stiffness"), scene, joint, status)
         call get_integer(place, "branch", joint%branch, status, found)
         if (.not. status%is_ok() .or. .not. found) return
         if (abs(joint%branch) /= 1) call refuse_value(place, "branch", place%node%get("branch"), &
@@ -130,22 +130,20 @@ contains
     end subroutine read_lead
 
     !> How a joint gives way along the directions that it holds: the rest is rigid.
-    subroutine read_stiffness(place, scene, joint, status)
+    subroutine stiffness_of_joint(place, node, scene, joint, status)
         type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node                !! what its key `stiffness` says
         type(scene_type), intent(in) :: scene
         type(joint_spec), intent(inout) :: joint
         type(status_type), intent(inout) :: status
         character(len=10), parameter :: of_joint(4) = [character(len=10) :: "radial", "axial", "tilt", "torsion"], &
             of_gear(1) = [character(len=10) :: "tangential"]
         character(len=10), allocatable :: key(:)
-        type(toml_node) :: node
         type(scene_place) :: inner
         logical :: found
         integer :: i
 
-        if (.not. status%is_ok()) return
-        node = place%node%get("stiffness")
-        if (.not. node%is_present()) return
+        if (.not. status%is_ok() .or. .not. node%is_present()) return
         key = of_joint
         if (is_geared(joint%kind)) key = of_gear
         if (scene%redundancy /= share_by_stiffness) then
@@ -165,7 +163,7 @@ contains
             if (joint%stiffness(i) <= 0) call refuse_value(inner, trim(key(i)), inner%node%get(trim(key(i))), &
                 "is not above zero (what is rigid is left out)", status)
         end do
-    end subroutine read_stiffness
+    end subroutine stiffness_of_joint
 
     !> A joint, a spring or a leg joins two different links.
     subroutine require_two_links(place, key, node, scene, link, status)
@@ -186,18 +184,16 @@ contains
     end subroutine require_two_links
 
     !> Joint variables near which closure starts: a number, or a table if the joint has several.
-    subroutine read_joint_start(place, joint, status)
+    subroutine start_of_joint(place, node, joint, status)
         type(scene_place), intent(in) :: place
+        type(toml_node), intent(in) :: node                !! what its key `start` says
         type(joint_spec), intent(inout) :: joint
         type(status_type), intent(inout) :: status
-        type(toml_node) :: node
         type(scene_place) :: inner
         logical :: found
         integer :: i, n
 
-        if (.not. status%is_ok()) return
-        node = place%node%get("start")
-        if (.not. node%is_present()) return
+        if (.not. status%is_ok() .or. .not. node%is_present()) return
         joint%has_start = .true.
         n = joint_n_variable(joint%kind)
         if (n == 0) then
@@ -216,7 +212,7 @@ contains
             call refuse_value(place, "start", node, "is "//node%kind_text()//" (expected a table with some of "// &
                 join(variable_name(:n, joint%kind))//")", status)
         end if
-    end subroutine read_joint_start
+    end subroutine start_of_joint
 
     !> Length or angle: what a joint variable is.
     pure type(quantity_type) function variable_quantity(kind, variable) result(quantity)

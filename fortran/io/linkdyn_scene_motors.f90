@@ -4,7 +4,7 @@ module linkdyn_scene_motors
     use linkdyn_joint_table, only: joint_screw
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, actuator_spec, motor_spec, joint_revolute, joint_prismatic, joint_cylindrical, &
-        joint_kind_name, drive_dc_motor, side_joint, side_voltage
+        joint_kind_name, drive_dc_motor, side_joint, side_voltage, has_limits
     use linkdyn_scene_brakes, only: read_brake
     use linkdyn_scene_keys, only: scene_place, place_at, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, &
         require_table
@@ -13,7 +13,8 @@ module linkdyn_scene_motors
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text, quoted
     use linkdyn_toml, only: toml_node
-    use linkdyn_units, only: quantity_type, plain_number, length, inertia, torque_per_current, angular_rate, resistance
+    use linkdyn_units, only: quantity_type, plain_number, length, inertia, torque_per_current, angular_rate, resistance, &
+        inductance
     implicit none (type, external)
     private
     public :: read_motor_drive, check_laws_at_motors
@@ -38,7 +39,7 @@ contains
         inner = place_at(place, node, trim(place%what)//", drive")
         call require_table(inner, "a table, { ratio = .. }", status)
         call allow_keys(inner, [character(len=key_len) :: "ratio", "lead", "rotor_inertia", "screw_inertia", "efficiency", &
-            "back_efficiency", "torque_constant", "resistance", "creep_speed", "torque_limit", "power_limit", &
+            "back_efficiency", "torque_constant", "resistance", "inductance", "creep_speed", "torque_limit", "power_limit", &
             "current_limit", "torque_curve", "brake"], status)
         associate (motor => actuator%motor)
             motor%is_given = .true.
@@ -48,10 +49,14 @@ contains
             call read_efficiencies(inner, has_lead, motor, has_back, status)
             call read_positive(inner, "torque_constant", torque_per_current, "N m/A", motor%torque_constant, status)
             call read_positive(inner, "resistance", resistance, "ohm", motor%resistance, status)
+            call read_positive(inner, "inductance", inductance, "H", motor%inductance, status)
             call read_positive(inner, "creep_speed", angular_rate, "rad/s", motor%creep_speed, status)
             call read_motor_limits(inner, shelf, motor, status)
             brake = inner%node%get("brake")
             if (status%is_ok() .and. brake%is_present()) call read_brake(inner, brake, motor%brake, status)
+            if (status%is_ok() .and. motor%inductance > 0 .and. .not. (motor%torque_constant > 0 .and. motor%resistance > 0)) &
+                call refuse_value(inner, "inductance", inner%node%get("inductance"), "has no meaning without 'torque_constant' "// &
+                    "and 'resistance' beside it", status)
             if (.not. status%is_ok()) return
             if (actuator%drive%kind == drive_dc_motor) call compare_with_law(inner, actuator, has_back, status)
         end associate
@@ -92,6 +97,9 @@ contains
             else if (actuator%drive%side == side_voltage .and. .not. motor%resistance > 0) then
                 call refuse_missing(place, "resistance", "that of the motor whose voltage the law gives, for example "// &
                     "'0.5 ohm'", status)
+            else if (actuator%drive%side == side_voltage .and. motor%inductance > 0 .and. has_limits(motor)) then
+                call refuse(place, "its current follows the voltage by the 'inductance', and nothing cuts it off (expected no "// &
+                    "limits beside it, or no 'inductance')", status)
             else if (.not. (motor%back_efficiency > 0 .or. motor%inertia > 0)) then
                 call refuse(place, "it locks itself and has no inertia, so that nothing says how it comes to rest under a law "// &
                     "at the motor (expected 'rotor_inertia', or a 'back_efficiency' above zero)", status)

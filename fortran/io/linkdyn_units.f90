@@ -14,7 +14,7 @@ module linkdyn_units
     public :: n_dimension, read_value, read_unit, misfit, dimension_text, si_unit_text, ascii_unit
     public :: plain_number, length, angle, mass, inertia, time_span, force, moment, speed, angular_rate
     public :: acceleration, stiffness, angular_stiffness, damping, angular_damping
-    public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance, current
+    public :: wattage, torque_per_current, volt_second, volt_per_angle, volt_per_length, voltage, resistance, inductance, current
 
     integer, parameter :: n_dimension = 5          !! kg m s A rad
 
@@ -73,6 +73,8 @@ module linkdyn_units
         quantity_type("a voltage", "24 V", "V", [1, 2, -3, -1, 0])
     type(quantity_type), parameter :: current = &
         quantity_type("a current", "15 A", "A", [0, 0, 0, 1, 0])
+    type(quantity_type), parameter :: inductance = &
+        quantity_type("an inductance", "2 mH", "H", [1, 2, -2, -2, 0])
     type(quantity_type), parameter :: resistance = &
         quantity_type("a resistance", "3 ohm", "ohm", [1, 2, -3, -2, 0])
 
@@ -103,6 +105,7 @@ module linkdyn_units
         unit_entry("W", one, [1, 2, -3, 0, 0], .true.), &
         unit_entry("V", one, [1, 2, -3, -1, 0], .true.), &
         unit_entry("ohm", one, [1, 2, -3, -2, 0], .true.), &
+        unit_entry("H", one, [1, 2, -2, -2, 0], .true.), &
         unit_entry("Ohm", one, [1, 2, -3, -2, 0], .true.), &
         unit_entry("Hz", two_pi, [0, 0, -1, 0, 1], .true.), &
         unit_entry("deg", pi/180, [0, 0, 0, 0, 1], .false.), &
@@ -255,7 +258,7 @@ contains
         integer, intent(in) :: power(n_dimension)
         character(len=:), allocatable :: text
         type(quantity_type), parameter :: known(*) = [plain_number, length, angle, mass, inertia, time_span, &
-            force, speed, angular_rate, acceleration, stiffness, damping, wattage, resistance]
+            force, speed, angular_rate, acceleration, stiffness, damping, wattage, resistance, inductance]
         character(len=8) :: exponent
         integer :: i
 

@@ -95,7 +95,7 @@ contains
             goes_on = .false.
             do i = 1, size(joint)
                 from = findloc(is_placed(loop%body(:, i)), .true., 1)
-                if (from == 0 .or. all(is_placed(loop%body(:, i))) .or. is_geared(loop%kind(i))) cycle
+                if (from == 0 .or. all(is_placed(loop%body(:, i))) .or. is_geared(model%joint(joint(i))%told_kind)) cycle
                 call place_behind(model, loop, i, from, off*spread_out(turn + i))
                 is_placed(loop%body(3 - from, i)) = .true.
                 goes_on = .true.
@@ -332,6 +332,7 @@ contains
                 if (with_gears) call add_teeth(model%joint(loop%joint(i)), model%gear(model%joint(loop%joint(i))%gear))
                 cycle
             end if
+            if (model%joint(loop%joint(i))%belt > 0) cycle    ! it pulls, and holds nothing
             first = joint_frame(loop, i, 1)
             second = joint_frame(loop, i, 2)
             point = joint_point(model, loop, i, 2)

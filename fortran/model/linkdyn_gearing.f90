@@ -14,13 +14,13 @@ module linkdyn_gearing
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_fixed, joint_gear, joint_rack, joint_belt, is_geared, &
         joint_kind_name, joint_n_variable, is_pose_part
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, gear_type, led_type, loose_type, scene_size
+    use linkdyn_model, only: model_type, gear_type, belt_type, led_type, loose_type, scene_size
     use linkdyn_scene, only: name_len, coordinate_joint
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)
     private
-    public :: lay_gears, plan_gears, find_redundant_gears, lead_by_loose, forget_loose, led_name
+    public :: lay_gears, plan_gears, refuse_uncounted_belts, find_redundant_gears, lead_by_loose, forget_loose, led_name
 
     real(wp), parameter :: alignment = 1.0e-9_wp   !! how far two axes that are one may be apart, by the mechanism's size
     real(wp), parameter :: negligible = 1.0e-12_wp !! part of a sum's largest weight that is rounding
@@ -57,7 +57,55 @@ contains
             model%joint(j)%gear = n
             call plan_gear(model, j, model%gear(n), status)
         end do
+        call lay_belts(model, status)
     end subroutine lay_gears
+
+    !> Fill `model%belt`: those that stretch hold nothing, and pull as springs do.
+    subroutine lay_belts(model, status)
+        type(model_type), intent(inout) :: model
+        type(status_type), intent(inout) :: status
+        integer :: j, k, n
+
+        allocate (model%belt(count(model%joint(:model%n_joint)%belt > 0)))
+        do j = 1, model%n_joint
+            n = model%joint(j)%belt
+            if (n == 0 .or. .not. status%is_ok()) cycle
+            associate (belt => model%belt(n))
+                belt%number = model%scene%joint(j)%strand
+                call plan_gear(model, j, belt%gear, status, belt)
+                if (.not. status%is_ok()) cycle
+                belt%joint = pack([(k, k=1, model%n_joint)], [(turns_wheel(k), k=1, model%n_joint)])
+                belt%weight = belt%gear%weight(model%joint(belt%joint)%first_variable + 1)
+            end associate
+        end do
+
+    contains
+
+        pure logical function turns_wheel(k)
+            integer, intent(in) :: k
+
+            turns_wheel = joint_n_variable(model%joint(k)%kind) > 0
+            if (turns_wheel) turns_wheel = model%belt(n)%gear%weight(model%joint(k)%first_variable + 1) /= 0
+        end function turns_wheel
+    end subroutine lay_belts
+
+    !> How far a belt is stretched is known only of wheels whose turns are counted.
+    subroutine refuse_uncounted_belts(model, status)
+        type(model_type), intent(in) :: model
+        type(status_type), intent(inout) :: status
+        integer :: i, k, j
+
+        do i = 1, size(model%belt)
+            do k = 1, size(model%belt(i)%joint)
+                j = model%belt(i)%joint(k)
+                if (any(model%scene%coordinate%kind == coordinate_joint .and. model%scene%coordinate%joint == j)) cycle
+                if (any(model%led%joint == j)) cycle
+                if (status%is_ok()) call fail(status, status_bad_input, "belt " &
+                    //quoted(model%joint(model%belt(i)%gear%joint)%name)//" stretches, and the turns of joint " &
+                    //quoted(model%joint(j)%name)//" are not counted (expected a coordinate there, or gears between it and one)")
+            end do
+        end do
+    end subroutine refuse_uncounted_belts
 
     !> Fill `model%led` and `model%loose`: what gears make of the coordinates.
     subroutine plan_gears(model, status)
@@ -116,11 +164,12 @@ contains
     ! ---------------------------------------------------------------- geometry
 
     !> One of them.
-    subroutine plan_gear(model, j, gear, status)
+    subroutine plan_gear(model, j, gear, status, belt)
         type(model_type), intent(in) :: model
         integer, intent(in) :: j
         type(gear_type), intent(inout) :: gear
         type(status_type), intent(inout) :: status
+        type(belt_type), intent(inout), optional :: belt       !! whose strands stretch
         type(axis_ways) :: ways(2)
         type(wheel_type) :: wheel(2)
         real(wp) :: power(2)
@@ -142,7 +191,7 @@ contains
                 wheel(side)%point = ways(side)%point(:, gear%carrier)
                 wheel(side)%axis = ways(side)%axis(:, gear%carrier)
             end do
-            select case (joint%kind)
+            select case (joint%told_kind)
             case (joint_rack)
                 call lay_rack(model, wheel, gear, status)
             case (joint_belt)
@@ -151,6 +200,7 @@ contains
                 call lay_teeth(model, wheel, gear, status)
             end select
             if (.not. status%is_ok()) return
+            if (present(belt)) call lay_strands(wheel, belt)
             power(1) = -dot_product(gear%couple(:, 1), wheel(1)%axis)
             power(2) = dot_product(gear%couple(:, 2), wheel(2)%axis)
             if (joint%kind == joint_rack) power(2) = dot_product(gear%direction, wheel(2)%axis)
@@ -186,7 +236,7 @@ contains
         integer, intent(in) :: j
         character(len=:), allocatable :: text
 
-        text = trim(joint_kind_name(model%joint(j)%kind))
+        text = trim(joint_kind_name(model%joint(j)%told_kind))
     end function what
 
     !> From the link of one of the joint's markers through joints on its axis (or slides along it), and welds.
@@ -418,6 +468,18 @@ contains
                                     + cross(wheel(1)%point + apart - wheel(2)%point, gear%direction)
         end associate
     end subroutine lay_belt
+
+    !> What both strands together do: they draw the wheels towards each other.
+    pure subroutine lay_strands(wheel, belt)
+        type(wheel_type), intent(in) :: wheel(2)
+        type(belt_type), intent(inout) :: belt
+        real(wp) :: apart(3)
+
+        apart = wheel(2)%point - wheel(1)%point
+        apart = apart - dot_product(apart, wheel(1)%axis)*wheel(1)%axis
+        belt%line = -sqrt(1 - sum(belt%gear%direction**2))*apart/norm2(apart)
+        belt%lever = cross(wheel(1)%point + apart - wheel(2)%point, belt%line)
+    end subroutine lay_strands
 
     ! ---------------------------------------------------------------- what follows from the coordinates
 

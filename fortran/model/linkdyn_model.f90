@@ -7,7 +7,8 @@ module linkdyn_model
     use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal
     implicit none (type, external)
     private
-    public :: model_type, payload_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type
+    public :: model_type, payload_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, belt_type, led_type, &
+        loose_type
     public :: motor_type, take_motors, has_rotors
     public :: share_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
@@ -86,6 +87,7 @@ module linkdyn_model
         integer :: attitude = 0               !! that its three angles give
         integer :: gear = 0                   !! number of a gear, rack or belt
         integer :: cam = 0                    !! number of a cam
+        integer :: belt = 0                   !! number of a belt that stretches
         real(wp) :: reach = 0                 !! of a cam's curve from its marker, the farthest [m]
     end type joint_type
 
@@ -102,6 +104,16 @@ module linkdyn_model
         real(wp) :: total = 0                 !! that sum [m]
         logical :: follows = .false.          !! it is a sum of those of other gears
     end type gear_type
+
+    !> A belt that stretches: two strands that pull on both wheels. What would be given, were it rigid, is how far it is stretched.
+    type :: belt_type
+        type(gear_type) :: gear               !! its wheels, as if it were rigid
+        real(wp) :: number(3) = 0             !! stiffness, damping and pretension of one strand [N/m, N s/m, N]
+        real(wp) :: line(3) = 0               !! force on the second link for a unit of both tensions' sum; carrier axes
+        real(wp) :: lever(3) = 0              !! with it the moment on the second link about its marker [m]
+        integer, allocatable :: joint(:)      !! whose variables, each the first, stretch it
+        real(wp), allocatable :: weight(:)    !! by how much (joint) [m, 1]
+    end type belt_type
 
     !> A joint variable that gears make a linear function of the coordinates, and of variables of joints that are placed before: as
     !> good as a coordinate. Where coordinates are numbered, such variables follow after the last.
@@ -200,6 +212,7 @@ module linkdyn_model
         type(leg_type), allocatable :: leg(:)
         type(payload_type), allocatable :: payload(:)
         type(gear_type), allocatable :: gear(:)
+        type(belt_type), allocatable :: belt(:)      !! those that stretch
         type(motor_type), allocatable :: motor(:)    !! of the actuators that have one
         type(contact_type), allocatable :: contact(:)    !! where joints rub
         type(led_type), allocatable :: led(:)
@@ -280,7 +293,7 @@ contains
     pure logical function is_released(joint)
         type(joint_type), intent(in) :: joint
 
-        is_released = joint%kind /= joint%told_kind .and. .not. holds_spin(joint)
+        is_released = joint%kind /= joint%told_kind .and. .not. (holds_spin(joint) .or. joint%belt > 0)
     end function is_released
 
     !> Is the step one of the planar dyads?
@@ -331,7 +344,7 @@ contains
     pure logical function repeats(model, k)
         type(model_type), intent(in) :: model
         integer, intent(in) :: k
-        integer :: i
+        integer :: i, j
 
         repeats = .not. (is_length(model, k) .or. any(is_threaded(model%joint%kind)) .or. closes_by_gears(model))
         do i = 1, size(model%led)
@@ -342,7 +355,27 @@ contains
                           .and. led%weight(k) == anint(led%weight(k))
             end associate
         end do
+        ! and a belt that stretches is longer
+        do i = 1, size(model%belt)
+            do j = 1, size(model%belt(i)%joint)
+                repeats = repeats .and. .not. turns_with(model, model%belt(i)%joint(j), k)
+            end do
+        end do
     end function repeats
+
+    !> Is a coordinate the variable of a joint, or does it lead it?
+    pure logical function turns_with(model, j, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: j, k                    !! joint, coordinate
+        integer :: i
+
+        associate (c => model%scene%coordinate(k))
+            turns_with = c%kind == coordinate_joint .and. c%joint == j
+        end associate
+        do i = 1, size(model%led)
+            if (model%led(i)%joint == j) turns_with = turns_with .or. abs(model%led(i)%weight(k)) > 0
+        end do
+    end function turns_with
 
     !> Does it matter for a led variable how many turns the angle of its source s has made? Not if these are whole turns of it.
     pure logical function counts_turns(model, led, s)

@@ -13,6 +13,7 @@ module linkdyn_numbers
     integer, parameter :: of_spring = 9        !! stiffness, damping, rest, points (6)
     integer, parameter :: of_drive = 8
     integer, parameter :: of_gear = 9          !! direction (3), couples (6)
+    integer, parameter :: of_belt = of_gear + 10    !! as a rigid one; line, lever (6), stiffness, damping, pretension, total
 
     !> Where the numbers of each thing begin in the list.
     type :: number_places
@@ -22,6 +23,7 @@ module linkdyn_numbers
         integer, allocatable :: marker(:, :)   !! (2, joint) point; frame from +3, told frame from +12
         integer, allocatable :: pitch(:)       !! (joint) slide per angle of a screw; 0: the joint is none
         integer, allocatable :: gear(:)        !! direction, couples of both sides from +3, +6
+        integer, allocatable :: belt(:)        !! the same; line, lever from +9, +12, its own from +15, weights from +19
         integer, allocatable :: led(:)         !! offset, weights of the coordinates from +1, then of other joints
         integer, allocatable :: load(:)        !! point
         integer, allocatable :: spring(:)      !! stiffness, damping, rest; points from +3
@@ -49,6 +51,11 @@ contains
         end do
         at%gear = [(at%n + 1 + of_gear*(i - 1), i=1, size(model%gear))]
         at%n = at%n + of_gear*size(model%gear)
+        allocate (at%belt(size(model%belt)))
+        do i = 1, size(model%belt)
+            at%belt(i) = at%n + 1
+            at%n = at%n + of_belt + size(model%belt(i)%joint)
+        end do
         allocate (at%led(size(model%led)))
         do i = 1, size(model%led)
             at%led(i) = at%n + 1
@@ -91,6 +98,13 @@ contains
         do i = 1, size(model%gear)
             number(at%gear(i):at%gear(i) + 2) = model%gear(i)%direction
             number(at%gear(i) + 3:at%gear(i) + 8) = reshape(model%gear(i)%couple, [6])
+        end do
+        do i = 1, size(model%belt)
+            associate (belt => model%belt(i), k => at%belt(i))
+                number(k:k + 8) = [belt%gear%direction, belt%gear%couple]
+                number(k + 9:k + 18) = [belt%line, belt%lever, belt%number, belt%gear%total]
+                number(k + of_belt:k + of_belt + size(belt%joint) - 1) = belt%weight
+            end associate
         end do
         do i = 1, size(model%led)
             number(at%led(i)) = model%led(i)%offset

@@ -155,6 +155,7 @@ module linkdyn_scene
         logical :: is_turned_over = .false.       !! a gear with teeth inside one wheel, a belt that is crossed
         real(wp) :: phase = 0                     !! of a gear, rack or belt: variable of the second where the first is at zero [m, rad]
         logical :: has_phase = .false.            !! it was written
+        real(wp) :: strand(3) = 0                 !! of a belt that stretches: stiffness, damping and pretension of one strand [N/m, N s/m, N]
         real(wp) :: stiffness(4) = 0              !! radial, axial [N/m], tilt, torsion [N m/rad]; 0: rigid
         integer :: branch = 0                     !! +1 or -1 forces the assembly of the dyad closed at this joint
         type(cam_spec) :: cam                     !! of a cam
@@ -256,6 +257,7 @@ module linkdyn_scene
         real(wp) :: creep_speed = 0.1_wp          !! of the motor, below which friction goes to zero in forward dynamics [rad/s]
         real(wp) :: torque_constant = 0           !! [N m/A], and of the voltage that the turning rotor induces [V s]; 0: not known
         real(wp) :: resistance = 0                !! of the winding [ohm]; 0: not known
+        real(wp) :: inductance = 0                !! of the winding [H]; 0: left out
         real(wp) :: largest_torque = 0            !! of the motor [N m]; 0: not limited
         real(wp) :: largest_power = 0             !! [W]; 0: not limited
         real(wp) :: largest_current = 0           !! [A]; 0: not limited

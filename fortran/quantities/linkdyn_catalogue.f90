@@ -1,5 +1,6 @@
 !> The results that there are, and how each is computed from a traced scene.
 module linkdyn_catalogue
+    use linkdyn_belts, only: strand_forces
     use linkdyn_cam_quantities, only: contact_forces, pressure_angles
     use linkdyn_force_system, only: reaction_of
     use linkdyn_friction_quantities, only: friction_wrenches, friction_powers
@@ -24,7 +25,7 @@ module linkdyn_catalogue
     public :: result_position, result_rotation, result_margin, result_margin_rate
     public :: result_velocity, result_angular_velocity, result_driving_position
     public :: result_friction, result_friction_power
-    public :: result_contact_force, result_pressure_angle
+    public :: result_contact_force, result_pressure_angle, result_strand_force
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
@@ -82,6 +83,8 @@ module linkdyn_catalogue
     ! ---- of cams
     integer, parameter :: result_contact_force = 48         ! with which follower and curve press
     integer, parameter :: result_pressure_angle = 49
+    ! ---- of belts that stretch
+    integer, parameter :: result_strand_force = 57
     ! ---- of controllers, in forward dynamics
     integer, parameter :: result_controller_target = 50
     integer, parameter :: result_controller_error = 51
@@ -149,6 +152,10 @@ contains
                 v = contact_forces(traced)
             case (result_pressure_angle)
                 v = pressure_angles(mechanism)
+            case (result_strand_force)
+                do i = 1, size(model%belt)
+                    v = [v, strand_forces(mechanism, i)]
+                end do
             case (result_kinetic_energy)
                 v = [kinetic_energy(mechanism)]
             case (result_potential_energy)

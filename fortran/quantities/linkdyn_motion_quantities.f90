@@ -6,6 +6,7 @@ module linkdyn_motion_quantities
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, properties_of, payload_properties, pair_of, gravity_of
     use linkdyn_rotor_forces, only: rotor_energy
+    use linkdyn_belts, only: belt_energy
     use linkdyn_springs, only: spring_energy
     use linkdyn_value, only: value, zero, abs, max, atan2, operator(+), operator(-), operator(*)
     use linkdyn_vector, only: vector, rotation, components, operator(*), operator(.dot.), operator(.cross.)
@@ -109,6 +110,9 @@ contains
         end do
         do i = 1, size(mechanism%model%scene%spring)
             energy = energy + spring_energy(mechanism, i)
+        end do
+        do i = 1, size(mechanism%model%belt)
+            energy = energy + belt_energy(mechanism, i)
         end do
     end function potential_energy
 

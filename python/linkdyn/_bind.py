@@ -43,6 +43,7 @@ _GROUPS = (
     ("torque_margin",),
     ("contact_force",),
     ("pressure_angle",),
+    ("strand_force",),
 )
 """Results that are computed together, in the engine's order."""
 _OUTPUTS = tuple(name for group in _GROUPS for name in group)

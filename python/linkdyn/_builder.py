@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from ._arguments import as_known, as_path
 from ._output import text_inputs, write_output
 from ._toml import as_toml
-from ._words import Drive, Law, LegLink, Marker, Named, Quantity, Stiffness, Table, Vector, plain, table_of
+from ._words import Drive, Law, LegLink, Marker, Named, Quantity, Stiffness, Strands, Table, Vector, WordLink, plain, table_of
 from .errors import SceneError
 
 if TYPE_CHECKING:
@@ -498,7 +498,7 @@ class Builder:
 
     def belt(
         self, name: str, first: str, second: str, *, radii: Sequence[Quantity], run: Literal["open", "crossed"] | None = None,
-        phase: Quantity | None = None, repeat: int | None = None,
+        phase: Quantity | None = None, strands: Strands | None = None, repeat: int | None = None,
     ) -> Joint:  # fmt: skip
         """A belt or chain over two wheels, each of which has its hinge already.
 
@@ -514,6 +514,8 @@ class Builder:
             "crossed": the wheels turn against each other.
         phase
             Angle of the second where that of the first is zero [rad].
+        strands
+            It stretches: stiffness [N/m], damping [N s/m] and pretension [N] of each strand, ``{"stiffness": 2e5, "pretension": 400}``.
         repeat
             Copies.
         """
@@ -568,22 +570,24 @@ class Builder:
 
     def chain(
         self,
-        type: Literal["UPS", "SPS", "UCU", "UPU", "RPS", "cylinder", "PUS", "PSS", "PRS", "RUS", "RSS", "RRS", "RUU", "R(SS)2", "RRR", "PRR", "RPR"],
+        type: Literal["UPS", "SPS", "UCU", "UPU", "RPS", "cylinder", "PUS", "PSS", "PRS", "RUS", "RSS", "RRS", "RUU", "R(SS)2", "RRR", "PRR", "RPR"] | str,
         *, base: str | Sequence[str], platform: str | Sequence[str], name: str | None = None, names: Sequence[str] | None = None,
         axis: Vector | Sequence[Vector] | None = None, rail: Vector | Sequence[Vector] | None = None, zero: Vector | Sequence[Vector] | None = None,
         top_axis: Vector | Sequence[Vector] | None = None, elbow: Literal[1, -1] | None = None, width: Quantity | None = None,
         lower: LegLink | Sequence[LegLink] | None = None, upper: LegLink | Sequence[LegLink] | None = None,
         barrel: LegLink | Sequence[LegLink] | None = None, carriage: LegLink | Sequence[LegLink] | None = None,
         crank: LegLink | Sequence[LegLink] | None = None, rod: LegLink | Sequence[LegLink] | None = None,
-        actuated: bool | None = None, start: Quantity | None = None, repeat: int | None = None, about: str | Vector | None = None,
-        angles: Sequence[Quantity] | None = None, mirror: Literal["xy", "xz", "yz"] | None = None,
+        axes: Sequence[Vector | Sequence[Vector]] | None = None, links: Sequence[WordLink] | None = None,
+        stiffness: Stiffness | Sequence[Stiffness] | None = None,
+        actuated: bool | None = None, start: Quantity | Sequence[Quantity | Mapping[str, Quantity]] | None = None, repeat: int | None = None,
+        about: str | Vector | None = None, angles: Sequence[Quantity] | None = None, mirror: Literal["xy", "xz", "yz"] | None = None,
     ) -> None:  # fmt: skip
         """Ready-made legs between markers, one for each pair; leg ``leg1`` adds ``leg1.lower``, ``leg1.P``, ..
 
         Parameters
         ----------
         type
-            The letters of its joints, from the base on.
+            The letters of its joints, from the base on: a kind of leg, or any row of two to eight of R, P, C, U, S, "PRRR".
         base, platform
             Markers of the first and last joints.
         name, names
@@ -599,10 +603,15 @@ class Builder:
             Distance of the two rods of "R(SS)2" [m].
         lower, upper, barrel, carriage, crank, rod
             Mass properties of its links, as far as the kind has them, of cranks and rods with ``length`` [m]: ``{"mass": .., "cog": ..}``.
+        axes, links
+            Of a row of letters, as drawn with all joint variables zero: direction of each joint, of a universal joint both; link between
+            each two, ``{"to": [0, 0, 0.3], "mass": ..}`` with the way to its next joint [m].
+        stiffness
+            Of a row's joints, where reactions are shared by stiffness: one for all, or one a joint.
         actuated
             False: the legs are not driven.
         start
-            About where the driven joint is at the start [m, rad].
+            About where the driven joint is at the start [m, rad]; of a row of letters a list, one for each joint.
         repeat, about, angles, mirror
             It is there several times: copies, axis, angles [rad], plane of images.
         """

@@ -52,6 +52,8 @@ def contributions(run: xr.Dataset, scene: Scene) -> xr.Dataset:
     if not wanted:
         raise InputError("contributions: the run has neither driving forces nor reactions (expected want='driving_force', 'reaction' or both)")
     content = tomllib.loads(scene.text)
+    if any("strands" in joint for joint in content.get("joint", [])):
+        raise InputError("contributions: a belt stretches, and what it pulls with is no cause that can be left out (expected a scene without 'strands')")
     causes = {"weight": _only(content, gravity=True)}
     for kind in ("load", "spring", "stop"):
         for i, table in enumerate(content.get(kind, [])):

@@ -185,7 +185,7 @@ def _matrix(rows: list[Rows], scene: Scene) -> Vectors:
 def _constraints(motion: LinkMotion) -> list[Rows]:
     joints = motion.scene.description["joints"]
     held = [row for joint in joints if not is_geared(joint) for row in _of_joint(motion, joint)]
-    return held + [_of_gear(motion, joint) for joint in joints if is_geared(joint)]
+    return held + [_of_gear(motion, joint) for joint in joints if is_geared(joint) and not joint["stretches"]]
 
 
 def _of_gear(motion: LinkMotion, gear: dict[str, Any]) -> Rows:

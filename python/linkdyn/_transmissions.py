@@ -35,11 +35,12 @@ def motor(
     back_efficiency: float | None = None,
     torque_constant: float | None = None,
     resistance: float | None = None,
+    inductance: float | None = None,
 ) -> xr.Dataset:
     """What an actuator's force or torque asks of the motor behind its gear or screw.
 
     Where the scene has a drive at the actuator, ``drive`` of its ``[[actuator]]``, it is that drive's motor, as the engine has found it, and no key
-    but resistance is given (by default the drive's own). Else the keys say what stands behind the actuator, and the rotor is not part of the mechanism that was run.
+    but resistance and inductance is given (by default the drive's own). Else the keys say what stands behind the actuator, and the rotor is not part of the mechanism that was run.
 
     The motor turns n rad for a unit of the joint variable: n is the ratio, or 2 pi/lead. It gives the load's share, F/n over the efficiency where it drives the
     load, F/n times the back efficiency where the load drives it, and what its own inertia takes. At a standstill the share is F/n.
@@ -67,6 +68,9 @@ def motor(
         [N m/A] For the current.
     resistance
         [ohm] With the torque constant: for voltage and electric power.
+    inductance
+        [H] With the resistance: the voltage has its part L di/dt, too, by differences of fourth order over the samples. They stand close enough where the
+        current between five of them is smooth; without instants there is no such voltage.
 
     Returns
     -------
@@ -81,11 +85,13 @@ def motor(
     InputError
         No such actuator, a ratio of a force or a lead of a torque, numbers out of range, keys beside the scene's drive.
     """
+    if inductance is not None:
+        as_positive("motor: inductance", inductance)
     given = ratio, lead, inertia or None, None if efficiency == 1.0 else efficiency, back_efficiency, torque_constant
     if (own := _drive_of(scene, actuator)) is not None:
         if any(key is not None for key in given):
-            raise InputError(f"motor: the scene has a drive at {actuator!r} (expected no keys but resistance=)")
-        return _of_the_scene(run, actuator, own, resistance)
+            raise InputError(f"motor: the scene has a drive at {actuator!r} (expected no keys but resistance=, inductance=)")
+        return _of_the_scene(run, actuator, own, resistance, inductance)
     n = _turns_of(run, actuator, ratio, lead)
     inertia = as_number("motor: inertia", inertia)
     if inertia < 0:
@@ -105,7 +111,7 @@ def motor(
     torque = force / n * np.where(still | (power == 0), 1.0, np.where(power > 0, 1 / efficiency, back))
     if inertia > 0:
         torque = torque + inertia * n * _acceleration_of(run, actuator, scene)
-    return _whole(run, actuator, torque, n * speed, torque_constant, resistance, back <= 0)
+    return _whole(run, actuator, torque, n * speed, torque_constant, resistance, inductance, back <= 0)
 
 
 def cylinder(
@@ -199,18 +205,20 @@ def _drive_of(scene: Scene, actuator: str) -> dict[str, Any] | None:
     return next((motor for motor in scene.description["motors"] if motor["name"] == actuator), None)
 
 
-def _of_the_scene(run: xr.Dataset, actuator: str, drive: dict[str, Any], resistance: float | None) -> xr.Dataset:
+def _of_the_scene(run: xr.Dataset, actuator: str, drive: dict[str, Any], resistance: float | None, inductance: float | None) -> xr.Dataset:
     """As the engine has found it."""
     torque, speed = (need_result(run, name, "motor").sel(motor=actuator).values for name in ("motor_torque", "motor_speed"))
     known = drive["resistance"] if resistance is None else resistance
-    found = _whole(run, actuator, torque, speed, drive["torque_constant"] or None, known or None, drive["back_efficiency"] <= 0)
+    wound = (drive["inductance"] or None) if inductance is None else inductance
+    found = _whole(run, actuator, torque, speed, drive["torque_constant"] or None, known or None, wound, drive["back_efficiency"] <= 0)
     beside = [name for name in ("transmission_loss", "brake_torque", "torque_margin") if name in run]
     return found.assign({name: run[name].sel(motor=actuator, drop=True) for name in beside})
 
 
 def _whole(
-    run: xr.Dataset, actuator: str, torque: Values, speed: Values, torque_constant: float | None, resistance: float | None, locks: bool
-) -> xr.Dataset:
+    run: xr.Dataset, actuator: str, torque: Values, speed: Values, torque_constant: float | None, resistance: float | None,
+    inductance: float | None, locks: bool,
+) -> xr.Dataset:  # fmt: skip
     """What follows from torque and speed along the run, and figures of the whole."""
     found: dict[str, tuple[Any, str, str]] = {
         "motor_speed": (speed, "rad/s", "speed of the motor"),
@@ -230,11 +238,33 @@ def _whole(
         whole["rms_current"] = (rms(current, weights), "A", "rms current of the motor")
         if resistance is not None:
             voltage = as_positive("motor: resistance", resistance) * current + constant * speed
-            found["motor_voltage"] = (voltage, "V", "voltage of the motor")
-            found["electric_power"] = (voltage * current, "W", "electric power of the motor")
+            if inductance is not None and "time" in run.coords:
+                voltage = voltage + inductance * _slope(run.time.values, current)
+            if inductance is None or "time" in run.coords:
+                found["motor_voltage"] = (voltage, "V", "voltage of the motor")
+                found["electric_power"] = (voltage * current, "W", "electric power of the motor")
     elif resistance is not None:
         raise InputError("motor: resistance says nothing without torque_constant")
+    if inductance is not None and (resistance is None or torque_constant is None):
+        raise InputError("motor: inductance says nothing without torque_constant and resistance")
     return _told(run, found, whole, {"actuator": actuator, "self_locking": int(locks)})
+
+
+def _slope(t: Values, y: Values) -> Values:
+    """Derivative at the samples, of the polynomial through the five nearest of them, or through as many as there are."""
+    n, width = len(t), min(5, len(t))
+    first = np.clip(np.arange(n) - width // 2, 0, n - width)
+    near = first[:, np.newaxis] + np.arange(width)
+    # y' = V^-1 with the powers of the times from here: the row of the first power
+    x = t[near] - t[:, np.newaxis]
+    scale = np.abs(x).max(axis=1, keepdims=True)
+    scale[scale == 0] = 1.0
+    powers = (x / scale)[:, np.newaxis, :] ** np.arange(width)[:, np.newaxis]
+    unit = np.zeros((n, width, 1))
+    unit[:, min(1, width - 1), 0] = 1.0 if width > 1 else 0.0
+    weights = np.linalg.solve(powers, unit)[..., 0] / scale
+    slope: Values = np.sum(weights * y[near], axis=1)
+    return slope
 
 
 def _turns_of(run: xr.Dataset, actuator: str, ratio: float | None, lead: float | None) -> float:

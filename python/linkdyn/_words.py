@@ -56,6 +56,14 @@ Brake = TypedDict(
 """On the shaft of a motor; the functional form, since one of its keys is a word of Python."""
 
 
+class Strands(TypedDict, total=False):
+    """Of a belt that stretches, each of its two."""
+
+    stiffness: Quantity
+    damping: Quantity
+    pretension: Quantity
+
+
 class Drive(TypedDict, total=False):
     """The motor behind an actuator."""
 
@@ -67,6 +75,7 @@ class Drive(TypedDict, total=False):
     back_efficiency: Quantity
     torque_constant: Quantity
     resistance: Quantity
+    inductance: Quantity
     torque_limit: Quantity
     current_limit: Quantity
     power_limit: Quantity
@@ -79,6 +88,16 @@ class LegLink(TypedDict, total=False):
     """A link of a chain; ``length`` is that of cranks and rods."""
 
     length: Quantity
+    mass: Quantity
+    cog: Vector
+    inertia: Quantity | Vector | Mapping[str, Vector]
+    inertia_check: bool
+
+
+class WordLink(TypedDict, total=False):
+    """A link of a chain that is a row of letters; ``to`` leads from its first joint to its next [m]."""
+
+    to: Vector
     mass: Quantity
     cog: Vector
     inertia: Quantity | Vector | Mapping[str, Vector]

@@ -236,7 +236,7 @@ def test_words_are_those_of_the_page():
             told |= {"names"}
         assert own - PATTERN == told, table
     assert set(JOINTS) == {word for row in re.findall(r'^\| ("\w+"|`"\w+"`(?:, `"\w+"`)*) \|', parts["joint"], re.M) for word in re.findall(r'"(\w+)"', row)}
-    kinds = typing.get_args(typing.get_type_hints(Builder.chain)["type"])
+    kinds = typing.get_args(typing.get_args(typing.get_type_hints(Builder.chain)["type"])[0])
     assert set(kinds) == set(re.findall(r'^\| `"([^"]+)"`', parts["chain"], re.M))
     assert keys_of(_words.Drive) == keys_in(page.partition("### The motor behind it")[2].partition("\n## ")[0], "type")
     named = set(re.findall(r'^\| `"([\w-]+)"` \|', page.partition("## Laws of time")[2].partition("\n## ")[0], re.M))
