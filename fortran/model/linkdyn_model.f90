@@ -15,7 +15,7 @@ module linkdyn_model
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
-    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
+    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears, leads_within
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -359,21 +359,30 @@ contains
     !> Does a group that is closed by iteration close by way of gears: by a variable that they make of others of the same group?
     pure logical function closes_by_gears(model)
         type(model_type), intent(in) :: model
-        integer :: g, i, c, s
+        integer :: g, i, c
 
         closes_by_gears = .false.
         do g = 1, size(model%group)
             associate (group => model%group(g))
                 do i = 1, size(group%joint)
                     c = group%coordinate(1, i) - model%n_q
-                    if (c <= 0) cycle
-                    do s = 1, size(model%led(c)%source)
-                        closes_by_gears = closes_by_gears .or. any(group%joint == model%led(c)%source(s))
-                    end do
+                    if (c > 0) closes_by_gears = closes_by_gears .or. any(leads_within(model%led(c), group%joint))
                 end do
             end associate
         end do
     end function closes_by_gears
+
+    !> Which sources of a led variable are among some joints.
+    pure function leads_within(led, joint) result(leads)
+        type(led_type), intent(in) :: led
+        integer, intent(in) :: joint(:)
+        logical :: leads(size(led%source))
+        integer :: s
+
+        do s = 1, size(led%source)
+            leads(s) = any(joint == led%source(s))
+        end do
+    end function leads_within
 
     !> A length typical of the mechanism [m].
     pure real(wp) function scene_size(model)

@@ -29,8 +29,10 @@ module test_recorded_rates
         "stephenson_iii/scene", "watt_i/scene", "stewart_forward/scene", "stewart_drilling/scene"]
 
     !> Scenes with groups closed by iteration, cams among them.
-    character(len=*), parameter :: iterated(6) = [character(len=28) :: "examples/valve_train/scene", "tests/scenes/cam_lever", &
-        "tests/scenes/excavator", "tests/scenes/planar_platform", "tests/scenes/rsur", "tests/scenes/boom_by_stroke"]
+    character(len=*), parameter :: iterated(10) = [character(len=32) :: "examples/valve_train/scene", "tests/scenes/cam_lever", &
+        "tests/scenes/excavator", "tests/scenes/planar_platform", "tests/scenes/rsur", "tests/scenes/boom_by_stroke", &
+        "tests/scenes/fivebar_by_gears", "tests/scenes/fivebar_by_gears_3d", "tests/scenes/wheel_by_coupler", &
+        "tests/scenes/platform_by_gear"]
 
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
     real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
