@@ -4,7 +4,7 @@ module linkdyn_model
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_null_space_plan, only: null_space_plan
-    use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal
+    use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal, share_refused
     implicit none (type, external)
     private
     public :: model_type, payload_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, led_type, loose_type
@@ -15,7 +15,7 @@ module linkdyn_model
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
-    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears, leads_within
+    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears, leads_within, drives_share
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -371,6 +371,13 @@ contains
             end associate
         end do
     end function closes_by_gears
+
+    !> Are there more drives than freedoms, which share the work?
+    pure logical function drives_share(model)
+        type(model_type), intent(in) :: model
+
+        drives_share = model%n_actuator > model%n_q .and. model%scene%redundancy /= share_refused
+    end function drives_share
 
     !> Which sources of a led variable are among some joints.
     pure function leads_within(led, joint) result(leads)

@@ -94,7 +94,7 @@ contains
         is_last = .false.
         if (allocated(traced%contact)) return      ! friction comes from reactions
         is_last = are_among(traced, traced%acceleration)
-        if (.not. any(is_last)) is_last = are_among(traced, traced%unknowns%transmitted)
+        if (.not. any(is_last)) is_last = are_among(traced, [traced%unknowns%transmitted, traced%virtual])
     end function are_wanted
 
     !> Of the driving forces, and of all forces but gravity.

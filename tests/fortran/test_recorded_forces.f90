@@ -17,7 +17,7 @@ module test_recorded_forces
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_samples, only: result_list
-    use linkdyn_scene, only: scene_type, cam_spec, joint_cam, follower_point, follower_roller
+    use linkdyn_scene, only: scene_type, actuator_spec, cam_spec, joint_cam, joint_revolute, follower_point, follower_roller
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_test_numbers, only: random_stream, random_walk
@@ -63,7 +63,7 @@ contains
                  new_test("legs in any axes", test_legs), new_test("a leg that is not straight", test_bent_leg), &
                  new_test("dead points", test_dead_points), new_test("groups closed by iteration", test_iterated), &
                  new_test("cams", test_cams), &
-                 new_test("a frame that moves", test_moving_frame), &
+                 new_test("a frame that moves", test_moving_frame), new_test("shared drives", test_shared_drives), &
                  new_test("dead points of groups", test_dead_groups), new_test("recorded steps", test_recorded_steps), &
                  new_test("samples that are no numbers", test_no_numbers), new_test("what is left out", test_left_out), &
                  new_test("linear in links", test_linear)]
@@ -380,6 +380,52 @@ contains
             end if
         end do
     end subroutine test_moving_frame
+
+    !> The first drive twice, and one more at another hinge, all of different strength and strained against each other.
+    subroutine test_shared_drives(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(6) = [character(len=34) :: "examples/fourbar/scene", &
+            "examples/fivebar_parallel/scene", "examples/rcsp_start/scene", "examples/stewart_tsai/scene", &
+            "tests/scenes/excavator", "tests/scenes/rsur"]
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(batch_type) :: batch
+        integer :: i
+
+        do i = 1, size(name)
+            call read_scene(trim(name(i))//".toml", scene, status)
+            call add_drives(scene)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(name(i))//": "//trim(status%message))
+            if (.not. status%is_ok()) return
+            call move_at_random(model, 140, 0.005_wp, batch)
+            call compare_roads(error, trim(name(i))//", shared", model, batch, &
+                               accuracy=merge(near_singular, rounding, size(model%group) > 0))
+        end do
+    end subroutine test_shared_drives
+
+    subroutine add_drives(scene)
+        type(scene_type), intent(inout) :: scene
+        type(actuator_spec) :: more(2)
+        integer :: j, n
+
+        more = scene%actuator(1)
+        more(1)%name = trim(more(1)%name)//":second"
+        more%share = [0.5_wp, 2.0_wp]
+        more%preload = [30.0_wp, 0.0_wp]
+        n = 1
+        do j = size(scene%joint), 1, -1
+            if (scene%joint(j)%kind /= joint_revolute .or. any(scene%actuator%joint == j)) cycle
+            more(2)%name = scene%joint(j)%name
+            more(2)%joint = j
+            more(2)%variable = 1
+            more(2)%unit = "N m"
+            n = 2
+            exit
+        end do
+        scene%actuator = [scene%actuator, more(:n)]
+    end subroutine add_drives
 
     !> Enough samples for Newton's steps to be recorded, too: the same assemblies and forces as by those of the lanes, in order and
     !> each on its own, over turns of the cranks and through change points.
