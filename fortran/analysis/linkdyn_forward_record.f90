@@ -26,6 +26,7 @@ module linkdyn_forward_record
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint
     use linkdyn_uncertainty, only: is_surely_certain
+    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
@@ -45,15 +46,14 @@ module linkdyn_forward_record
 
 contains
 
-    !> May the scene have a record? Attitudes must come all in the same way, no coordinate stand in for another one,
-    !> whose turns a record does not count; motors that laws are about must drive coordinates. Groups are closed by iteration from
-    !> coordinates alone.
+    !> May the scene have a record? Attitudes must come all in the same way; motors that laws are about must drive coordinates. Groups
+    !> are closed by iteration from coordinates alone.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         integer :: i
 
-        can_be_recorded = (size(model%group) == 0 .or. model%n_attitude == 0) .and. all(model%scene%coordinate%for_joint == 0) &
+        can_be_recorded = (size(model%group) == 0 .or. model%n_attitude == 0) &
                           .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
         can_be_recorded = can_be_recorded .and. motors_can_be_recorded(model, layout)
         do i = 1, size(model%step)
@@ -149,7 +149,7 @@ contains
         record%followed = 0
         record%is_sprung = .false.
         do i = 1, model%n_actuator
-            k = coordinate_of_actuator(model, i)
+            k = counting(coordinate_of_actuator(model, i))
             associate (drive => model%scene%actuator(i)%drive)
                 if (follows_target(drive)) record%followed(i) = k
                 if (k > 0 .and. drive%kind == drive_spring_damper) record%is_sprung(k) = .true.
@@ -160,16 +160,27 @@ contains
         do i = 1, size(record%measured)
             associate (measure => model%scene%laws%measure(i))
                 if (measure%kind == measure_joint .and. .not. measure%is_rate) &
-                    record%measured(i) = coordinate_of(model, measure%joint, measure%variable)
+                    record%measured(i) = counting(coordinate_of(model, measure%joint, measure%variable))
             end associate
         end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint == 0) cycle
-                k = coordinate_of(model, spring%joint, spring%variable)
+                k = counting(coordinate_of(model, spring%joint, spring%variable))
                 if (k > 0) record%is_sprung(k) = .true.
             end associate
         end do
+
+    contains
+
+        !> A coordinate that stands in for another variable counts no turns: 0.
+        pure integer function counting(k)
+            integer, intent(in) :: k
+
+            counting = k
+            if (k == 0) return
+            if (model%scene%coordinate(k)%for_joint > 0) counting = 0
+        end function counting
     end subroutine prepare_samples
 
     !> The first n states as samples of the record.
@@ -205,6 +216,10 @@ contains
                     if (p == 0) cycle
                     samples%q(k, lane) = y(lane, p)
                     samples%is_left(lane) = samples%is_left(lane) .or. (record%is_sprung(k) .and. turns(lane, p) /= 0)
+                end do
+                do k = 1, model%n_q
+                    p = layout%counted(k)
+                    if (p > 0) samples%counted(k, lane) = with_turns(y(lane, p), turns(lane, p))
                 end do
                 do i = 1, model%n_attitude
                     p = layout%quaternion(i)
@@ -351,11 +366,12 @@ contains
     end subroutine settle_record_losses
 
     !> Run the first n states; asks `samples%is_left` which do not count.
-    subroutine run_states(n, record, acceleration, work, supplied, laws_are_there)
+    subroutine run_states(n, record, acceleration, counted, work, supplied, laws_are_there)
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
         logical, intent(in) :: laws_are_there                  !! `apply_record_laws` has been called
         real(wp), intent(inout) :: acceleration(:, :)          !! (lane, n_q); lanes beyond n are like lane n
+        real(wp), intent(out) :: counted(:, :)                 !! rates of angles that coordinates stand in for (lane, n_q) [rad/s]
         real(wp), intent(out), dimension(lanes) :: work, supplied    !! powers [W]
         type(rate_outputs) :: out
         integer :: k, lane(lanes)
@@ -366,6 +382,7 @@ contains
         associate (found => record%samples%found)
             do k = 1, size(acceleration, 2)
                 acceleration(:, k) = found(out%acceleration + k - 1, lane)
+                counted(:, k) = found(out%counted + k - 1, lane)
             end do
             work = found(out%work, lane)
             supplied = found(out%supplied, lane)

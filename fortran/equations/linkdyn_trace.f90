@@ -7,7 +7,7 @@ module linkdyn_trace
     use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
-        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction
+        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction, in_counted
     use linkdyn_layout, only: layout_type
     use linkdyn_loads, only: apply_load
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch, properties_of, payload_properties
@@ -60,6 +60,7 @@ contains
             call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
             traced%mechanism%pull = in(in_pull)%v
             traced%mechanism%payload = in(in_payload)%v
+            traced%mechanism%counted = in(in_counted)%v
             if (request%by_quaternion) traced%mechanism%quaternion = reshape(in(in_quaternion)%v, [4, model%n_attitude])
             traced%place = reshape(in(in_place)%v, [place_size(model), model%n_link])
         end associate

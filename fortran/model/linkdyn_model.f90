@@ -15,7 +15,8 @@ module linkdyn_model
     public :: gives_attitude, attitude_angles, number_attitudes
     public :: holds_spin, is_released, shared_reactions
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
-    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears, leads_within, drives_share
+    public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
+    public :: leads_within, drives_share, counts_for_another
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -371,6 +372,17 @@ contains
             end associate
         end do
     end function closes_by_gears
+
+    !> Does a coordinate stand in for an angle, in part of a forward run?
+    pure logical function counts_for_another(model, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+
+        associate (c => model%scene%coordinate(k))
+            counts_for_another = c%for_joint > 0
+            if (counts_for_another) counts_for_another = wraps(model%joint(c%for_joint)%kind, c%for_variable)
+        end associate
+    end function counts_for_another
 
     !> Are there more drives than freedoms, which share the work?
     pure logical function drives_share(model)

@@ -11,7 +11,7 @@ module test_recorded_rates
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_scenes, only: four_bar_chain
-    use linkdyn_scene, only: scene_type
+    use linkdyn_scene, only: scene_type, drive_spring_damper
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_numbers, only: random_stream
@@ -45,7 +45,7 @@ contains
         tests = [new_test("random states", test_random_states), &
                  new_test("groups closed by iteration", test_iterated), new_test("a free body", test_free_body), &
                  new_test("a frame that moves", test_moving_frame), &
-                 new_test("controllers", test_controllers), &
+                 new_test("controllers", test_controllers), new_test("stand-ins", test_stand_ins), &
                  new_test("a run", test_run), new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
                  new_test("an ensemble", test_ensemble)]
@@ -96,6 +96,34 @@ contains
         if (allocated(error%message)) return
         call compare_rates(error, "controlled_arm", model)
     end subroutine test_controllers
+
+    !> A crank that stands in for the rocker, whose spring is wound by more turns than its rest tells; the crank's own spring is at
+    !> the angle nearest to its rest, however often it has gone round.
+    subroutine test_stand_ins(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(2) = [character(len=16) :: "fourbar_start", "slider_crank"]
+        integer, parameter :: last = 4                 ! joint on the frame: a rocker, a piston
+        type(model_type), target :: model
+        type(scene_type) :: scene
+        type(status_type) :: status
+        integer :: i
+
+        do i = 1, size(name)
+            call read_scene("examples/"//trim(name(i))//"/scene.toml", scene, status)
+            scene%actuator = [scene%actuator(1), scene%actuator(1)]
+            scene%actuator(2)%joint = last
+            scene%actuator(2)%name = scene%joint(last)%name
+            scene%actuator%drive%kind = drive_spring_damper
+            scene%actuator(1)%drive%value(:3) = [3.0_wp, 0.2_wp, 0.4_wp]
+            scene%actuator(2)%drive%value(:3) = [20.0_wp, 0.3_wp, -4.0_wp]
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(name(i))//": "//trim(status%message))
+            if (.not. status%is_ok()) return
+            model%scene%coordinate(1)%for_joint = last
+            model%scene%coordinate(1)%for_variable = 1
+            call compare_rates(error, trim(name(i))//", standing in", model)
+        end do
+    end subroutine test_stand_ins
 
     subroutine test_moving_frame(error)
         type(test_error), intent(inout) :: error
