@@ -46,16 +46,14 @@ module linkdyn_forward_record
 
 contains
 
-    !> May the scene have a record? Attitudes must come all in the same way; motors that laws are about must drive coordinates. Groups
-    !> are closed by iteration from coordinates alone.
+    !> May the scene have a record? Attitudes must come all in the same way; motors that laws are about must drive coordinates.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         integer :: i
 
-        can_be_recorded = (size(model%group) == 0 .or. model%n_attitude == 0) &
-                          .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
-        can_be_recorded = can_be_recorded .and. motors_can_be_recorded(model, layout)
+        can_be_recorded = (all(layout%quaternion > 0) .or. all(layout%quaternion == 0)) &
+                          .and. motors_can_be_recorded(model, layout)
         do i = 1, size(model%step)
             if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
             can_be_recorded = can_be_recorded .and. layout%quaternion(model%step(i)%first) == 0
@@ -86,14 +84,22 @@ contains
         request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
         call record_rates(model, request, wants_power, representatives(model, layout, pose, assembly), stand, record%recorded)
-        if (record%recorded%is_usable .and. size(model%group) > 0) then
-            call make_closing_programs(model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), &
-                                       record%recorded%closing)
+        if (record%recorded%is_usable .and. needs_places(record)) then
+            ! from coordinates alone
+            if (model%n_attitude == 0) call make_closing_programs( &
+                model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), record%recorded%closing)
             record%recorded%is_usable = record%recorded%closing%is_usable
         end if
         call release_texts()
         if (record%recorded%is_usable) call prepare_samples(model, record)
     end subroutine make_forward_record
+
+    !> Are links placed by iteration in the record, too? Some it closes at once that the lanes do not: legs in any axes.
+    pure logical function needs_places(record)
+        type(forward_record), intent(in) :: record
+
+        needs_places = size(record%recorded%model%group) > 0
+    end function needs_places
 
     !> Another run of the same scene, by the same record.
     subroutine share_forward_record(model, recorded, record)
@@ -145,6 +151,7 @@ contains
         integer :: i, k
 
         call make_rate_samples(record%recorded, lanes, record%samples)
+        allocate (record%samples%group_margin(size(model%group), lanes), source=0.0_wp)
         allocate (record%followed(model%n_actuator), record%is_sprung(model%n_q))
         record%followed = 0
         record%is_sprung = .false.
@@ -299,7 +306,7 @@ contains
         logical :: is_closed(n)
         integer :: lane, g
 
-        if (size(model%group) == 0) return
+        if (.not. needs_places(record)) return
         associate (samples => record%samples)
             do lane = 1, n
                 place(:, :, lane) = predicted(model, assembly%place(lane, :, :), assembly%column(lane, :, :, :), &
@@ -330,7 +337,7 @@ contains
         real(wp) :: ahead
         integer :: n_group
 
-        n_group = size(model%group)
+        n_group = merge(size(model%group), 0, needs_places(record))
         associate (found => record%samples%found(:, lane), out => record%recorded%out, n => model%n_branch, &
                    of_groups => record%samples%group_margin(:, lane))
             ahead = t - assembly%t(lane)

@@ -850,7 +850,7 @@ contains
         class(forward_system), intent(inout) :: self
 
         nullify (self%assembly%closer)
-        if (size(self%model%group) > 0) self%assembly%closer => self%record%recorded%closing
+        if (self%record%recorded%closing%is_usable) self%assembly%closer => self%record%recorded%closing
     end subroutine help_lanes
 
     !> Use the record of another system of the same scene.

@@ -56,7 +56,7 @@ module linkdyn_recorded_rates
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
         real(wp), allocatable :: mode(:)                               !! of laws that jump (sample)
         real(wp), pointer, contiguous :: found(:, :) => null()         !! as `rate_outputs` tells (value, sample)
-        real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration (n_group, sample)
+        real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration, for whoever closes them (n_group, sample)
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
         type(sample_arrays), private :: arrays
         type(program_space), private :: one, block, one_measured, block_measured
@@ -130,7 +130,6 @@ contains
                       source=0.0_wp)
         end associate
         allocate (samples%found(recorded%out%n, n), samples%is_left(n), samples%t(n), samples%mode(n))
-        allocate (samples%group_margin(size(recorded%model%group), n), source=0.0_wp)
         samples%t = 0
         samples%mode = 0
 

@@ -21,7 +21,7 @@ module test_recorded_forces
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_test_numbers, only: random_stream, random_walk
-    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, move_frame, load_link
+    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, change_axes, move_frame, load_link
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -495,40 +495,6 @@ contains
             call compare_roads(error, "legs "//to_text(which), model, batch)
         end do
     end subroutine test_legs
-
-    !> Links of legs are written in turned and shifted axes.
-    subroutine change_axes(scene)
-        type(scene_type), intent(inout) :: scene
-        real(wp) :: r(3, 3), shift(3), tensor(3, 3)
-        integer :: i, k
-
-        do i = 1, size(scene%link)
-            if (index(scene%link(i)%name, "leg") == 0) cycle
-            r = turned(0.3_wp*i, -0.7_wp + 0.2_wp*i)
-            shift = [0.1_wp, -0.02_wp*i, 0.3_wp]
-            associate (link => scene%link(i))
-                do k = 1, size(link%marker)
-                    link%marker(k)%at = matmul(r, link%marker(k)%at) + shift
-                    link%marker(k)%axis = matmul(r, link%marker(k)%axis)
-                    link%marker(k)%x_axis = matmul(r, link%marker(k)%x_axis)
-                end do
-                link%cog = matmul(r, link%cog) + shift
-                associate (j => link%inertia)
-                    tensor = reshape([j(1), j(4), j(6), j(4), j(2), j(5), j(6), j(5), j(3)], [3, 3])
-                end associate
-                tensor = matmul(matmul(r, tensor), transpose(r))
-                link%inertia = [tensor(1, 1), tensor(2, 2), tensor(3, 3), tensor(1, 2), tensor(2, 3), tensor(3, 1)]
-            end associate
-        end do
-    end subroutine change_axes
-
-    pure function turned(a, b) result(r)
-        real(wp), intent(in) :: a, b                   !! about z, then about x [rad]
-        real(wp) :: r(3, 3)
-
-        r = matmul(reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, cos(b), sin(b), 0.0_wp, -sin(b), cos(b)], [3, 3]), &
-                   reshape([cos(a), sin(a), 0.0_wp, -sin(a), cos(a), 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3]))
-    end function turned
 
     !> A slide beside the line from U to S makes another mechanism, which has no closed form: its leg is iterated.
     subroutine test_bent_leg(error)

@@ -11,11 +11,11 @@ module test_recorded_rates
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_scenes, only: four_bar_chain
-    use linkdyn_scene, only: scene_type, drive_spring_damper
+    use linkdyn_scene, only: scene_type, drive_constant, drive_spring_damper
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_numbers, only: random_stream
-    use linkdyn_test_scenes, only: move_frame, load_link
+    use linkdyn_test_scenes, only: stewart_scene, change_axes, move_frame, load_link
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -46,6 +46,7 @@ contains
                  new_test("groups closed by iteration", test_iterated), new_test("a free body", test_free_body), &
                  new_test("a frame that moves", test_moving_frame), &
                  new_test("controllers", test_controllers), new_test("stand-ins", test_stand_ins), &
+                 new_test("legs in any axes", test_legs), &
                  new_test("a run", test_run), new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
                  new_test("an ensemble", test_ensemble)]
@@ -124,6 +125,24 @@ contains
             call compare_rates(error, trim(name(i))//", standing in", model)
         end do
     end subroutine test_stand_ins
+
+    !> The lanes iterate the legs of a platform, whose attitude is integrated as a quaternion; the record closes them at once.
+    subroutine test_legs(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+        type(scene_type) :: scene
+        type(status_type) :: status
+
+        call stewart_scene(scene, massless_legs=.false.)
+        call change_axes(scene)
+        scene%actuator%drive%kind = drive_constant
+        scene%actuator%drive%value(1) = 400
+        call build_model(scene, model, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        call check(error, size(model%group) > 0, "iterated in lanes")
+        call compare_rates(error, "legs in any axes", model)
+    end subroutine test_legs
 
     subroutine test_moving_frame(error)
         type(test_error), intent(inout) :: error
