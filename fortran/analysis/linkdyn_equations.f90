@@ -35,14 +35,14 @@ module linkdyn_equations
     use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
     use linkdyn_mass_matrix, only: mass_matrix
     use linkdyn_measures, only: find_laws
-    use linkdyn_model, only: model_type, is_dyad, has_rotors, gives_attitude, attitude_angles
+    use linkdyn_model, only: model_type, is_dyad, has_rotors, gives_attitude, attitude_angles, drives_share
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_planar_pass, only: uncertainty_of_dyad
     use linkdyn_reactions, only: solution_type, unknown, collect_reactions
     use linkdyn_rotors, only: apply_rotors, add_rotor_mass, rotor_accelerations
     use linkdyn_row_order, only: order_rows
-    use linkdyn_scene, only: n_stop, has_hard_stops, share_refused
+    use linkdyn_scene, only: n_stop, has_hard_stops
     use linkdyn_shared_drives, only: share_drives
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
@@ -200,7 +200,7 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(inout) :: equations
 
-        equations%shares_drives = model%n_actuator > model%n_q .and. model%scene%redundancy /= share_refused
+        equations%shares_drives = drives_share(model)
         if (.not. equations%shares_drives) return
         equations%unknown%drive = .false.
         equations%unknown%acceleration = .true.

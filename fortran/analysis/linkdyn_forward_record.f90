@@ -26,6 +26,7 @@ module linkdyn_forward_record
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint
     use linkdyn_uncertainty, only: is_surely_certain
+    use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
     public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
@@ -45,17 +46,14 @@ module linkdyn_forward_record
 
 contains
 
-    !> May the scene have a record? Attitudes must come all in the same way, no coordinate stand in for another one,
-    !> whose turns a record does not count; motors that laws are about must drive coordinates. Groups are closed by iteration from
-    !> coordinates alone.
+    !> May the scene have a record? Attitudes must come all in the same way; motors that laws are about must drive coordinates.
     pure logical function can_be_recorded(model, layout)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         integer :: i
 
-        can_be_recorded = (size(model%group) == 0 .or. model%n_attitude == 0) .and. all(model%scene%coordinate%for_joint == 0) &
-                          .and. (all(layout%quaternion > 0) .or. all(layout%quaternion == 0))
-        can_be_recorded = can_be_recorded .and. motors_can_be_recorded(model, layout)
+        can_be_recorded = (all(layout%quaternion > 0) .or. all(layout%quaternion == 0)) &
+                          .and. motors_can_be_recorded(model, layout)
         do i = 1, size(model%step)
             if (.not. gives_attitude(model, model%step(i)) .or. model%step(i)%kind == step_pose) cycle
             can_be_recorded = can_be_recorded .and. layout%quaternion(model%step(i)%first) == 0
@@ -86,14 +84,22 @@ contains
         request%acceleration_is_unknown = unknown%acceleration
         call hold_texts()
         call record_rates(model, request, wants_power, representatives(model, layout, pose, assembly), stand, record%recorded)
-        if (record%recorded%is_usable .and. size(model%group) > 0) then
-            call make_closing_programs(model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), &
-                                       record%recorded%closing)
+        if (record%recorded%is_usable .and. needs_places(record)) then
+            ! from coordinates alone
+            if (model%n_attitude == 0) call make_closing_programs( &
+                model, pose, assembly%place(:, :, :size(pose, 2)), assembly%margin(:, :size(pose, 2)), record%recorded%closing)
             record%recorded%is_usable = record%recorded%closing%is_usable
         end if
         call release_texts()
         if (record%recorded%is_usable) call prepare_samples(model, record)
     end subroutine make_forward_record
+
+    !> Are links placed by iteration in the record, too? Some it closes at once that the lanes do not: legs in any axes.
+    pure logical function needs_places(record)
+        type(forward_record), intent(in) :: record
+
+        needs_places = size(record%recorded%model%group) > 0
+    end function needs_places
 
     !> Another run of the same scene, by the same record.
     subroutine share_forward_record(model, recorded, record)
@@ -145,11 +151,12 @@ contains
         integer :: i, k
 
         call make_rate_samples(record%recorded, lanes, record%samples)
+        allocate (record%samples%group_margin(size(model%group), lanes), source=0.0_wp)
         allocate (record%followed(model%n_actuator), record%is_sprung(model%n_q))
         record%followed = 0
         record%is_sprung = .false.
         do i = 1, model%n_actuator
-            k = coordinate_of_actuator(model, i)
+            k = counting(coordinate_of_actuator(model, i))
             associate (drive => model%scene%actuator(i)%drive)
                 if (follows_target(drive)) record%followed(i) = k
                 if (k > 0 .and. drive%kind == drive_spring_damper) record%is_sprung(k) = .true.
@@ -160,16 +167,27 @@ contains
         do i = 1, size(record%measured)
             associate (measure => model%scene%laws%measure(i))
                 if (measure%kind == measure_joint .and. .not. measure%is_rate) &
-                    record%measured(i) = coordinate_of(model, measure%joint, measure%variable)
+                    record%measured(i) = counting(coordinate_of(model, measure%joint, measure%variable))
             end associate
         end do
         do i = 1, size(model%scene%spring)
             associate (spring => model%scene%spring(i))
                 if (spring%joint == 0) cycle
-                k = coordinate_of(model, spring%joint, spring%variable)
+                k = counting(coordinate_of(model, spring%joint, spring%variable))
                 if (k > 0) record%is_sprung(k) = .true.
             end associate
         end do
+
+    contains
+
+        !> A coordinate that stands in for another variable counts no turns: 0.
+        pure integer function counting(k)
+            integer, intent(in) :: k
+
+            counting = k
+            if (k == 0) return
+            if (model%scene%coordinate(k)%for_joint > 0) counting = 0
+        end function counting
     end subroutine prepare_samples
 
     !> The first n states as samples of the record.
@@ -205,6 +223,10 @@ contains
                     if (p == 0) cycle
                     samples%q(k, lane) = y(lane, p)
                     samples%is_left(lane) = samples%is_left(lane) .or. (record%is_sprung(k) .and. turns(lane, p) /= 0)
+                end do
+                do k = 1, model%n_q
+                    p = layout%counted(k)
+                    if (p > 0) samples%counted(k, lane) = with_turns(y(lane, p), turns(lane, p))
                 end do
                 do i = 1, model%n_attitude
                     p = layout%quaternion(i)
@@ -284,7 +306,7 @@ contains
         logical :: is_closed(n)
         integer :: lane, g
 
-        if (size(model%group) == 0) return
+        if (.not. needs_places(record)) return
         associate (samples => record%samples)
             do lane = 1, n
                 place(:, :, lane) = predicted(model, assembly%place(lane, :, :), assembly%column(lane, :, :, :), &
@@ -315,7 +337,7 @@ contains
         real(wp) :: ahead
         integer :: n_group
 
-        n_group = size(model%group)
+        n_group = merge(size(model%group), 0, needs_places(record))
         associate (found => record%samples%found(:, lane), out => record%recorded%out, n => model%n_branch, &
                    of_groups => record%samples%group_margin(:, lane))
             ahead = t - assembly%t(lane)
@@ -351,11 +373,12 @@ contains
     end subroutine settle_record_losses
 
     !> Run the first n states; asks `samples%is_left` which do not count.
-    subroutine run_states(n, record, acceleration, work, supplied, laws_are_there)
+    subroutine run_states(n, record, acceleration, counted, work, supplied, laws_are_there)
         integer, intent(in) :: n
         type(forward_record), intent(inout) :: record
         logical, intent(in) :: laws_are_there                  !! `apply_record_laws` has been called
         real(wp), intent(inout) :: acceleration(:, :)          !! (lane, n_q); lanes beyond n are like lane n
+        real(wp), intent(out) :: counted(:, :)                 !! rates of angles that coordinates stand in for (lane, n_q) [rad/s]
         real(wp), intent(out), dimension(lanes) :: work, supplied    !! powers [W]
         type(rate_outputs) :: out
         integer :: k, lane(lanes)
@@ -366,6 +389,7 @@ contains
         associate (found => record%samples%found)
             do k = 1, size(acceleration, 2)
                 acceleration(:, k) = found(out%acceleration + k - 1, lane)
+                counted(:, k) = found(out%counted + k - 1, lane)
             end do
             work = found(out%work, lane)
             supplied = found(out%supplied, lane)

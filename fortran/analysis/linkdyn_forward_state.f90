@@ -6,12 +6,12 @@
 module linkdyn_forward_state
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_joint_motion, only: variables_of_relative
-    use linkdyn_joint_table, only: wraps, is_threaded, joint_spherical
+    use linkdyn_joint_table, only: is_threaded, joint_spherical
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, gives_attitude, attitude_angles, repeats
+    use linkdyn_model, only: model_type, step_pose, gives_attitude, attitude_angles, repeats, counts_for_another
     use linkdyn_motor_laws, only: has_winding
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy
@@ -25,7 +25,7 @@ module linkdyn_forward_state
     private
     public :: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, pack_rates, read_coordinates, &
         read_attitudes
-    public :: scene_start
+    public :: scene_start, counted_rates
 
     !> Where everything stands in y.
     type :: state_layout
@@ -108,10 +108,7 @@ contains
             layout%rate(k) = layout%n
         end do
         do k = 1, model%n_q
-            associate (c => model%scene%coordinate(k))
-                if (c%for_joint == 0) cycle
-                if (.not. wraps(model%joint(c%for_joint)%kind, c%for_variable)) cycle
-            end associate
+            if (.not. counts_for_another(model, k)) cycle
             layout%n = layout%n + 1
             layout%counted(k) = layout%n
         end do
@@ -247,12 +244,12 @@ contains
     end subroutine unpack_state
 
     !> dy/dt from y and the accelerations; the rates of work and energy are left alone.
-    subroutine pack_rates(model, layout, y, acceleration, state, rate)
+    subroutine pack_rates(model, layout, y, acceleration, counted, rate)
         type(model_type), intent(in) :: model
         type(state_layout), intent(in) :: layout
         real(wp), intent(in) :: y(:, :)               !! (lane, n)
         real(wp), intent(in) :: acceleration(:, :)    !! (lane, n_q); of a pose those of velocity and angular velocity
-        type(kinematic_state), intent(in) :: state    !! of y
+        real(wp), intent(in) :: counted(:, :)         !! rates of the angles that coordinates stand in for (lane, n_q) [rad/s]
         real(wp), intent(inout) :: rate(:, :)         !! (lane, n)
         type(vec3) :: omega
         integer :: k, p
@@ -261,9 +258,7 @@ contains
             if (layout%rate(k) == 0) cycle
             if (layout%position(k) > 0) rate(:, layout%position(k)) = y(:, layout%rate(k))
             rate(:, layout%rate(k)) = acceleration(:, k)
-            if (layout%counted(k) > 0) &
-                rate(:, layout%counted(k)) = joint_rate(model, state, model%scene%coordinate(k)%for_joint, &
-                                                        model%scene%coordinate(k)%for_variable, level_velocity)
+            if (layout%counted(k) > 0) rate(:, layout%counted(k)) = counted(:, k)
         end do
         do p = 1, model%n_attitude
             if (layout%quaternion(p) == 0) cycle
@@ -273,6 +268,20 @@ contains
             end associate
         end do
     end subroutine pack_rates
+
+    !> Rates of the angles that coordinates stand in for, on lanes; zero of others.
+    function counted_rates(model, state) result(rate)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: rate(lanes, model%n_q)            !! [rad/s]
+        integer :: k
+
+        rate = 0
+        do k = 1, model%n_q
+            if (counts_for_another(model, k)) rate(:, k) = joint_rate( &
+                model, state, model%scene%coordinate(k)%for_joint, model%scene%coordinate(k)%for_variable, level_velocity)
+        end do
+    end function counted_rates
 
     !> Attitudes of y at an instant as the kinematics takes them, on lane 1: quaternions, and angular rates in place of those
     !> of angles.

@@ -24,7 +24,7 @@ module linkdyn_forward_system
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
         place_states, close_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, fill_start, unpack_state, &
-        pack_rates, read_coordinates
+        pack_rates, counted_rates, read_coordinates
     use linkdyn_holding_forces, only: holding_forces, plan_holding_forces, find_holding_forces, free_holding_forces
     use linkdyn_impacts, only: find_impacts
     use linkdyn_inverse, only: are_alike
@@ -561,7 +561,7 @@ contains
             workspace%n_used = self%n_used
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self)) call hold_at_stops(self, t, y)
-            call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
+            call pack_rates(model, self%layout, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
             call pack_control_rates(self, rate)
             call pack_current_rates(self, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
@@ -896,7 +896,7 @@ contains
         class(forward_system), intent(inout) :: self
 
         nullify (self%assembly%closer)
-        if (size(self%model%group) > 0) self%assembly%closer => self%record%recorded%closing
+        if (self%record%recorded%closing%is_usable) self%assembly%closer => self%record%recorded%closing
     end subroutine help_lanes
 
     !> Use the record of another system of the same scene.
@@ -918,7 +918,7 @@ contains
         real(wp), intent(in) :: y(:, :)
         real(wp), intent(out) :: rate(:, :)
         logical, intent(out) :: is_left(lanes)         !! that the record does not serve
-        real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator)
+        real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator), counted(lanes, self%model%n_q)
         integer :: lane, n
         logical :: has_motor_laws, changes_efforts
 
@@ -943,7 +943,7 @@ contains
             if (changes_efforts) call apply_record_laws(n, self%record)
             if (self%control%n > 0) call drive_record_by_controllers(self, n, t, y)
             if (has_motor_laws) call drive_record_by_motors(self, n, t, y)
-            call run_states(n, self%record, self%workspace%acceleration, rate(:, self%layout%work), &
+            call run_states(n, self%record, self%workspace%acceleration, counted, rate(:, self%layout%work), &
                             rate(:, self%layout%supplied), laws_are_there=changes_efforts)
             if (self%assembly%is_needed) then
                 do lane = 1, n
@@ -953,7 +953,7 @@ contains
             end if
             is_left = samples%is_left([(min(lane, n), lane=1, lanes)])
         end associate
-        call pack_rates(self%model, self%layout, y, self%workspace%acceleration, self%workspace%state, rate)
+        call pack_rates(self%model, self%layout, y, self%workspace%acceleration, counted, rate)
         call pack_control_rates(self, rate)
         call pack_current_rates(self, rate)
         if (self%may_jump) &

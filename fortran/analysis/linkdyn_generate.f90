@@ -17,7 +17,7 @@ module linkdyn_generate
     use linkdyn_kinds, only: wp
     use linkdyn_laws, only: evaluate_law
     use linkdyn_lock, only: hold_texts, release_texts
-    use linkdyn_model, only: model_type, place_size, scene_size, closes_by_gears
+    use linkdyn_model, only: model_type, place_size, scene_size
     use linkdyn_payloads, only: payload_is_input
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_newton_group, only: prepare_margins
@@ -26,7 +26,7 @@ module linkdyn_generate
         dim_component, dim_variable
     use linkdyn_scene, only: axes_link, drive_inverse, law_none, side_joint, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_text, only: to_text, quoted, join
+    use linkdyn_text, only: quoted, join
     implicit none (type, external)
     private
     public :: code_wish, choose_language, choose_kernel, choose_code_results, generate_code
@@ -141,11 +141,6 @@ contains
         if (model%n_cam > 0) call fail(status, status_bad_input, "no code can be generated: where cam " &
             //quoted(model%joint(findloc(model%joint%cam, 1, dim=1))%name) &
             //" is touched takes a search (expected a scene without cams)")
-        if (model%n_actuator > model%n_q .and. wish%kernel == kernel_inverse) call fail(status, status_bad_input, &
-            "no code can be generated: "//to_text(model%n_actuator)//" actuators share the work of "//to_text(model%n_q) &
-            //" coordinate(s) (expected as many actuators as coordinates, or the kernel forward or kinematics)")
-        if (closes_by_gears(model)) call fail(status, status_bad_input, "no code can be generated: a loop closes by way of gears " &
-            //"(expected a coordinate from which the gears' wheels follow)")
         if (has_hard_stops(model%scene) .and. wish%kernel == kernel_forward) call fail(status, status_bad_input, &
             "no code can be generated: stop "//quoted(model%scene%stop(findloc(model%scene%stop%is_hard, .true., dim=1))%name)// &
             " throws back (expected a scene without stops, or another kernel)")

@@ -149,9 +149,8 @@ contains
         if (.not. status%is_ok()) return
         if (has_assemblies(model)) call make_room(model, 1, solver%at_start)
         allocate (solver%pool)
-        if (options%by_record .and. options%solver == solver_elimination .and. .not. (options%wants_errors .or. &
-            solver%equations%shares_drives) &
-            .and. .not. options%wants_rcond .and. .not. options%wants_distance) then
+        if (options%by_record .and. options%solver == solver_elimination .and. .not. (options%wants_errors &
+            .or. options%wants_rcond .or. options%wants_distance)) then
             allocate (solver%records)
             if (size(model%group) > 0) allocate (solver%closing)
         end if

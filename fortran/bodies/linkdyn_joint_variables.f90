@@ -81,17 +81,25 @@ contains
         end do
     end function joint_rates
 
-    !> One variable; an angle that is no coordinate is the one nearest to `target` of those that differ by full turns.
+    !> One variable; an angle that is no coordinate, or one that stands in for another variable, is the one nearest to `target` of
+    !> those that differ by full turns. Of an angle that a coordinate stands in for the turns are known.
     function variable_near(mechanism, j, variable, target) result(q)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: j, variable
         type(value), intent(in) :: target
-        type(value) :: q
+        type(value) :: q, near
+        integer :: k
 
         q = one_variable(mechanism, j, variable)
-        if (coordinate_of_variable(mechanism, j, variable) > 0) return
+        k = coordinate_of_variable(mechanism, j, variable)
+        if (k > 0) then
+            if (mechanism%model%scene%coordinate(k)%for_joint == 0) return
+        end if
         if (.not. mechanism%told_kind(j)%is%wraps(variable)) return
-        q = q + (2*pi)*nearest_whole((1/(2*pi))*(target - q))
+        near = target
+        k = stand_in_of_variable(mechanism, j, variable)
+        if (k > 0) near = mechanism%counted(k)
+        q = q + (2*pi)*nearest_whole((1/(2*pi))*(near - q))
     end function variable_near
 
     function variable_rate(mechanism, j, variable) result(qd)
@@ -144,4 +152,17 @@ contains
         end associate
         k = 0
     end function coordinate_of_variable
+
+    !> The coordinate that stands in for a joint variable; 0: none.
+    pure integer function stand_in_of_variable(mechanism, j, variable) result(k)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j, variable
+
+        associate (coordinate => mechanism%model%scene%coordinate)
+            do k = 1, size(coordinate)
+                if (coordinate(k)%for_joint == j .and. coordinate(k)%for_variable == variable) return
+            end do
+        end associate
+        k = 0
+    end function stand_in_of_variable
 end module linkdyn_joint_variables

@@ -44,6 +44,7 @@ module linkdyn_mechanism
         type(bodies_type) :: bodies
         type(value), allocatable :: q(:), qd(:), qdd(:)    !! coordinates, what they lead by gears; derivatives [m, rad]
         type(value), allocatable :: quaternion(:, :)       !! (4, pose) of links whose pose is given; absent: angles give it
+        type(value), allocatable :: counted(:)             !! angles that coordinates stand in for, with their turns (n_q) [rad]
         logical, allocatable :: is_led(:)                  !! what joints that are placed add to a led variable is in it (led)
         type(rate_map) :: rates                            !! of the coordinates
         type(vector), allocatable :: slide(:)              !! (joint) of the second marker, axes of the first [m]; see `has_slide`

@@ -6,7 +6,7 @@ module linkdyn_inputs
     use linkdyn_base_motion, only: base_is_felt
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, place_size
+    use linkdyn_model, only: model_type, place_size, counts_for_another
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_payloads, only: payload_is_input
     use linkdyn_record, only: new_input
@@ -16,7 +16,7 @@ module linkdyn_inputs
     private
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
-    public :: in_found, in_pull, in_base, in_payload, in_friction
+    public :: in_found, in_pull, in_base, in_payload, in_friction, in_counted
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -34,7 +34,8 @@ module linkdyn_inputs
     integer, parameter :: in_base = 13          !! what is felt of the frame's motion (n_base), see `linkdyn_base_motion`
     integer, parameter :: in_payload = 14       !! masses that links carry (n_payload) [kg]
     integer, parameter :: in_friction = 15      !! of contacts, over the speed of their surfaces (n_contact) [N s/m]
-    integer, parameter :: n_block = 15
+    integer, parameter :: in_counted = 16       !! angles that coordinates stand in for, as they count turns (n_q) [rad]
+    integer, parameter :: n_block = 16
 
     !> What is wanted of a trace.
     type :: trace_request
@@ -97,6 +98,7 @@ contains
         call add(in_base, base_is_felt(model))
         call add(in_payload, payload_is_input(model), model%scene%payload%mass%value(1))
         call add(in_friction, [(request%has_friction, k=1, size(model%contact))])
+        call add(in_counted, [(counts_for_another(model, k), k=1, model%n_q)])
         is_input = .false.
         do k = 1, size(model%group)
             is_input(:, model%group(k)%link) = .true.

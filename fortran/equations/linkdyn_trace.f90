@@ -3,14 +3,15 @@ module linkdyn_trace
     use linkdyn_acting, only: acting_type
     use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_drive_laws, only: drive_effort
+    use linkdyn_drive_sharing, only: share_work
     use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
-        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction
+        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction, in_counted
     use linkdyn_layout, only: layout_type
     use linkdyn_loads, only: apply_load
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch, properties_of, payload_properties
-    use linkdyn_model, only: model_type, place_size
+    use linkdyn_model, only: model_type, place_size, drives_share
     use linkdyn_operation, only: op_unknown
     use linkdyn_payload_wrenches, only: payload_wrench
     use linkdyn_placing, only: run_step
@@ -32,6 +33,7 @@ module linkdyn_trace
         type(system_type) :: system                        !! equations of motion
         type(force_unknowns) :: unknowns
         type(value), allocatable :: acceleration(:)        !! of the coordinates, known or unknown (n_q)
+        type(value), allocatable :: virtual(:)             !! rates of theirs by which drives share the work; none: these do not
         type(value), allocatable :: place(:, :)            !! of links in groups closed by iteration (place_size, link)
         type(acting_type), allocatable :: acting(:)        !! what is known to act: loads, springs, friction
         type(contact_motion), allocatable :: contact(:)    !! not there: nothing rubs
@@ -59,6 +61,7 @@ contains
             call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
             traced%mechanism%pull = in(in_pull)%v
             traced%mechanism%payload = in(in_payload)%v
+            traced%mechanism%counted = in(in_counted)%v
             if (request%by_quaternion) traced%mechanism%quaternion = reshape(in(in_quaternion)%v, [4, model%n_attitude])
             traced%place = reshape(in(in_place)%v, [place_size(model), model%n_link])
         end associate
@@ -110,8 +113,23 @@ contains
 
         call add_reactions(traced%mechanism, layout, traced%system, traced%unknowns)
         call trace_what_acts(request, traced)
+        call trace_sharing(request, traced)
         call balance_links(traced%mechanism, layout, traced%acting, traced%system, traced%unknowns)
     end subroutine trace_equations
+
+    !> More drives than freedoms, all of them unknown in a motion that is given.
+    subroutine trace_sharing(request, traced)
+        type(trace_request), intent(in) :: request
+        type(traced_type), intent(inout) :: traced
+
+        logical :: shares
+
+        shares = drives_share(traced%mechanism%model)
+        if (allocated(request%drive_is_unknown)) shares = shares .and. all(request%drive_is_unknown)
+        if (allocated(request%acceleration_is_unknown)) shares = shares .and. .not. any(request%acceleration_is_unknown)
+        allocate (traced%virtual(merge(traced%mechanism%model%n_q, 0, shares)))
+        if (shares) call share_work(traced%mechanism, traced%unknowns%transmitted, traced%system, traced%virtual)
+    end subroutine trace_sharing
 
     !> Driving forces, unknown or given, loads, springs and friction.
     subroutine trace_what_acts(request, traced)

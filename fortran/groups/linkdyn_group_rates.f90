@@ -8,8 +8,9 @@ module linkdyn_group_rates
     use linkdyn_constraint_rates, only: body_state, constraint_type, constraints_of_joint, constraint_of_variable, velocities_of, &
         accelerations_of
     use linkdyn_mechanism, only: mechanism_type, watch
+    use linkdyn_model, only: leads_within
     use linkdyn_system, only: system_type, unknown, require, solve, solved
-    use linkdyn_value, only: zero
+    use linkdyn_value, only: value, zero
     use linkdyn_vector, only: vector, components, vector_of
     implicit none (type, external)
     private
@@ -30,6 +31,8 @@ contains
         integer, intent(in) :: link(:), joint(:)
         integer, intent(in) :: coordinate(:, :)        !! that gives a joint's variable; 0: none (3, joint)
         type(group_constraints), intent(out) :: constraints
+        integer, allocatable :: leader(:)
+        type(value), allocatable :: weight(:)
         integer :: i, k, n, t
 
         constraints%link = link
@@ -46,9 +49,31 @@ contains
             do k = 1, 3
                 if (coordinate(k, i) == 0) cycle
                 n = n + 1
-                constraints%of(n) = constraint_of_variable(mechanism, joint(i), k, coordinate(k, i))
+                call find_leaders(coordinate(k, i))
+                constraints%of(n) = constraint_of_variable(mechanism, joint(i), k, coordinate(k, i), leader, weight)
             end do
         end do
+
+    contains
+
+        !> Joints of the group that lead what is given as number c.
+        subroutine find_leaders(c)
+            integer, intent(in) :: c
+            integer, allocatable :: which(:)
+            integer :: s
+
+            which = [integer ::]
+            leader = [integer ::]
+            associate (n_q => mechanism%model%n_q)
+                if (c > n_q) then
+                    which = pack([(s, s=1, size(mechanism%model%led(c - n_q)%source))], &
+                                 leads_within(mechanism%model%led(c - n_q), joint))
+                    leader = mechanism%model%led(c - n_q)%source(which)
+                    which = mechanism%at%led(c - n_q) + n_q + which
+                end if
+            end associate
+            weight = mechanism%number(which)
+        end subroutine find_leaders
     end subroutine list_constraints
 
     !> Velocities and accelerations of a group whose links are placed. With a system of equations the accelerations stay
@@ -96,15 +121,15 @@ contains
 
     ! ---------------------------------------------------------------- states of links
 
-    !> What is known, or unknown, of two links.
+    !> What is known, or unknown, of links.
     function states(mechanism, link) result(state)
         type(mechanism_type), intent(in) :: mechanism
-        integer, intent(in) :: link(2)
-        type(body_state) :: state(2)
+        integer, intent(in) :: link(:)
+        type(body_state) :: state(size(link))
         integer :: side
 
         associate (bodies => mechanism%bodies)
-            do side = 1, 2
+            do side = 1, size(link)
                 associate (body => bodies%body(link(side)))
                     state(side)%position = body%position
                     state(side)%r = rotation_of(bodies, link(side))

@@ -1,4 +1,4 @@
-!> Joint variables that gears make of those of joints that are placed already.
+!> Joint variables that gears make of those of other joints: what these add once they are placed, and whether their turns are known.
 module linkdyn_led_variables
     use linkdyn_bodies, only: world_axes, omega_of, alpha_of, point_acceleration
     use linkdyn_joint_kind, only: marker_pair, axis_of
@@ -10,15 +10,17 @@ module linkdyn_led_variables
     use linkdyn_vector, only: vector, operator(-), operator(.dot.)
     implicit none (type, external)
     private
-    public :: complete_led
+    public :: complete_led, watch_own_turns
 
 contains
 
     !> Add to given variables, and to their rates, what other joints lead.
-    subroutine complete_led(mechanism, given)
+    subroutine complete_led(mechanism, given, own)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: given(:)                !! numbers of coordinates, and beyond them of what is led
-        type(value) :: weight, variable, near
+        integer, intent(in) :: own(:)                  !! joints that are not placed yet, but together with what they lead: their
+                                                       !! part is in the constraints
+        type(value) :: weight
         integer :: i, s
 
         do i = 1, size(given)
@@ -28,12 +30,10 @@ contains
                 mechanism%is_led(c - n_q) = .true.
                 associate (source => mechanism%model%led(c - n_q)%source)
                     do s = 1, size(source)
+                        if (any(own == source(s))) cycle
                         weight = mechanism%number(mechanism%at%led(c - n_q) + n_q + s)
-                        near = constant(mechanism%model%scene%joint(source(s))%start(1))
-                        variable = variable_near(mechanism, source(s), 1, near)
-                        if (counts_turns(mechanism%model, mechanism%model%led(c - n_q), s)) &
-                            call must_be_positive(mechanism, constant(most_turned) - abs(variable - near))
-                        mechanism%q(c) = mechanism%q(c) + weight*variable
+                        call watch_turns(mechanism, c - n_q, s)
+                        mechanism%q(c) = mechanism%q(c) + weight*leading(mechanism, source(s))
                         mechanism%qd(c) = mechanism%qd(c) + weight*variable_rate(mechanism, source(s), 1)
                         mechanism%qdd(c) = mechanism%qdd(c) + weight*second_rate(mechanism, source(s))
                     end do
@@ -44,6 +44,42 @@ contains
             end associate
         end do
     end subroutine complete_led
+
+    !> Of given variables: the turns of joints that lead them and are placed together with them.
+    subroutine watch_own_turns(mechanism, given, own)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: given(:), own(:)        !! as above
+        integer :: i, s
+
+        do i = 1, size(given)
+            associate (c => given(i) - mechanism%model%n_q)
+                if (c <= 0) cycle
+                do s = 1, size(mechanism%model%led(c)%source)
+                    if (any(own == mechanism%model%led(c)%source(s))) call watch_turns(mechanism, c, s)
+                end do
+            end associate
+        end do
+    end subroutine watch_own_turns
+
+    !> Where turns count, source s of a led variable must stay so near to its start that they are known.
+    subroutine watch_turns(mechanism, led, s)
+        type(mechanism_type), intent(inout) :: mechanism
+        integer, intent(in) :: led, s
+
+        associate (model => mechanism%model, j => mechanism%model%led(led)%source(s))
+            if (counts_turns(model, model%led(led), s)) call must_be_positive( &
+                mechanism, constant(most_turned) - abs(leading(mechanism, j) - constant(model%scene%joint(j)%start(1))))
+        end associate
+    end subroutine watch_turns
+
+    !> Variable of a joint that leads, as near to its start as turns make it.
+    function leading(mechanism, j) result(variable)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: j
+        type(value) :: variable
+
+        variable = variable_near(mechanism, j, 1, constant(mechanism%model%scene%joint(j)%start(1)))
+    end function leading
 
     !> Second rate of the variable of a hinge or slide. What turns with the first link and what Coriolis adds is square to the axis.
     function second_rate(mechanism, j) result(qdd)

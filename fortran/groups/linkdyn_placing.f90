@@ -5,7 +5,7 @@ module linkdyn_placing
     use linkdyn_dyads, only: place_dyad
     use linkdyn_group_rates, only: group_constraints, list_constraints, move_group
     use linkdyn_joint_kind, only: marker_pair
-    use linkdyn_led_variables, only: complete_led
+    use linkdyn_led_variables, only: complete_led, watch_own_turns
     use linkdyn_leg, only: close_leg
     use linkdyn_mechanism, only: mechanism_type, has_slide, pair_of
     use linkdyn_model, only: step_type, step_pose, step_joint, step_ups, step_csp, step_group, is_dyad
@@ -38,7 +38,7 @@ contains
             end if
         case (step_joint)
             associate (k => pack(step%coordinate, step%coordinate > 0))
-                call complete_led(mechanism, k)
+                call complete_led(mechanism, k, [integer ::])
                 call walk_joint(mechanism, step%joint(1), step%from_second, mechanism%q(k), mechanism%qd(k))
             end associate
         case (step_ups)
@@ -79,8 +79,9 @@ contains
         type(group_constraints), intent(out) :: constraints
 
         associate (group => mechanism%model%group(g))
-            call complete_led(mechanism, pack(group%coordinate, group%coordinate > 0))
+            call complete_led(mechanism, pack(group%coordinate, group%coordinate > 0), group%joint)
             call take_places(mechanism, group%link, place)
+            call watch_own_turns(mechanism, pack(group%coordinate, group%coordinate > 0), group%joint)
             call list_constraints(mechanism, group%link, group%joint, group%coordinate, constraints)
         end associate
     end subroutine place_group

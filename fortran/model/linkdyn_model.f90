@@ -4,7 +4,7 @@ module linkdyn_model
     use linkdyn_joint_table, only: is_slide, is_threaded, wraps
     use linkdyn_kinds, only: wp
     use linkdyn_null_space_plan, only: null_space_plan
-    use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal
+    use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal, share_refused
     implicit none (type, external)
     private
     public :: model_type, payload_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, belt_type, led_type, &
@@ -17,6 +17,7 @@ module linkdyn_model
     public :: holds_spin, is_released, shared_reactions
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
+    public :: leads_within, drives_share, counts_for_another
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates
@@ -392,21 +393,48 @@ contains
     !> Does a group that is closed by iteration close by way of gears: by a variable that they make of others of the same group?
     pure logical function closes_by_gears(model)
         type(model_type), intent(in) :: model
-        integer :: g, i, c, s
+        integer :: g, i, c
 
         closes_by_gears = .false.
         do g = 1, size(model%group)
             associate (group => model%group(g))
                 do i = 1, size(group%joint)
                     c = group%coordinate(1, i) - model%n_q
-                    if (c <= 0) cycle
-                    do s = 1, size(model%led(c)%source)
-                        closes_by_gears = closes_by_gears .or. any(group%joint == model%led(c)%source(s))
-                    end do
+                    if (c > 0) closes_by_gears = closes_by_gears .or. any(leads_within(model%led(c), group%joint))
                 end do
             end associate
         end do
     end function closes_by_gears
+
+    !> Does a coordinate stand in for an angle, in part of a forward run?
+    pure logical function counts_for_another(model, k)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: k
+
+        associate (c => model%scene%coordinate(k))
+            counts_for_another = c%for_joint > 0
+            if (counts_for_another) counts_for_another = wraps(model%joint(c%for_joint)%kind, c%for_variable)
+        end associate
+    end function counts_for_another
+
+    !> Are there more drives than freedoms, which share the work?
+    pure logical function drives_share(model)
+        type(model_type), intent(in) :: model
+
+        drives_share = model%n_actuator > model%n_q .and. model%scene%redundancy /= share_refused
+    end function drives_share
+
+    !> Which sources of a led variable are among some joints.
+    pure function leads_within(led, joint) result(leads)
+        type(led_type), intent(in) :: led
+        integer, intent(in) :: joint(:)
+        logical :: leads(size(led%source))
+        integer :: s
+
+        do s = 1, size(led%source)
+            leads(s) = any(joint == led%source(s))
+        end do
+    end function leads_within
 
     !> A length typical of the mechanism [m].
     pure real(wp) function scene_size(model)

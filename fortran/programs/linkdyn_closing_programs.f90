@@ -11,7 +11,7 @@ module linkdyn_closing_programs
     use linkdyn_joint_table, only: is_threaded
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_lock, release_lock
-    use linkdyn_model, only: model_type, group_type, step_group, n_probe, closes_by_gears
+    use linkdyn_model, only: model_type, group_type, step_group, n_probe
     use linkdyn_newton_step, only: newton_step, trace_newton_step
     use linkdyn_placing, only: place_group
     use linkdyn_record, only: record_type, open_record, close_record
@@ -76,7 +76,6 @@ contains
         if (size(q, 2) == 0) return
         ! on which turn of a thread a nut is predicted, only the lanes look at
         if (any(is_threaded(model%joint%kind))) return
-        if (closes_by_gears(model)) return                         ! what gears make of a group's own
         own = turning_each(model)
         sample%n = size(q, 2)
         sample%of(in_q)%x = q
@@ -138,21 +137,28 @@ contains
         end subroutine note
     end function steps_needed
 
-    !> Links that a step places, and the joints by which it does.
+    !> Links that a step places, and the joints by which it does: those that lead its variables by gears among them.
     pure subroutine find_parts(model, i, link, joint)
         type(model_type), intent(in) :: model
         integer, intent(in) :: i
         integer, allocatable, intent(out) :: link(:), joint(:)
+        integer, allocatable :: given(:)
+        integer :: k
 
         associate (step => model%step(i))
             if (step%kind == step_group) then
                 link = model%group(step%first)%link
                 joint = model%group(step%first)%joint
+                given = pack(model%group(step%first)%coordinate, model%group(step%first)%coordinate > model%n_q)
             else
                 link = step%link(:step%n_link)
                 joint = pack(step%joint, step%joint > 0)
+                given = pack(step%coordinate, step%coordinate > model%n_q)
             end if
         end associate
+        do k = 1, size(given)
+            joint = [joint, model%led(given(k) - model%n_q)%source]
+        end do
     end subroutine find_parts
 
     subroutine make_program_of_group(model, g, sample, closing)

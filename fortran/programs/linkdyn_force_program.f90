@@ -76,6 +76,6 @@ contains
         is_last = .false.
         if (allocated(traced%contact)) return      ! friction comes from reactions
         if (any(wanted == result_reaction .or. wanted == result_contact_force)) return
-        is_last = are_among(traced, traced%unknowns%transmitted)
+        is_last = are_among(traced, [traced%unknowns%transmitted, traced%virtual])
     end function wanted_last
 end module linkdyn_force_program

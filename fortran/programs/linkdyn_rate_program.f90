@@ -6,7 +6,7 @@ module linkdyn_rate_program
     use linkdyn_layout, only: sparse_layout
     use linkdyn_link_wrenches, only: applied_power
     use linkdyn_margins, only: assembly_margins
-    use linkdyn_model, only: model_type
+    use linkdyn_model, only: model_type, counts_for_another
     use linkdyn_recorded_friction, only: friction_programs, compile_with_friction
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
@@ -27,6 +27,7 @@ module linkdyn_rate_program
         integer :: margin = 0                  !! of the closed forms with two assemblies (n_branch)
         integer :: drift = 0                   !! its rate [1/s] (n_branch)
         integer :: effort = 0                  !! driving forces [N, N m] (n_actuator); 0: they are given
+        integer :: counted = 0                 !! rates of the angles that coordinates stand in for [rad/s] (n_q, of others zero)
         integer :: work = 0                    !! power of the driving forces [W]
         integer :: supplied = 0                !! of all forces but gravity [W]
         integer :: alarm = 0                   !! beyond one, rounding may have grown; not a number if anything was none
@@ -59,8 +60,8 @@ contains
             if (wants_power) power = powers(traced)
             allocate (effort(0))
             if (.not. any(request%acceleration_is_unknown)) effort = solved(traced%system, traced%unknowns%effort)
-            call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, effort, power, &
-                                              alarm_of(traced), reach_of(traced)])
+            call add_output(list, out_rates, [solved(traced%system, traced%acceleration), margin, drift, effort, &
+                                              counted_rates(traced), power, alarm_of(traced), reach_of(traced)])
             if (allocated(traced%contact)) then
                 call compile_with_friction(record, traced, list, friction, program)
             else
@@ -68,7 +69,8 @@ contains
             end if
             out = rate_outputs(n=size(list%v), acceleration=1, margin=model%n_q + 1, drift=model%n_q + model%n_branch + 1, &
                                effort=merge(model%n_q + 2*model%n_branch + 1, 0, size(effort) > 0), &
-                               work=size(list%v) - 3, supplied=size(list%v) - 2, alarm=size(list%v) - 1, reach=size(list%v))
+                               counted=size(list%v) - 3 - model%n_q, work=size(list%v) - 3, supplied=size(list%v) - 2, &
+                               alarm=size(list%v) - 1, reach=size(list%v))
         end if
         call close_record(record)
     end subroutine make_rate_program
@@ -94,8 +96,23 @@ contains
         is_last = .false.
         if (allocated(traced%contact)) return      ! friction comes from reactions
         is_last = are_among(traced, traced%acceleration)
-        if (.not. any(is_last)) is_last = are_among(traced, traced%unknowns%transmitted)
+        if (.not. any(is_last)) is_last = are_among(traced, [traced%unknowns%transmitted, traced%virtual])
     end function are_wanted
+
+    !> Of the angles that coordinates stand in for; zero of others.
+    function counted_rates(traced) result(rate)
+        type(traced_type), intent(in) :: traced
+        type(value) :: rate(traced%mechanism%model%n_q)
+        integer :: k
+
+        rate = zero()
+        associate (model => traced%mechanism%model)
+            do k = 1, model%n_q
+                if (counts_for_another(model, k)) rate(k) = variable_rate( &
+                    traced%mechanism, model%scene%coordinate(k)%for_joint, model%scene%coordinate(k)%for_variable)
+            end do
+        end associate
+    end function counted_rates
 
     !> Of the driving forces, and of all forces but gravity.
     function powers(traced) result(power)

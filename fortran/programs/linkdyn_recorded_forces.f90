@@ -12,7 +12,7 @@ module linkdyn_recorded_forces
     use linkdyn_finite, only: all_are_finite
     use linkdyn_kinds, only: wp
     use linkdyn_lock, only: hold_lock, release_lock
-    use linkdyn_model, only: model_type, closes_by_gears
+    use linkdyn_model, only: model_type
     use linkdyn_planner, only: plan_steps
     use linkdyn_recorded_friction, only: friction_programs, friction_space, make_friction_programs, settle_block, &
         free_friction_programs, free_friction_space
@@ -175,9 +175,6 @@ contains
         integer :: g
 
         own = model
-        ! how a group closes by its own gears only the lanes know
-        is_planned = .not. closes_by_gears(model)
-        if (.not. is_planned) return
         own%n_dyad = 0
         own%n_branch = 0
         own%n_leg = 0

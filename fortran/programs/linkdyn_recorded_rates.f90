@@ -7,7 +7,7 @@ module linkdyn_recorded_rates
     use linkdyn_block, only: block_lanes
     use linkdyn_closing_programs, only: closing_programs
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, &
-        in_branch, in_pull, in_base, in_payload, in_place
+        in_branch, in_pull, in_base, in_payload, in_place, in_counted
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_law_values, only: evaluate_laws
@@ -49,13 +49,14 @@ module linkdyn_recorded_rates
         real(wp), pointer, contiguous :: pull(:, :) => null()          !! of springs' laws over the state (n_spring, sample) [N, N m]
         real(wp), pointer, contiguous :: base(:, :) => null()          !! what is felt of the frame's motion (base_size, sample)
         real(wp), pointer, contiguous :: payload(:, :) => null()       !! masses that links carry (n_payload, sample) [kg]
+        real(wp), pointer, contiguous :: counted(:, :) => null()       !! angles that coordinates stand in for (n_q, sample) [rad]
         real(wp), pointer, contiguous :: measured(:, :) => null()      !! what laws over the state depend on (measure, sample)
         real(wp), allocatable :: law(:, :)                             !! values of the laws (law, sample)
         real(wp), allocatable :: turned(:, :)                          !! turns of these that the states leave out [rad] (measure, sample)
         real(wp), allocatable :: t(:)                                  !! (sample) [s]
         real(wp), allocatable :: mode(:)                               !! of laws that jump (sample)
         real(wp), pointer, contiguous :: found(:, :) => null()         !! as `rate_outputs` tells (value, sample)
-        real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration (n_group, sample)
+        real(wp), allocatable :: group_margin(:, :)                    !! of the groups closed by iteration, for whoever closes them (n_group, sample)
         logical, allocatable :: is_left(:)                             !! nothing of it counts (sample)
         type(sample_arrays), private :: arrays
         type(program_space), private :: one, block, one_measured, block_measured
@@ -123,12 +124,12 @@ contains
             call add(in_pull, size(model%scene%spring), samples%pull)
             call add(in_base, base_size(model), samples%base)
             call add(in_payload, size(model%payload), samples%payload)
+            call add(in_counted, model%n_q, samples%counted)
             allocate (samples%law(size(model%scene%laws%law), n), source=0.0_wp)
             allocate (samples%measured(size(model%scene%laws%measure), n), samples%turned(size(model%scene%laws%measure), n), &
                       source=0.0_wp)
         end associate
         allocate (samples%found(recorded%out%n, n), samples%is_left(n), samples%t(n), samples%mode(n))
-        allocate (samples%group_margin(size(recorded%model%group), n), source=0.0_wp)
         samples%t = 0
         samples%mode = 0
 
@@ -148,7 +149,8 @@ contains
 
         if (.not. associated(samples%found)) return
         deallocate (samples%q, samples%qd, samples%qdd, samples%quaternion, samples%load, samples%target, samples%effort, &
-                    samples%branch, samples%place, samples%pull, samples%base, samples%payload, samples%measured, samples%found)
+                    samples%branch, samples%place, samples%pull, samples%base, samples%payload, samples%counted, samples%measured, &
+                    samples%found)
         call free_friction_space(samples%friction)
         call free_program_space(samples%one_measured)
         call free_program_space(samples%block_measured)

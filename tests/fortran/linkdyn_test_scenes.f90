@@ -11,7 +11,7 @@ module linkdyn_test_scenes
     implicit none (type, external)
     private
     public :: new_scene, add_link, add_joint, add_pose, add_joint_coordinates, add_actuator, add_load, add_ups_leg
-    public :: stewart_scene, stewart_on_carriage, open_chain_scene, start_at, move_frame, load_link
+    public :: stewart_scene, stewart_on_carriage, change_axes, open_chain_scene, start_at, move_frame, load_link
     public :: base_point, platform_point, universal_axis
 
     real(wp), parameter :: z_axis(3) = [0.0_wp, 0.0_wp, 1.0_wp], y_axis(3) = [0.0_wp, 1.0_wp, 0.0_wp]
@@ -228,6 +228,40 @@ contains
         end do
         call start_at(scene, [0.05_wp, -0.04_wp, 1.9_wp, 0.0_wp, 0.0_wp, 0.0_wp])
     end subroutine stewart_scene
+
+    !> Links of legs are written in turned and shifted axes.
+    subroutine change_axes(scene)
+        type(scene_type), intent(inout) :: scene
+        real(wp) :: r(3, 3), shift(3), tensor(3, 3)
+        integer :: i, k
+
+        do i = 1, size(scene%link)
+            if (index(scene%link(i)%name, "leg") == 0) cycle
+            r = turned(0.3_wp*i, -0.7_wp + 0.2_wp*i)
+            shift = [0.1_wp, -0.02_wp*i, 0.3_wp]
+            associate (link => scene%link(i))
+                do k = 1, size(link%marker)
+                    link%marker(k)%at = matmul(r, link%marker(k)%at) + shift
+                    link%marker(k)%axis = matmul(r, link%marker(k)%axis)
+                    link%marker(k)%x_axis = matmul(r, link%marker(k)%x_axis)
+                end do
+                link%cog = matmul(r, link%cog) + shift
+                associate (j => link%inertia)
+                    tensor = reshape([j(1), j(4), j(6), j(4), j(2), j(5), j(6), j(5), j(3)], [3, 3])
+                end associate
+                tensor = matmul(matmul(r, tensor), transpose(r))
+                link%inertia = [tensor(1, 1), tensor(2, 2), tensor(3, 3), tensor(1, 2), tensor(2, 3), tensor(3, 1)]
+            end associate
+        end do
+    end subroutine change_axes
+
+    pure function turned(a, b) result(r)
+        real(wp), intent(in) :: a, b                   !! about z, then about x [rad]
+        real(wp) :: r(3, 3)
+
+        r = matmul(reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, cos(b), sin(b), 0.0_wp, -sin(b), cos(b)], [3, 3]), &
+                   reshape([cos(a), sin(a), 0.0_wp, -sin(a), cos(a), 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3]))
+    end function turned
 
     !> The same on a turntable that stands on a carriage: coordinates slide, angle, then the pose of the platform.
     subroutine stewart_on_carriage(scene)

@@ -17,11 +17,11 @@ module test_recorded_forces
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
     use linkdyn_samples, only: result_list
-    use linkdyn_scene, only: scene_type, cam_spec, joint_cam, follower_point, follower_roller
+    use linkdyn_scene, only: scene_type, actuator_spec, cam_spec, joint_cam, joint_revolute, follower_point, follower_roller
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type, sample_ok
     use linkdyn_test_numbers, only: random_stream, random_walk
-    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, move_frame, load_link
+    use linkdyn_test_scenes, only: stewart_scene, stewart_on_carriage, change_axes, move_frame, load_link
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -35,9 +35,10 @@ module test_recorded_forces
         "stewart_drilling/scene", "stewart_forward/scene", "stewart_mathworks/scene", "stewart_taghirad/scene", &
         "stewart_tsai/scene", "watt_i/scene"]
 
-    !> Scenes with groups closed by iteration: planar and spatial, one behind the other, with coordinates inside.
-    character(len=*), parameter :: iterated(8) = [character(len=19) :: "boom_by_stroke", "cam_lever", "excavator", "hexaglide", &
-        "planar_platform", "rsur", "rusr_parallelogram", "scissor_by_stroke"]
+    !> Scenes with groups closed by iteration: planar and spatial, one behind the other, with coordinates inside, closed by gears.
+    character(len=*), parameter :: iterated(12) = [character(len=19) :: "boom_by_stroke", "cam_lever", "excavator", "hexaglide", &
+        "planar_platform", "rsur", "rusr_parallelogram", "scissor_by_stroke", "fivebar_by_gears", "fivebar_by_gears_3d", &
+        "wheel_by_coupler", "platform_by_gear"]
 
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
     real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
@@ -62,7 +63,7 @@ contains
                  new_test("legs in any axes", test_legs), new_test("a leg that is not straight", test_bent_leg), &
                  new_test("dead points", test_dead_points), new_test("groups closed by iteration", test_iterated), &
                  new_test("cams", test_cams), &
-                 new_test("a frame that moves", test_moving_frame), &
+                 new_test("a frame that moves", test_moving_frame), new_test("shared drives", test_shared_drives), &
                  new_test("dead points of groups", test_dead_groups), new_test("recorded steps", test_recorded_steps), &
                  new_test("samples that are no numbers", test_no_numbers), new_test("what is left out", test_left_out), &
                  new_test("linear in links", test_linear)]
@@ -380,6 +381,52 @@ contains
         end do
     end subroutine test_moving_frame
 
+    !> The first drive twice, and one more at another hinge, all of different strength and strained against each other.
+    subroutine test_shared_drives(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(6) = [character(len=34) :: "examples/fourbar/scene", &
+            "examples/fivebar_parallel/scene", "examples/rcsp_start/scene", "examples/stewart_tsai/scene", &
+            "tests/scenes/excavator", "tests/scenes/rsur"]
+        type(scene_type) :: scene
+        type(status_type) :: status
+        type(model_type) :: model
+        type(batch_type) :: batch
+        integer :: i
+
+        do i = 1, size(name)
+            call read_scene(trim(name(i))//".toml", scene, status)
+            call add_drives(scene)
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(name(i))//": "//trim(status%message))
+            if (.not. status%is_ok()) return
+            call move_at_random(model, 140, 0.005_wp, batch)
+            call compare_roads(error, trim(name(i))//", shared", model, batch, &
+                               accuracy=merge(near_singular, rounding, size(model%group) > 0))
+        end do
+    end subroutine test_shared_drives
+
+    subroutine add_drives(scene)
+        type(scene_type), intent(inout) :: scene
+        type(actuator_spec) :: more(2)
+        integer :: j, n
+
+        more = scene%actuator(1)
+        more(1)%name = trim(more(1)%name)//":second"
+        more%share = [0.5_wp, 2.0_wp]
+        more%preload = [30.0_wp, 0.0_wp]
+        n = 1
+        do j = size(scene%joint), 1, -1
+            if (scene%joint(j)%kind /= joint_revolute .or. any(scene%actuator%joint == j)) cycle
+            more(2)%name = scene%joint(j)%name
+            more(2)%joint = j
+            more(2)%variable = 1
+            more(2)%unit = "N m"
+            n = 2
+            exit
+        end do
+        scene%actuator = [scene%actuator, more(:n)]
+    end subroutine add_drives
+
     !> Enough samples for Newton's steps to be recorded, too: the same assemblies and forces as by those of the lanes, in order and
     !> each on its own, over turns of the cranks and through change points.
     subroutine test_recorded_steps(error)
@@ -388,7 +435,6 @@ contains
         type(model_type) :: model
         type(batch_type) :: batch
         real(wp) :: reach, accuracy
-        logical :: has_program
         integer :: i, k, s
 
         do i = 1, size(iterated)
@@ -404,13 +450,11 @@ contains
                 batch%q(:, s) = batch%q(:, s) + [(reach*sin(0.01_wp*k*s), k=1, model%n_q)]
             end do
             accuracy = merge(three_digits, near_singular, iterated(i) == "rusr_parallelogram")
-            ! of slides in a plane the lanes write other rows
-            has_program = .not. model%is_planar .or. any(iterated(i) == ["planar_platform", "cam_lever      "])
             call compare_roads(error, trim(iterated(i))//", steps recorded, in order", model, batch, in_order=.true., &
-                               accuracy=accuracy, steps_are_recorded=has_program)
+                               accuracy=accuracy, steps_are_recorded=.true.)
             if (iterated(i) == large) cycle
             call compare_roads(error, trim(iterated(i))//", steps recorded", model, batch, accuracy=accuracy, &
-                               steps_are_recorded=has_program)
+                               steps_are_recorded=.true.)
         end do
     end subroutine test_recorded_steps
 
@@ -451,40 +495,6 @@ contains
             call compare_roads(error, "legs "//to_text(which), model, batch)
         end do
     end subroutine test_legs
-
-    !> Links of legs are written in turned and shifted axes.
-    subroutine change_axes(scene)
-        type(scene_type), intent(inout) :: scene
-        real(wp) :: r(3, 3), shift(3), tensor(3, 3)
-        integer :: i, k
-
-        do i = 1, size(scene%link)
-            if (index(scene%link(i)%name, "leg") == 0) cycle
-            r = turned(0.3_wp*i, -0.7_wp + 0.2_wp*i)
-            shift = [0.1_wp, -0.02_wp*i, 0.3_wp]
-            associate (link => scene%link(i))
-                do k = 1, size(link%marker)
-                    link%marker(k)%at = matmul(r, link%marker(k)%at) + shift
-                    link%marker(k)%axis = matmul(r, link%marker(k)%axis)
-                    link%marker(k)%x_axis = matmul(r, link%marker(k)%x_axis)
-                end do
-                link%cog = matmul(r, link%cog) + shift
-                associate (j => link%inertia)
-                    tensor = reshape([j(1), j(4), j(6), j(4), j(2), j(5), j(6), j(5), j(3)], [3, 3])
-                end associate
-                tensor = matmul(matmul(r, tensor), transpose(r))
-                link%inertia = [tensor(1, 1), tensor(2, 2), tensor(3, 3), tensor(1, 2), tensor(2, 3), tensor(3, 1)]
-            end associate
-        end do
-    end subroutine change_axes
-
-    pure function turned(a, b) result(r)
-        real(wp), intent(in) :: a, b                   !! about z, then about x [rad]
-        real(wp) :: r(3, 3)
-
-        r = matmul(reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, cos(b), sin(b), 0.0_wp, -sin(b), cos(b)], [3, 3]), &
-                   reshape([cos(a), sin(a), 0.0_wp, -sin(a), cos(a), 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [3, 3]))
-    end function turned
 
     !> A slide beside the line from U to S makes another mechanism, which has no closed form: its leg is iterated.
     subroutine test_bent_leg(error)

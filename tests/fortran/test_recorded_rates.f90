@@ -11,11 +11,11 @@ module test_recorded_rates
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
     use linkdyn_planar_scenes, only: four_bar_chain
-    use linkdyn_scene, only: scene_type
+    use linkdyn_scene, only: scene_type, drive_constant, drive_spring_damper
     use linkdyn_scene_reader, only: read_scene
     use linkdyn_status, only: status_type
     use linkdyn_test_numbers, only: random_stream
-    use linkdyn_test_scenes, only: move_frame, load_link
+    use linkdyn_test_scenes, only: stewart_scene, change_axes, move_frame, load_link
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -29,8 +29,10 @@ module test_recorded_rates
         "stephenson_iii/scene", "watt_i/scene", "stewart_forward/scene", "stewart_drilling/scene"]
 
     !> Scenes with groups closed by iteration, cams among them.
-    character(len=*), parameter :: iterated(6) = [character(len=28) :: "examples/valve_train/scene", "tests/scenes/cam_lever", &
-        "tests/scenes/excavator", "tests/scenes/planar_platform", "tests/scenes/rsur", "tests/scenes/boom_by_stroke"]
+    character(len=*), parameter :: iterated(10) = [character(len=32) :: "examples/valve_train/scene", "tests/scenes/cam_lever", &
+        "tests/scenes/excavator", "tests/scenes/planar_platform", "tests/scenes/rsur", "tests/scenes/boom_by_stroke", &
+        "tests/scenes/fivebar_by_gears", "tests/scenes/fivebar_by_gears_3d", "tests/scenes/wheel_by_coupler", &
+        "tests/scenes/platform_by_gear"]
 
     !> Watt I and Stephenson III multiply rounding by some hundreds where their dyads stretch; both roads round on their own.
     real(wp), parameter :: rounding = 4000*epsilon(1.0_wp)
@@ -43,7 +45,8 @@ contains
         tests = [new_test("random states", test_random_states), &
                  new_test("groups closed by iteration", test_iterated), new_test("a free body", test_free_body), &
                  new_test("a frame that moves", test_moving_frame), &
-                 new_test("controllers", test_controllers), &
+                 new_test("controllers", test_controllers), new_test("stand-ins", test_stand_ins), &
+                 new_test("legs in any axes", test_legs), &
                  new_test("a run", test_run), new_test("instants closer than steps", test_close_instants), &
                  new_test("forces of a motion", test_motion_forces), &
                  new_test("change points", test_change_points), &
@@ -95,6 +98,52 @@ contains
         if (allocated(error%message)) return
         call compare_rates(error, "controlled_arm", model)
     end subroutine test_controllers
+
+    !> A crank that stands in for the rocker, whose spring is wound by more turns than its rest tells; the crank's own spring is at
+    !> the angle nearest to its rest, however often it has gone round.
+    subroutine test_stand_ins(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: name(2) = [character(len=16) :: "fourbar_start", "slider_crank"]
+        integer, parameter :: last = 4                 ! joint on the frame: a rocker, a piston
+        type(model_type), target :: model
+        type(scene_type) :: scene
+        type(status_type) :: status
+        integer :: i
+
+        do i = 1, size(name)
+            call read_scene("examples/"//trim(name(i))//"/scene.toml", scene, status)
+            scene%actuator = [scene%actuator(1), scene%actuator(1)]
+            scene%actuator(2)%joint = last
+            scene%actuator(2)%name = scene%joint(last)%name
+            scene%actuator%drive%kind = drive_spring_damper
+            scene%actuator(1)%drive%value(:3) = [3.0_wp, 0.2_wp, 0.4_wp]
+            scene%actuator(2)%drive%value(:3) = [20.0_wp, 0.3_wp, -4.0_wp]
+            if (status%is_ok()) call build_model(scene, model, status)
+            call check(error, status%is_ok(), trim(name(i))//": "//trim(status%message))
+            if (.not. status%is_ok()) return
+            model%scene%coordinate(1)%for_joint = last
+            model%scene%coordinate(1)%for_variable = 1
+            call compare_rates(error, trim(name(i))//", standing in", model)
+        end do
+    end subroutine test_stand_ins
+
+    !> The lanes iterate the legs of a platform, whose attitude is integrated as a quaternion; the record closes them at once.
+    subroutine test_legs(error)
+        type(test_error), intent(inout) :: error
+        type(model_type), target :: model
+        type(scene_type) :: scene
+        type(status_type) :: status
+
+        call stewart_scene(scene, massless_legs=.false.)
+        call change_axes(scene)
+        scene%actuator%drive%kind = drive_constant
+        scene%actuator%drive%value(1) = 400
+        call build_model(scene, model, status)
+        call check(error, status%is_ok(), trim(status%message))
+        if (.not. status%is_ok()) return
+        call check(error, size(model%group) > 0, "iterated in lanes")
+        call compare_rates(error, "legs in any axes", model)
+    end subroutine test_legs
 
     subroutine test_moving_frame(error)
         type(test_error), intent(inout) :: error

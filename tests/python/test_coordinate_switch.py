@@ -158,10 +158,10 @@ def test_slider_crank_by_its_piston(method: str) -> None:
     errors = []
     for settings in (coarse, fine):
         run = piston.forward(t=t, method=method, **settings)
-        # Errors of gbs scatter by ten: the usual one is the largest at three tolerances, or steps, nearby.
+        # Errors of gbs scatter by ten: the usual one is the largest at five tolerances, or steps, nearby.
         usual = max(
             gap(crank.forward(t=t, method=method, **{name: part * value for name, value in settings.items()}).joint_rate, exact.joint_rate)
-            for part in (1.0, 0.8, 0.6)
+            for part in (1.0, 0.9, 0.8, 0.7, 0.6)
         )
         assert run.attrs["coordinates_integrated"].startswith("slide of D until ")
         assert run.attrs["coordinates_integrated"].endswith(" s, then angle of A")

@@ -220,9 +220,10 @@ def test_kinematics(name: str, tmp_path: Path) -> None:
 
 # ------------------------------------------------------------------------------------------------ loops closed by iteration
 @pytest.mark.accuracy
-@pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke", "screw_loop", "../../examples/tripod/scene"])
+@pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke", "screw_loop", "fivebar_by_gears", "fivebar_by_gears_3d",
+                                  "wheel_by_coupler", "../../examples/tripod/scene"])
 def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
-    """Excavators, platforms on slides, spatial four-bars: from call to call in steps of a controller, all forces as the engine's."""
+    """Excavators, platforms on slides, spatial four-bars, loops closed by gears: from call to call in steps of a controller, all forces as the engine's."""
     scene = load(f"../tests/scenes/{name}.toml")
     compiled = Compiled(scene.generate(want="all", name="kernel"), tmp_path)
     time = scene.description["time"]
@@ -238,8 +239,9 @@ def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
             given["load"] = loads[i]
         status, found = compiled(state=state, **given)
         assert (status, int(run.status[i])) == (OK, 0)
-        for result in ("driving_force", "reaction", "joint_rate"):
-            assert_alike(found[result], run[result].values[i])
+        # a driving force that happens to vanish has the rounding of the reactions
+        for results in (("driving_force", "reaction"), ("reaction",), ("joint_rate",)):
+            assert_alike(*(np.concatenate([np.ravel(of[result]) for result in results]) for of in (found, run.isel(sample=i))))
 
 
 @pytest.mark.accuracy

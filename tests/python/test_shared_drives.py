@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from pathlib import Path
 from typing import Any
 
 import linkdyn
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from linkdyn import Builder
 from test_gears import SWAY, pair
+from test_generate import Compiled
 from test_redundancy import eight_legs
 from test_trains import parallelogram, planets
 
@@ -171,10 +173,48 @@ def test_what_is_refused() -> None:
     assert "actuator 'X': its 'preload' strains nothing" in refused(third)
 
 
-def test_code_of_shared_drives() -> None:
-    with pytest.raises(linkdyn.InputError, match="no code can be generated: 2 actuators share the work of 1 coordinate"):
-        linkdyn.Scene(two_motors()).generate()
+def strained_cranks() -> dict[str, Any]:
+    """A parallelogram driven at both cranks against each other."""
+    scene = parallelogram()
+    scene["joint"].pop()
+    scene["joint"][2]["branch"] = 1
+    scene["coordinate"][0]["motion"] = SWAY | {"mean": 0.9, "amplitude": 0.5}
+    return scene | {"actuator": [{"joint": "A", "preload": 6.0, "share": 2.0}, {"joint": "D", "preload": -6.0}]}
+
+
+def strained_legs() -> dict[str, Any]:
+    scene, _, _ = eight_legs()
+    scene["chain"][0]["actuated"] = False
+    return scene | {"actuator": [{"joint": f"leg{i + 1}.P", "share": 1 + 0.25 * i, "preload": 100.0 * (-1) ** i} for i in range(8)]}
+
+
+@pytest.mark.parametrize("scene", [two_motors(share=3.0, preload="4 N*m"), two_motors(drive={"ratio": 20, "rotor_inertia": 2e-4}), strained_cranks(), strained_legs()],
+                         ids=["one shaft", "rotors", "cranks", "legs"])
+def test_by_record_and_on_lanes(scene: dict[str, Any]) -> None:
+    """The record has how drives share the work among its equations, the lanes behind them: by two other solvers the same forces, and power is in balance."""
+    mechanism = linkdyn.Scene(scene)
+    assert "Record of inverse dynamics\n  all unknowns:" in mechanism.explain()
+    random = np.random.default_rng(5)
+    q, qd, qdd = (x + scale * random.normal(size=x.shape) for x, scale in zip(mechanism.motion(random.uniform(0, 2, 200)), (0.01, 1.0, 3.0)))
+    record = mechanism.inverse(q=q, qd=qd, qdd=qdd, want="all")
+    assert (record.status == 0).all() and np.abs(record.power_imbalance).max() < 1e-13
+    for solver in ("lapack", "gauss-jordan"):
+        lanes = mechanism.inverse(q=q, qd=qd, qdd=qdd, solver=solver)
+        for result in ("driving_force", "reaction"):
+            np.testing.assert_allclose(record[result].values, lanes[result].values, atol=1e-12 * np.abs(lanes[result].values).max())
+
+
+def test_code_of_shared_drives(tmp_path: Path) -> None:
     assert "FORWARD_ACTUATOR_A_SECOND" in linkdyn.Scene(two_motors()).generate(kernel="forward").header
+    scene = linkdyn.Scene(strained_cranks())
+    compiled = Compiled(scene.generate(want=["driving_force", "reaction"], name="cranks"), tmp_path)
+    run = scene.inverse()
+    loads = scene.load_values(run.time.values)[:, :, [0, 1, 5]]
+    for i in range(0, len(run.time), 10):
+        status, found = compiled(q=run.q[i], qd=run.qd[i], qdd=run.qdd[i], load=loads[i])
+        assert status == 0
+        for result in ("driving_force", "reaction"):
+            np.testing.assert_allclose(found[result], run[result].values[i], atol=1e-12 * np.abs(run[result].values).max())
 
 
 def test_paths_of_changes() -> None:

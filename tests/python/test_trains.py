@@ -381,6 +381,22 @@ def test_loops_closed_by_gears(name: str) -> None:
     np.testing.assert_allclose(run.q.values, linkdyn.Scene(free).motion(run.time.values)[0], atol=1e-7)
 
 
+def test_half_a_turn_from_the_start() -> None:
+    """Where a wheel's angle decides by a part of its turns, no sample beyond half a turn counts: a batch by record says of each what the lanes say, in order and each alone."""
+    data = tomllib.loads((Path(__file__).resolve().parents[1] / "scenes" / "fivebar_by_gears.toml").read_text())
+    mechanism = linkdyn.Scene(data)
+    q = np.random.default_rng(1).uniform(-7.2, 2.2, (300, 1))
+    alone = [mechanism.inverse(q=q, qd=q, qdd=q, solver=solver) for solver in ("elimination", "lapack")]
+    data["coordinate"] = [along("B", {"law": "cycloidal", "from": -1.0, "to": -7.2, "duration": 1})]
+    data["time"] = {"end": 1, "samples": 401}
+    in_order = [linkdyn.Scene(data).inverse(solver=solver) for solver in ("elimination", "lapack")]
+    for record, lanes in (alone, in_order):
+        np.testing.assert_array_equal(record.status.values, lanes.status.values)
+        good = record.status.values == 0
+        assert set(record.status.values) == {0, 5} and 0.5 < good.mean()
+        np.testing.assert_allclose(record.reaction.values[good], lanes.reaction.values[good], atol=1e-11 * np.abs(lanes.reaction.values[good]).max())
+
+
 @pytest.mark.parametrize("name, wheel", [("five-bar", "A"), ("cardan", "O"), ("coupler wheel", "A")])
 def test_led_by_a_wheel_it_is_the_same(name: str, wheel: str) -> None:
     """The motion that comes out for a wheel, given to the mechanism led by it, in closed form: the same reactions, and by power the same drive."""
