@@ -552,7 +552,7 @@ class Scene:
         rtol, atol
             Error allowed in a step, relative and absolute.
         want, solver, threads
-            As for `inverse`, and "controller"; "power" brings the energies and the work too.
+            As for `inverse`, "controller" and "clutch"; "power" brings the energies and the work too.
         progress
             Say how far the run is and how long it will take, if it takes over two seconds; default: on a terminal.
         error

@@ -1,0 +1,377 @@
+"""Clutches, brakes, dry friction and locks of forward runs, against closed forms, merged bodies and balances."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import linkdyn
+
+METHODS = ["rk8pd", "rkf45", "gbs", "seulex", "msbdf", "rk4"]
+GSL = {"rk8pd", "rkf45", "msbdf"}
+
+
+def run_or_skip(scene: linkdyn.Scene, method: str, **settings: Any) -> xr.Dataset:
+    try:
+        return scene.forward(method=method, **settings)
+    except linkdyn.UnavailableError:
+        assert method in GSL
+        pytest.skip(f"this build has no {method}")
+
+
+def times(run: xr.Dataset, name: str, *kinds: str) -> np.ndarray:
+    """Instants of an event, of some kinds only."""
+    meanings = run.event_kind.attrs["flag_meanings"].split()
+    told = np.array([meanings[kind] for kind in run.event_kind.values])
+    return run.event_time.values[(run.event.values == name) & (np.isin(told, kinds) if kinds else True)]
+
+
+def shafts(**parts: Any) -> linkdyn.Scene:
+    """Two shafts "A", "B" of 0.3 and 1.1 kg m2; the first one turns at 100 rad/s."""
+    links = [("engine", "A", 0.3), ("car", "B", 1.1)]
+    description: dict[str, Any] = {
+        "space": "spatial",
+        "frame": {"markers": {"A": [0, 0, 0], "B": [0.2, 0, 0]}},
+        "link": [{"name": link, "markers": {at: [0, 0, 0]}, "mass": 1, "inertia": [1, 1, inertia, 0, 0, 0]} for link, at, inertia in links],
+        "joint": [{"name": at, "type": "revolute", "between": [f"frame.{at}", f"{link}.{at}"]} for link, at, _ in links],
+        "coordinate": [{"joint": "A", "start": {"position": 0, "velocity": 100}}, {"joint": "B", "start": 0}],
+        "actuator": [{"joint": "A", "law": {"type": "constant", "value": 20}}, {"joint": "B", "law": {"type": "constant", "value": -5}}],
+        "clutch": [{"name": "C", "joint": "A", "to": "B", "capacity": 60, "from": 0.5}],
+        "time": {"end": 2},
+    }
+    return linkdyn.Scene(description | parts)
+
+
+# ---------------------------------------------------------------------------------------------------------------- slipping, holding
+@pytest.mark.parametrize("method", METHODS)
+def test_two_inertias_are_coupled_in_closed_form(method):
+    run = run_or_skip(shafts(), method, t=np.linspace(0, 2, 101))
+    slip = 100 + 20 / 0.3 * 0.5 + 5 / 1.1 * 0.5
+    slowing = (60 - 20) / 0.3 + (60 - 5) / 1.1
+    error = 1e-5 if method == "msbdf" else 1e-11
+    np.testing.assert_allclose(times(run, "C", "close"), [0.5], rtol=0, atol=1e-14)
+    np.testing.assert_allclose(times(run, "C", "stick"), [0.5 + slip / slowing], rtol=error)
+    late = run.sel(time=slice(1.3, None))
+    together = (1.1 * 20 + 0.3 * 5) / 1.4  # what gets through, of forces alone
+    np.testing.assert_allclose(late.clutch_force[:, 0], -together, rtol=1e-12)
+    np.testing.assert_allclose(late.qdd, 15 / 1.4, rtol=1e-12)
+    assert np.abs(late.clutch_slip).max() < 1e-12 * 100
+    states = run.clutch_state.attrs["flag_meanings"].split()
+    assert [states[k] for k in run.clutch_state.values[[0, 40, -1], 0]] == ["open", "slips", "holds"]
+    # Heat, from the energies: what was put in is kinetic or lost; half of the capacity times slip and duration.
+    lost = float(run.kinetic_energy[0] + run.work[-1] - run.kinetic_energy[-1])
+    assert lost == pytest.approx(60 * slip**2 / slowing / 2, rel=1e-4 if method == "msbdf" else 1e-10)
+
+
+def test_with_a_ratio_and_a_capacity_that_grows():
+    # 0.3 w1' = 20 - c, 1.1 w2' = -5 + 3 c, s = w1 - 3 w2, c = 40 t
+    run = shafts(clutch=[{"name": "C", "joint": "A", "to": "B", "ratio": 3, "capacity": "40 N m/s*time"}]).forward(t_end=4.0)
+    b = 20 / 0.3 + 15 / 1.1
+    a = 40 * (1 / 0.3 + 9 / 1.1)
+    instant = (b + math.sqrt(b * b + 2 * a * 100)) / a
+    np.testing.assert_allclose(times(run, "C", "stick"), [instant], rtol=1e-11)
+    assert np.abs(run.clutch_slip.sel(time=slice(2.6, None))).max() < 1e-11
+
+
+def belt(**parts: Any) -> linkdyn.Scene:
+    """A mass of 2 kg on a spring of 800 N/m, on a belt that runs at 0.1 m/s."""
+    axis = {"at": [0, 0], "axis": [1, 0]}
+    description: dict[str, Any] = {
+        "space": "planar",
+        "gravity": [0, 0],
+        "frame": {"markers": {"O": axis}},
+        "link": [{"name": name, "markers": {"O": axis}, "mass": 2.0, "inertia": 1} for name in ("belt", "mass")],
+        "joint": [{"name": name, "type": "prismatic", "between": ["frame.O", f"{link}.O"]} for name, link in (("b", "belt"), ("x", "mass"))],
+        "coordinate": [
+            {"joint": "b", "driven": True, "motion": {"law": "constant-rate", "start": 0, "rate": 0.1}},
+            {"joint": "x", "start": {"position": 0, "velocity": 0.1}},
+        ],
+        "actuator": [{"joint": "b"}],
+        "spring": [{"name": "k", "joint": "x", "stiffness": 800}],
+        "clutch": [{"name": "rub", "joint": "x", "to": "b", "capacity": 6, "static": 1.5}],
+        "time": {"end": 3},
+    }
+    return linkdyn.Scene(description | parts)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_stick_slip_has_its_period(method):
+    run = run_or_skip(belt(), method, t=np.linspace(0, 3, 301))
+    w, reach = math.sqrt(800 / 2), (9 - 6) / 800
+    slips, sticks = 2 * (math.pi - math.atan(reach * w / 0.1)) / w, 2 * reach / 0.1
+    error = 1e-5 if method in ("msbdf", "rk4") else 1e-7
+    found = times(run, "rub", "slip")
+    np.testing.assert_allclose(found[0], 9 / 800 / 0.1, rtol=error)
+    np.testing.assert_allclose(np.diff(found), slips + sticks, rtol=error)
+    np.testing.assert_allclose(times(run, "rub", "stick") - found[: len(times(run, "rub", "stick"))], slips, rtol=error)
+    held = run.clutch_state.values[:, 0] == 2
+    assert np.abs(run.qd.values[held, 1] - 0.1).max() < 1e-15
+    np.testing.assert_allclose(run.clutch_force.values[held, 0], 800 * run.q.values[held, 1], rtol=1e-12)
+    # The belt is driven by what the mass takes of it.
+    np.testing.assert_allclose(run.driving_force.values[:, 0], run.clutch_force.values[:, 0], rtol=1e-12)
+
+
+def incline(capacity: Any, **parts: Any) -> linkdyn.Scene:
+    """3 kg on a slope of 30 degrees, held by dry friction."""
+    axis = {"at": [0, 0], "axis": [math.cos(math.pi / 6), math.sin(math.pi / 6)]}
+    description: dict[str, Any] = {
+        "space": "planar",
+        "gravity": [0, -9.81],
+        "frame": {"markers": {"O": axis}},
+        "link": [{"name": "block", "markers": {"O": {"at": [0, 0], "axis": [1, 0]}}, "mass": 3.0, "inertia": 1}],
+        "joint": [{"name": "x", "type": "prismatic", "between": ["frame.O", "block.O"]}],
+        "coordinate": [{"joint": "x", "start": 0}],
+        "clutch": [{"name": "dry", "joint": "x", "capacity": capacity}],
+        "time": {"end": 10},
+    }
+    return linkdyn.Scene(description | parts)
+
+
+WEIGHT = 3 * 9.81 / 2
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_block_on_a_slope_does_not_creep(method):
+    run = run_or_skip(incline(15), method, t=np.linspace(0, 1000, 11), **({"step": 0.1} if method == "rk4" else {}))
+    np.testing.assert_array_equal(run.q, 0)
+    assert run.sizes.get("event", 0) == 0
+    np.testing.assert_allclose(run.clutch_force, WEIGHT, rtol=1e-13)
+    # Whatever holds it, the reaction is that of a block at rest.
+    np.testing.assert_allclose(np.linalg.norm(run.reaction.values[:, 0, :2], axis=1), 3 * 9.81 * math.cos(math.pi / 6), rtol=1e-12)
+
+
+def test_it_breaks_loose_where_the_capacity_is_used_up():
+    run = incline("20 N - 1 N/s*time").forward(t_end=8.0)
+    begins = 20 - WEIGHT
+    np.testing.assert_allclose(times(run, "dry", "slip"), [begins], rtol=1e-9)
+    late = run.time.values > begins
+    gone = run.time.values[late] - begins
+    np.testing.assert_allclose(run.q.values[late, 0], -(gone**3) / 6 / 3, atol=1e-9)
+    assert (run.q.values[~late] == 0).all()
+
+
+def test_a_push_to_and_fro_comes_to_rest_between():
+    # Slides where the force is above 15 N, stops when what it has gained is used up; each half wave alike.
+    run = incline(12, gravity=[0, 0], load=[{"on": "block.O", "axes": "link", "force": ["20 N*sin(2 rad/s*time)", 0]}]).forward(
+        t_end=2 * math.pi, rtol=1e-11, atol=1e-13
+    )
+    slips, sticks = times(run, "dry", "slip"), times(run, "dry", "stick")
+    np.testing.assert_allclose(slips, math.asin(0.6) / 2 + np.arange(4) * math.pi / 2, rtol=1e-9)
+    begins = math.asin(0.6)
+    low, high = 2.0, 4.0
+    for _ in range(200):  # 20 (cos b - cos x) = 12 (x - b)
+        middle = (low + high) / 2
+        low, high = (middle, high) if 20 * (math.cos(begins) - math.cos(middle)) > 12 * (middle - begins) else (low, middle)
+    np.testing.assert_allclose(sticks[:3], low / 2 + np.arange(3) * math.pi / 2, rtol=1e-9)
+
+
+# ---------------------------------------------------------------------------------------------------------------- locks
+def arms(**parts: Any) -> dict[str, Any]:
+    """A double pendulum in a plane."""
+    return {
+        "space": "planar",
+        "gravity": [0, -9.81],
+        "frame": {"markers": {"A": [0, 0]}},
+        "link": [
+            {"name": "upper", "markers": {"A": [0, 0], "B": [0.5, 0]}, "mass": 2.0, "cog": [0.2, 0.03], "inertia": 0.06},
+            {"name": "lower", "markers": {"B": [0, 0]}, "mass": 1.2, "cog": [0.25, 0], "inertia": 0.04},
+        ],
+        "joint": [
+            {"name": "A", "type": "revolute", "between": ["frame.A", "upper.A"]},
+            {"name": "B", "type": "revolute", "between": ["upper.B", "lower.B"]},
+        ],
+        "coordinate": [{"joint": "A", "start": {"position": 0.3, "velocity": 1.0}}, {"joint": "B", "start": {"position": 0.4, "velocity": -2.5}}],
+        "time": {"end": 3},
+    } | parts
+
+
+def momentum(q: np.ndarray, qd: np.ndarray) -> tuple[float, float]:
+    """Angular momentum of the double pendulum about A, and kinetic energy, from places and velocities alone."""
+    total, energy = 0.0, 0.0
+    for mass, inertia, corner, at, angle, rates in (
+        (2.0, 0.06, None, (0.2, 0.03), q[0], (qd[0], 0.0)),
+        (1.2, 0.04, (0.5, 0.0), (0.25, 0.0), q[0] + q[1], (qd[0], qd[0] + qd[1])),
+    ):
+        place, velocity, omega = 0j, 0j, qd[0]
+        if corner is not None:
+            place = complex(*corner) * np.exp(1j * q[0])
+            velocity = 1j * qd[0] * place
+            omega = rates[1]
+        arm = complex(*at) * np.exp(1j * angle)
+        place, velocity = place + arm, velocity + 1j * omega * arm
+        total += mass * (place.conjugate() * velocity).imag + inertia * omega
+        energy += mass * abs(velocity) ** 2 / 2 + inertia * omega**2 / 2
+    return total, energy
+
+
+def merged(q: np.ndarray, rate: float, start: float, end: float) -> xr.Dataset:
+    """The pendulum of both links in one, from an instant on."""
+    bend = q[1]
+    mass = 3.2
+    lower = complex(0.5, 0) + 0.25 * np.exp(1j * bend)
+    cog = (2.0 * complex(0.2, 0.03) + 1.2 * lower) / mass
+    inertia = 0.1 + 2.0 * abs(complex(0.2, 0.03) - cog) ** 2 + 1.2 * abs(lower - cog) ** 2
+    data = arms(
+        link=[{"name": "upper", "markers": {"A": [0, 0]}, "mass": mass, "cog": [cog.real, cog.imag], "inertia": inertia}],
+        joint=arms()["joint"][:1],
+        coordinate=[{"joint": "A", "start": {"position": q[0], "velocity": rate}}],
+    )
+    return linkdyn.Scene(data).forward(t=np.linspace(0, end - start, 11), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["gbs", "seulex", "rk4"])
+@pytest.mark.parametrize("way", ["time", "event"])
+def test_links_that_lock_go_on_as_one(method, way):
+    parts: dict[str, Any] = {"clutch": [{"name": "L", "joint": "B", "from": 0.37}]}
+    if way == "event":
+        parts = {
+            "measures": {"a": {"joint": "A"}},
+            "event": [{"name": "there", "when": "a + 0.4 rad", "direction": "down"}],
+            "clutch": [{"name": "L", "joint": "B", "from_event": "there"}],
+        }
+    run = linkdyn.Scene(arms(**parts)).forward(method=method, t=np.linspace(0, 3, 301), rtol=1e-12, atol=1e-12)
+    k = int(np.flatnonzero((run.event.values == "L"))[0])
+    q, before, after = run.event_q.values[k], run.event_qd.values[k], run.event_qd_after.values[k]
+    assert abs(after[1]) < 1e-14 and abs(before[1]) > 0.1
+    (spin_before, energy_before), (spin_after, energy_after) = momentum(q, before), momentum(q, after)
+    assert spin_after == pytest.approx(spin_before, rel=1e-11)
+    assert run.event_loss.values[k] == pytest.approx(energy_before - energy_after, rel=1e-10)
+    locked = float(run.event_time[k])
+    one = merged(q, after[0], locked, 3.0)
+    error = 1e-8 if method == "rk4" else 1e-10
+    assert float(run.q[-1, 0]) == pytest.approx(float(one.q[-1, 0]), abs=error)
+    late = run.time.values > locked + 1e-9
+    assert (run.q.values[late, 1] == q[1]).all()  # no creep
+    # The clutch passes on what the merged body bears inside: its power balance and energy close.
+    total = run.kinetic_energy + run.potential_energy
+    assert np.abs(total.values[late] - total.values[-1]).max() < error * 100
+
+
+def test_what_was_locked_is_released():
+    scene = linkdyn.Scene(arms(clutch=[{"name": "L", "joint": "B", "until": 1.0}], coordinate=[{"joint": "A", "start": 0.3}, {"joint": "B", "start": 0.4}]))
+    run = scene.forward(t=np.linspace(0, 2, 201))
+    one = merged(np.array([0.3, 0.4]), 0.0, 0.0, 1.0)
+    assert (run.q.values[:101, 1] == 0.4).all()
+    assert float(run.q[100, 0]) == pytest.approx(float(one.q[-1, 0]), abs=1e-8)
+    free = linkdyn.Scene(arms(coordinate=[{"joint": "A", "start": {"position": float(run.q[100, 0]), "velocity": float(run.qd[100, 0])}}, {"joint": "B", "start": 0.4}]))
+    assert times(run, "L", "open") == [1.0]
+    np.testing.assert_allclose(free.forward(t=[0, 1.0]).q[-1], run.q[-1], atol=1e-7)
+
+
+def test_power_balances_while_a_joint_rubs_and_sticks():
+    run = linkdyn.Scene(arms(clutch=[{"name": "L", "joint": "B", "capacity": "1.5 N m + 0.3 N m*sin(9 rad/s*time)", "static": 1.2}])).forward(
+        t=np.linspace(0, 6, 1201), rtol=1e-11, atol=1e-11
+    )
+    assert float(np.abs(run.power_imbalance).max()) < 1e-12
+    assert len(times(run, "L", "stick")) >= 2 and len(times(run, "L", "slip")) >= 1
+    # Energy goes where slip and force say, in whole intervals between events: trapezia, refined by the rates at both ends.
+    energy = (run.kinetic_energy + run.potential_energy).values
+    power = (run.clutch_force * run.clutch_slip).values[:, 0]
+    assert power.max() <= 0
+    assert energy[-1] - energy[0] == pytest.approx(np.trapezoid(power, run.time.values), rel=1e-4)
+    held = run.clutch_state.values[:, 0] == 2
+    assert (run.qd.values[held, 1] == 0).all() and held.any()
+
+
+def test_an_angle_that_is_no_coordinate_is_held_without_creep():
+    # Led by the lower link's attitude: the hinge B is no coordinate, and what holds it is not linear in those.
+    data = arms(clutch=[{"name": "L", "joint": "C"}])
+    data["link"] += [{"name": "bar", "markers": {"C": [0, 0], "D": [0.6, 0]}, "mass": 0.8, "cog": [0.3, 0], "inertia": 0.03}]
+    data["link"][1]["markers"]["C"] = [0.5, 0]
+    data["link"] += [{"name": "rocker", "markers": {"D": [0, 0], "E": [0.55, 0]}, "mass": 0.7, "cog": [0.2, 0], "inertia": 0.02}]
+    data["frame"]["markers"]["E"] = [0.9, 0.2]
+    data["joint"] += [
+        {"name": "C", "type": "revolute", "between": ["lower.C", "bar.C"], "start": -1.8},
+        {"name": "D", "type": "revolute", "between": ["bar.D", "rocker.D"], "start": 2.0},
+        {"name": "E", "type": "revolute", "between": ["rocker.E", "frame.E"]},
+    ]
+    data["coordinate"] = [{"joint": "A", "start": 1.2}, {"joint": "B", "start": -0.6}]
+    scene = linkdyn.Scene(data)
+    run = scene.forward(t=np.linspace(0, 20, 201))
+    assert (run.status == 0).all() and np.ptp(run.q.values[:, 0]) > 0.2
+    angle = run.joint_variable.sel(variable="C.angle").values
+    assert np.abs(angle - angle[0]).max() < 1e-8
+    loose = scene.forward(t=np.linspace(0, 20, 201), rtol=1e-5, atol=1e-5).joint_variable.sel(variable="C.angle").values
+    assert np.abs(loose - loose[0]).max() < 1e-4
+    total = (run.kinetic_energy + run.potential_energy).values
+    assert np.abs(total - total[0]).max() < 1e-7
+
+
+def test_several_that_depend_on_each_other():
+    # Three clutches round two shafts and the frame: any two hold all; what they pass on together is what one would.
+    clutches = [{"name": "a", "joint": "A"}, {"name": "b", "joint": "B"}, {"name": "ab", "joint": "A", "to": "B"}]
+    run = shafts(clutch=clutches, coordinate=[{"joint": "A", "start": 0}, {"joint": "B", "start": 0}]).forward(t=[0, 1.0])
+    np.testing.assert_array_equal(run.qd, 0)
+    force = run.clutch_force.values[-1]
+    assert force[0] + force[2] == pytest.approx(-20) and force[1] - force[2] == pytest.approx(5)
+    # Two brakes on one shaft hold as much as both: 12 and 10 against 20, which grows.
+    pair = [{"name": name, "joint": "A", "capacity": capacity} for name, capacity in (("a", 12), ("b", 10))]
+    coordinates = [{"joint": "A", "start": 0}, {"joint": "B", "start": 0}]
+    actuators = [{"joint": "A", "law": {"type": "formula", "value": "4 N m/s*time"}}]
+    run = shafts(clutch=pair, coordinate=coordinates, actuator=actuators).forward(t=np.linspace(0, 7, 71))
+    still = run.time.values < 22 / 4
+    assert np.abs(run.q.values[still, 0]).max() < 1e-12
+    gone = run.time.values[~still] - 5.5
+    np.testing.assert_allclose(run.q.values[~still, 0], 4 * gone**3 / 6 / 0.3, rtol=1e-6, atol=1e-9)
+
+
+def test_a_lock_and_a_stop_strike_together():
+    # The locked pendulum falls on a stop at A: as the merged one does.
+    stop = [{"name": "s", "joint": "A", "min": -0.5, "restitution": 0.6}]
+    start = [{"joint": "A", "start": 0.3}, {"joint": "B", "start": 0.4}]
+    run = linkdyn.Scene(arms(stop=stop, clutch=[{"name": "L", "joint": "B"}], coordinate=start)).forward(t=np.linspace(0, 2, 21), rtol=1e-11)
+    data = arms(stop=stop, coordinate=start)
+    bend = 0.4
+    lower = complex(0.5, 0) + 0.25 * np.exp(1j * bend)
+    cog = (2.0 * complex(0.2, 0.03) + 1.2 * lower) / 3.2
+    inertia = 0.1 + 2.0 * abs(complex(0.2, 0.03) - cog) ** 2 + 1.2 * abs(lower - cog) ** 2
+    data["link"] = [{"name": "upper", "markers": {"A": [0, 0]}, "mass": 3.2, "cog": [cog.real, cog.imag], "inertia": inertia}]
+    data["joint"], data["coordinate"] = data["joint"][:1], data["coordinate"][:1]
+    one = linkdyn.Scene(data).forward(t=np.linspace(0, 2, 21), rtol=1e-11)
+    hits, hits_of_one = times(run, "s.min", "impact"), times(one, "s.min", "impact")
+    assert len(hits) > 2
+    np.testing.assert_allclose(hits, hits_of_one, atol=1e-8)
+    np.testing.assert_allclose(run.q[:, 0], one.q[:, 0], atol=1e-8)
+    assert (run.q.values[:, 1] == 0.4).all()
+
+
+# ---------------------------------------------------------------------------------------------------------------- other ways to run
+def test_ensembles_and_simulators_do_the_same():
+    scene = belt()
+    t = np.linspace(0, 1.5, 16)
+    run = scene.forward(method="rk4", step=1e-3, t=t)
+    q = np.array([[0, 0.0], [0, 0.002], [0, -0.004]])
+    members = scene.ensemble(q, np.array([[0.1, 0.1], [0.1, 0.0], [0.1, 0.3]]), t, step=1e-3)
+    np.testing.assert_allclose(members.q[0], run.q, atol=1e-12)
+    for k in (1, 2):
+        data = belt(coordinate=[belt_coordinate(), {"joint": "x", "start": {"position": q[k, 1], "velocity": [0.1, 0.0, 0.3][k]}}])
+        alone = data.forward(method="rk4", step=1e-3, t=t)
+        np.testing.assert_allclose(members.q[k], alone.q, atol=1e-12)
+    scene = shafts(clutch=[{"name": "C", "joint": "A", "to": "B", "capacity": 60, "from": 0.5, "until": 1.6}])
+    run = scene.forward(t=[0, 1.0, 1.5, 2.0])
+    sim = scene.simulator()
+    for instant in (1.0, 1.5, 2.0):
+        while sim.t < instant - 1e-9:
+            sim.step(0.05, [20, -5])
+        np.testing.assert_allclose(sim.qd, run.qd.sel(time=instant), rtol=1e-8)
+
+
+def belt_coordinate() -> dict[str, Any]:
+    return {"joint": "b", "driven": True, "motion": {"law": "constant-rate", "start": 0, "rate": 0.1}}
+
+
+def test_nothing_joins_two_that_are_driven():
+    second = {"joint": "x", "driven": True, "motion": {"law": "constant-rate", "start": 0, "rate": 0.3}}
+    data = belt(coordinate=[belt_coordinate(), second], actuator=[{"joint": "b"}, {"joint": "x"}], clutch=[{"name": "L", "joint": "x", "to": "b", "from": 0.5}])
+    run = data.forward(t=np.linspace(0, 1, 11))
+    assert "clutch 'L'" in run.attrs["stopped"] and "driven" in run.attrs["stopped"]
+
+
+def test_inverse_dynamics_does_not_look_at_them():
+    data = {"coordinate": [{"joint": name, "motion": {"law": "constant-rate", "start": 0, "rate": 1}} for name in "AB"]}
+    with_one, without = shafts(**data), shafts(**data, clutch=[])
+    assert with_one.inverse(t=[0.0, 1.0]).driving_force.identical(without.inverse(t=[0.0, 1.0]).driving_force)
