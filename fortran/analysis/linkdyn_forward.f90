@@ -327,7 +327,7 @@ contains
         real(wp), intent(in), optional :: seconds      !! of computing time, about
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         real(wp), allocatable :: quaternion(:, :, :), rate(:, :)    !! attitudes, and qd with angular rates of these
-        real(wp), allocatable :: t(:), stop_force(:, :), clutch_force(:, :)
+        real(wp), allocatable :: t(:), stop_force(:, :), clutch_force(:, :), contact_sense(:, :)
         type(sample_assembly) :: assembly
         real(wp) :: work
         logical :: is_lost(size(instants))
@@ -337,7 +337,8 @@ contains
         n_done = 0
         if (run%is_over) return
         associate (m => run%own, n => size(t))
-            allocate (stop_force(n_stop(m%scene), n), clutch_force(n_clutch(m%scene), n), source=0.0_wp)
+            allocate (stop_force(n_stop(m%scene), n), clutch_force(n_clutch(m%scene), n), contact_sense(size(m%contact), n), &
+                      source=0.0_wp)
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n), &
                       quaternion(4, m%n_attitude, n), rate(m%n_q, n))
         end associate
@@ -386,15 +387,16 @@ contains
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%output(1, run%system%layout%work)
                 if (has_hard_stops(run%model%scene)) stop_force(:, i) = merge(run%system%push(1, :), 0.0_wp, run%system%rests(1, :))
-                if (n_clutch(run%model%scene) > 0) clutch_force(:, i) = run%system%clutch%force(1, :)
+                if (n_clutch(run%model%scene) > 0) clutch_force(:, i) = run%system%clutch%applied(1, :)
+                if (size(run%model%contact) > 0) contact_sense(:, i) = &
+                    run%system%workspace%friction%sense(1, :size(run%model%contact))
             end if
             if (associated(results%time)) results%time(i) = t(i)
             if (associated(results%work)) results%work(i) = work
             if (associated(results%brake)) results%brake(:, i) = run%system%brake(1, run%model%motor%actuator)
             if (associated(results%clutch_slip) .and. .not. (run%has_stopped .and. .not. run%is_over)) &
                 results%clutch_slip(:, i) = run%system%slips_at(t(i), run%output)
-            call tell_clutches(run%system%clutch, i, clutch_force(:, i), &
-                               .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
+            call tell_clutches(run%system%clutch, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
             call tell_controllers(run%system%control, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
@@ -419,7 +421,8 @@ contains
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
                                   own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last), t=t(first:last), &
-                                  stop_force=stop_force(:, first:last), clutch_force=clutch_force(:, first:last))
+                                  stop_force=stop_force(:, first:last), clutch_force=clutch_force(:, first:last), &
+                                  contact_sense=contact_sense(:, first:last))
             end associate
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
@@ -428,15 +431,14 @@ contains
     end subroutine advance_forward
 
     !> What clutches do.
-    subroutine tell_clutches(clutch, i, force, is_good, results)
+    subroutine tell_clutches(clutch, i, is_good, results)
         type(clutch_states), intent(in) :: clutch
         integer, intent(in) :: i                       !! sample
-        real(wp), intent(in) :: force(:)               !! (n_clutch)
         logical, intent(in) :: is_good                 !! the run has come there
         type(forward_results), intent(inout) :: results
 
         if (associated(results%clutch_force)) &
-            results%clutch_force(:, i) = merge(force, ieee_value(1.0_wp, ieee_quiet_nan), is_good)
+            results%clutch_force(:, i) = merge(clutch%force(1, :), ieee_value(1.0_wp, ieee_quiet_nan), is_good)
         if (associated(results%clutch_slip) .and. .not. is_good) results%clutch_slip(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
         if (.not. associated(results%clutch_state)) return
         results%clutch_state(:, i) = merge(merge(state_holds, merge(state_slips, state_open, clutch%is_closed(1, :)), &

@@ -9,6 +9,7 @@ module linkdyn_forward_system
         accept_assembly
     use linkdyn_clutch_states, only: clutch_states, prepare_clutches, share_load
     use linkdyn_constants, only: golden, two_pi
+    use linkdyn_contact, only: sliding_coefficient, lever_of
     use linkdyn_control_law, only: control_sight
     use linkdyn_controllers, only: controllers_type, begin_controllers, next_instant, is_sampled, take_samples, &
         put_out_samples, run_continuous
@@ -29,6 +30,7 @@ module linkdyn_forward_system
     use linkdyn_impacts, only: find_impacts
     use linkdyn_inverse, only: are_alike
     use linkdyn_exchange, only: coordinate_now
+    use linkdyn_joint_friction, only: pressing_forces
     use linkdyn_joint_rates, only: actuator_rates, joint_rate, coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -564,6 +566,7 @@ contains
             if (n_clutch(model%scene) > 0) call rub_clutches(self, t)
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self) .or. holds_anywhere(self)) call hold_variables(self, t, y)
+            if (has_sticking(self)) call measure_grip(self)
             call pack_rates(model, self%layout, y, workspace%acceleration, workspace%state, rate)
             call pack_control_rates(self, rate)
             call find_powers(self, rate(:, self%layout%work), rate(:, self%layout%supplied))
@@ -1269,7 +1272,8 @@ contains
         end do
         call still_coordinates(self, self%workspace%acceleration)
         self%push = push(:, :size(self%rests, 2))
-        self%clutch%force = self%clutch%rub + push(:, size(self%rests, 2) + 1:)
+        self%clutch%applied = self%clutch%rub + push(:, size(self%rests, 2) + 1:)
+        self%clutch%force = self%clutch%applied
     end subroutine hold_variables
 
     ! ---------------------------------------------------------------- clutches
@@ -1347,7 +1351,8 @@ contains
             if (any(of%is_closed) .and. any(self%model%scene%clutch%capacity%kind == law_over)) call find_laws(self%model, state)
             do i = 1, size(of%rub, 2)
                 associate (clutch => self%model%scene%clutch(i))
-                    if (clutch%is_positive .or. .not. any(of%is_closed(:, i))) cycle
+                    if (clutch%friction > 0) call let_contacts_slide(i)
+                    if (clutch%is_positive .or. clutch%friction > 0 .or. .not. any(of%is_closed(:, i))) cycle
                     if (clutch%capacity%kind == law_over) then
                         of%capacity(:, i) = state%law(:, clutch%capacity%law)
                     else
@@ -1358,9 +1363,57 @@ contains
                 end associate
             end do
             of%force = of%rub
+            of%applied = of%rub
             state%clutch_force = of%rub
         end associate
+
+    contains
+
+        !> Joints that may stick rub by their reactions, the way they slip.
+        subroutine let_contacts_slide(i)
+            integer, intent(in) :: i                   !! clutch
+            integer :: k
+
+            do k = 1, size(self%model%contact)
+                if (self%model%contact(k)%joint /= self%model%scene%clutch(i)%joint(1)) cycle
+                self%workspace%friction%sense(:, k) = merge(self%clutch%sense(:, i), 2.0_wp, abs(self%clutch%sense(:, i)) > 0)
+            end do
+        end subroutine let_contacts_slide
     end subroutine rub_clutches
+
+    !> Are there joints whose friction sticks?
+    pure logical function has_sticking(self)
+        class(forward_system), intent(in) :: self
+
+        has_sticking = .false.
+        if (n_clutch(self%model%scene) > 0) has_sticking = any(self%model%scene%clutch%friction > 0)
+    end function has_sticking
+
+    !> What joints that may stick could hold, or rub with, by the reactions just found.
+    subroutine measure_grip(self)
+        class(forward_system), intent(inout) :: self
+        real(wp) :: press(lanes, size(self%equations%rub)), slip(lanes, n_clutch(self%model%scene))
+        integer :: i, k
+
+        call pressing_forces(self%equations%rub, self%workspace%friction, press)
+        associate (of => self%clutch, state => self%workspace%state)
+            do i = 1, size(slip, 2)
+                associate (clutch => self%model%scene%clutch(i))
+                    if (clutch%friction == 0) cycle
+                    slip(:, i) = abs(joint_rate(self%model, state, clutch%joint(1), clutch%variable(1), level_velocity))
+                    where (of%holds(:, i)) slip(:, i) = 0
+                    of%capacity(:, i) = 0
+                    do k = 1, size(self%model%contact)
+                        associate (contact => self%model%contact(k))
+                            if (contact%joint == clutch%joint(1)) of%capacity(:, i) = of%capacity(:, i) &
+                                + lever_of(contact)*press(:, k)*sliding_coefficient(contact, lever_of(contact)*slip(:, i))
+                        end associate
+                    end do
+                    where (.not. of%holds(:, i)) of%force(:, i) = -of%sense(:, i)*of%capacity(:, i)
+                end associate
+            end do
+        end associate
+    end subroutine measure_grip
 
     !> What a clutch could hold beside what it does: it begins to slip where that is gone. Rounding is none of it.
     function reserve(self, i)
@@ -1641,7 +1694,7 @@ contains
         logical, intent(in) :: positive(:, :)          !! whatever comes is held (lane, n_clutch)
         real(wp), dimension(lanes, n_held(self)) :: none, away, change, most, capacity, sense, here
         real(wp) :: response(lanes, n_held(self), n_held(self)), rate(lanes, self%n)
-        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self))
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self)), grip(lanes, n_clutch(self%model%scene))
         logical, dimension(lanes, n_held(self)) :: takes_part, holds
         logical :: failed(lanes)
         integer, allocatable :: of(:)
@@ -1660,10 +1713,14 @@ contains
             where (is_free(lane, :)) self%clutch%sense(lane, :) = 0
         end do
         if (any(is_free .and. spread(is_concerned, 2, size(is_free, 2)))) then
+            grip = find_grip()
             call self%evaluate_on_lanes(t, y, rate, failed)
             call find_responses(self, t, y, takes_part, response, of_coordinates)
             none = 0
             call accelerate(self, t, y, none, away)
+            do i = 1, size(is_free, 2)
+                if (self%model%scene%clutch(i)%friction > 0) self%clutch%capacity(:, i) = grip(:, i)
+            end do
             most = huge(1.0_wp)
             capacity = 0
             capacity(:, n + 1:) = merge(0.0_wp, self%clutch%capacity, positive)
@@ -1691,6 +1748,20 @@ contains
         end do
 
     contains
+
+        !> What joints that may stick could hold: by the reactions while all that could hold do.
+        function find_grip() result(grip)
+            real(wp) :: grip(lanes, size(is_free, 2))
+            logical :: held(lanes, size(is_free, 2))
+
+            grip = 0
+            if (.not. has_sticking(self)) return
+            held = self%clutch%holds
+            self%clutch%holds = held .or. is_free
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            grip = self%clutch%capacity
+            self%clutch%holds = held
+        end function find_grip
 
         subroutine share(lane)
             integer, intent(in) :: lane

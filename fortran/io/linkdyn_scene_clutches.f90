@@ -5,7 +5,7 @@ module linkdyn_scene_clutches
     use linkdyn_formula, only: formula_node, add_node, node_number, node_symbol, node_subtract, node_multiply
     use linkdyn_joint_table, only: joint_revolute, joint_prismatic, joint_cylindrical, joint_screw
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: scene_type, event_spec, clutch_spec, joint_kind_name
+    use linkdyn_scene, only: scene_type, event_spec, clutch_spec, friction_spec, joint_kind_name
     use linkdyn_scene_brakes, only: read_switch, find_switch_event, switch_key
     use linkdyn_scene_forces, only: force_quantity
     use linkdyn_scene_joints, only: variable_quantity
@@ -20,7 +20,7 @@ module linkdyn_scene_clutches
     use linkdyn_units, only: quantity_type, plain_number
     implicit none (type, external)
     private
-    public :: read_clutches
+    public :: read_clutches, add_sticking
 
     character(len=*), parameter :: joint_key(2) = [character(len=5) :: "joint", "to"]
     character(len=*), parameter :: variable_key(2) = [character(len=11) :: "variable", "to_variable"]
@@ -139,6 +139,34 @@ contains
             call refuse_value(place, "to", node, "is the same joint variable (expected another one)", status)
         end if
     end subroutine read_sides
+
+    !> Friction that sticks is a clutch, which has the joint's name.
+    subroutine add_sticking(place, friction, number, shelf, scene, status)
+        type(scene_place), intent(in) :: place
+        type(friction_spec), intent(in) :: friction
+        integer, intent(in) :: number                  !! of the friction
+        type(table_shelf), intent(inout) :: shelf
+        type(scene_type), intent(inout) :: scene
+        type(status_type), intent(inout) :: status
+        type(clutch_spec) :: clutch
+        type(quantity_type) :: quantity
+
+        clutch%name = scene%joint(friction%joint)%name
+        if (any(scene%event%name == clutch%name)) then
+            call refuse(place, "sticks, and its events have the name of the joint, which another event or clutch has "// &
+                "(expected another name of that)", status)
+            return
+        end if
+        clutch%joint(1) = friction%joint
+        clutch%friction = number
+        clutch%is_positive = .false.
+        clutch%line = friction%line
+        quantity = force_quantity(scene%joint(friction%joint)%kind, 1)
+        clutch%unit = quantity%unit(:4)
+        quantity = variable_quantity(scene%joint(friction%joint)%kind, 1)
+        clutch%slip_unit = trim(quantity%unit)//"/s"
+        call add_slip(clutch, shelf, scene)
+    end subroutine add_sticking
 
     !> The slip as an event, and the joint variables measured.
     subroutine add_slip(clutch, shelf, scene)

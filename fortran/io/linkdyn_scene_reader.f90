@@ -168,7 +168,7 @@ contains
         if (status%is_ok()) call find_brake_events(root, scene, status)
         call read_stops(root, shelf, scene, status)
         call read_clutches(root, shelf, scene, status)
-        call read_frictions(root, scene, status)
+        call read_frictions(root, shelf, scene, status)
         scene%laws = shelf%book
         scene%table_file = files_of(shelf)
         call read_time(root, scene, status)

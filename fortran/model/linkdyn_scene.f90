@@ -391,6 +391,7 @@ module linkdyn_scene
         character(len=4) :: unit = ""             !! "N" or "N m"
         character(len=8) :: slip_unit = ""        !! "m/s" or "rad/s"
         integer :: measure(2) = 0                 !! the joint variables
+        integer :: friction = 0                   !! table whose friction it is, by the joint's reaction; 0: it has a capacity of its own
         integer :: event = 0                      !! whose formula is the slip
         integer :: line = 0
     end type clutch_spec
@@ -407,6 +408,7 @@ module linkdyn_scene
         real(wp) :: length = 0                    !! between the ends that take a tilting moment [m]; 0: it makes no friction
         real(wp) :: collar = 0                    !! mean radius of the face that takes the force along a pin [m]; 0: it makes no friction
         real(wp) :: preload = 0                   !! by which the surfaces are pressed together besides [N]
+        logical :: sticks = .false.               !! in forward dynamics it holds what rests, and nothing is smoothed
         integer :: line = 0
     end type friction_spec
 
