@@ -1354,7 +1354,8 @@ contains
                     if (clutch%friction > 0) call let_contacts_slide(i)
                     if (clutch%is_positive .or. clutch%friction > 0 .or. .not. any(of%is_closed(:, i))) cycle
                     if (clutch%capacity%kind == law_over) then
-                        of%capacity(:, i) = state%law(:, clutch%capacity%law)
+                        of%capacity(:, i) = state%law(:, clutch%capacity%law) &
+                                            *self%model%scene%laws%scale**merge(1, 2, clutch%unit == "N")
                     else
                         call law_on_lanes(clutch%capacity, t, of%capacity(:, i), rate, rate2)
                     end if
@@ -1447,8 +1448,9 @@ contains
         slip = slips(self, level_velocity)
         do i = 1, size(wanted, 2)
             if (is_led(i)) cycle
-            where (self%clutch%holds(:, i)) &
-                wanted(:, i) = -pace*(2*slip(:, i) + pace*(here(:, i) - self%clutch%kept(:, i)))
+            here(:, i) = here(:, i) - self%clutch%kept(:, i)
+            if (self%model%scene%clutch(i)%unit == "N") here(:, i) = self%model%scene%laws%scale*here(:, i)
+            where (self%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*here(:, i))
         end do
     end function way_back
 
