@@ -493,3 +493,98 @@ def test_a_hinge_sticks_by_its_own_load(planar):
     # Far from rest it is the smooth law.
     smooth = linkdyn.Scene(data | {"friction": [{"joint": "A", "coulomb": mu, "radius": r, "creep_speed": "1e-6 m/s"}]})
     np.testing.assert_allclose(run.q.values[:40], smooth.forward(method="seulex", t=run.time.values[:40]).q, atol=1e-6)
+
+
+# ---------------------------------------------------------------------------------------------------------------- another road
+PAIRS = [(0, None), (1, None), (2, None), (0, 1), (1, 2), (0, 2)]
+
+
+def three_masses(seed: int) -> dict[str, Any]:
+    """Three masses on springs, pushed to and fro, that rub on the ground and on each other."""
+    g = np.random.default_rng(seed)
+    return {
+        "mass": g.uniform(0.5, 3, 3), "capacity": g.uniform(0.5, 6, 6), "v": g.uniform(-1, 1, 3), "k": g.uniform(5, 40, 3),
+        "force": g.uniform(2, 10, 3), "pace": g.uniform(1, 7, 3), "use": [i for i in range(6) if g.random() < 0.7],
+    }  # fmt: skip
+
+
+def by_engine(d: dict[str, Any]) -> linkdyn.Scene:
+    axis = {"at": [0, 0], "axis": [1, 0]}
+    return linkdyn.Scene({
+        "space": "planar", "gravity": [0, 0], "frame": {"markers": {"O": axis}},
+        "link": [{"name": f"m{i}", "markers": {"O": axis}, "mass": d["mass"][i], "inertia": 1} for i in range(3)],
+        "joint": [{"name": f"j{i}", "type": "prismatic", "between": ["frame.O", f"m{i}.O"]} for i in range(3)],
+        "coordinate": [{"joint": f"j{i}", "start": {"position": 0, "velocity": d["v"][i]}} for i in range(3)],
+        "spring": [{"name": f"s{i}", "joint": f"j{i}", "stiffness": d["k"][i]} for i in range(3)],
+        "load": [{"on": f"m{i}.O", "force": [f"{float(d['force'][i])!r} N*sin({float(d['pace'][i])!r} rad/s*time)", 0]} for i in range(3)],
+        "clutch": [
+            {"name": f"c{i}", "joint": f"j{PAIRS[i][0]}", "capacity": d["capacity"][i]} | ({} if PAIRS[i][1] is None else {"to": f"j{PAIRS[i][1]}"})
+            for i in d["use"]
+        ],
+        "time": {"end": 4},
+    })  # fmt: skip
+
+
+def by_time_steps(d: dict[str, Any], h: float, end: float, n: int) -> np.ndarray:
+    """Moreau's steps: no events, impulses of friction within bounds in each, by relaxation."""
+    m, use = [float(x) for x in d["mass"]], d["use"]
+    ease = [1 / m[p] + (0 if q is None else 1 / m[q]) for p, q in PAIRS]
+    x, v = [0.0] * 3, [float(u) for u in d["v"]]
+    impulse, told, steps = {i: 0.0 for i in use}, [[0.0] * 3], round(end / h)
+    for step in range(steps):
+        x = [x[i] + h / 2 * v[i] for i in range(3)]
+        v = [v[i] + h * (d["force"][i] * math.sin(d["pace"][i] * (step + 0.5) * h) - d["k"][i] * x[i]) / m[i] for i in range(3)]
+        v = [float(u) for u in v]
+        for i in use:
+            push(v, m, i, impulse[i])
+        for _ in range(100):
+            largest = 0.0
+            for i in use:
+                p, q = PAIRS[i]
+                wanted = min(max(impulse[i] - (v[p] - (0 if q is None else v[q])) / ease[i], -h * d["capacity"][i]), h * d["capacity"][i])
+                push(v, m, i, wanted - impulse[i])
+                largest = max(largest, abs(wanted - impulse[i]))
+                impulse[i] = wanted
+            if largest < 1e-12:
+                break
+        x = [x[i] + h / 2 * v[i] for i in range(3)]
+        if (step + 1) % (steps // n) == 0:
+            told.append(list(x))
+    return np.array(told)
+
+
+def push(v: list[float], m: list[float], i: int, impulse: float) -> None:
+    p, q = PAIRS[i]
+    v[p] += impulse / m[p]
+    if q is not None:
+        v[q] -= impulse / m[q]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_several_rub_stick_and_let_go_as_time_steps_find(seed):
+    d = three_masses(seed)
+    run = by_engine(d).forward(t=np.linspace(0, 4, 41))
+    error = np.abs(by_time_steps(d, 1e-3, 4.0, 40) - run.q.values).max()
+    assert error < 2e-3, error
+    assert run.sizes["event"] > 2 and (run.status == 0).all()
+
+
+# ---------------------------------------------------------------------------------------------------------------- estimates, members
+def test_estimated_errors_of_a_run_that_sticks():
+    run = belt().forward(t=np.linspace(0, 2, 21), error=True)
+    assert float(run.q_error.max()) < 1e-6 and (run.status == 0).all()
+
+
+def test_members_stick_by_their_reactions():
+    scene = slope(0.3, 0.5)
+    t = np.linspace(0, 1, 11)
+    q, qd = np.zeros((3, 1)), np.array([[0.0], [1.0], [2.5]])
+    members = scene.ensemble(q, qd, t, step=1e-3)
+    up = 9.81 * (math.sin(0.3) + 0.5 * math.cos(0.3))
+    np.testing.assert_allclose(members.q.values[:, -1, 0], qd[:, 0] ** 2 / 2 / up, atol=1e-12)
+    sim = scene.simulator()
+    sim.reset([0.0], [2.5])
+    for _ in range(20):
+        sim.step(0.05)
+    np.testing.assert_allclose(sim.q, members.q.values[2, -1], rtol=1e-9)
+    assert sim.qd[0] == 0
