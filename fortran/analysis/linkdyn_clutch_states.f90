@@ -24,6 +24,7 @@ module linkdyn_clutch_states
         real(wp), allocatable :: force(:, :)           !! of all there [N, N m] (lane, n_clutch)
         real(wp), allocatable :: applied(:, :)         !! of it all but what joints rub that may stick [N, N m] (lane, n_clutch)
         real(wp), allocatable :: fastest(:, :)         !! slip so far [m/s, rad/s] (lane, n_clutch)
+        real(wp), allocatable :: ease(:, :)            !! largest response of a slip to its force so far [1/kg, ..] (lane, n_clutch)
         real(wp), allocatable :: kept(:, :)            !! where it holds the joint variables [m, rad] (lane, n_clutch)
         real(wp), allocatable :: switched(:, :)        !! last event that opened or closed it [s]; -huge: none (lane, n_clutch)
         logical, allocatable :: was_closed(:, :)       !! by it (lane, n_clutch)
@@ -42,7 +43,8 @@ contains
         allocate (states%is_closed(lanes, n), states%holds(lanes, n), states%was_closed(lanes, n), states%was_held(lanes, n), &
                   source=.false.)
         allocate (states%sense(lanes, n), states%capacity(lanes, n), states%rub(lanes, n), states%force(lanes, n), &
-                  states%applied(lanes, n), states%fastest(lanes, n), states%kept(lanes, n), source=0.0_wp)
+                  states%applied(lanes, n), states%fastest(lanes, n), states%kept(lanes, n), &
+                  states%ease(lanes, n), source=0.0_wp)
         allocate (states%switched(lanes, n), source=-huge(1.0_wp))
     end subroutine prepare_clutches
 

@@ -1507,10 +1507,30 @@ contains
 
         if (n_clutch(self%model%scene) == 0) return
         self%clutch%t_accepted = t
+        call note_ease(self, spread(t, 1, lanes), y)
         self%clutch%begins = .true.
         call self%switch_now(t, y)
         self%clutch%begins = .false.
     end subroutine begin_with_clutches
+
+    !> How much clutches have to hold, where the run begins.
+    subroutine note_ease(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp) :: response(lanes, n_held(self), n_held(self)), rate(lanes, self%n)
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self))
+        logical :: takes_part(lanes, n_held(self)), failed(lanes)
+        integer :: i
+
+        takes_part(:, :size(self%rests, 2)) = .false.
+        takes_part(:, size(self%rests, 2) + 1:) = .true.
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call find_responses(self, t, y, takes_part, response, of_coordinates)
+        do i = 1, n_clutch(self%model%scene)
+            self%clutch%ease(:, i) = response(:, size(self%rests, 2) + i, size(self%rests, 2) + i)
+        end do
+    end subroutine note_ease
 
     !> An instant at which clutches may close or open.
     subroutine switch_now(self, t, y, is_changed)
@@ -1698,7 +1718,9 @@ contains
         real(wp) :: response(lanes, n_held(self), n_held(self)), rate(lanes, self%n)
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self)), grip(lanes, n_clutch(self%model%scene))
         logical, dimension(lanes, n_held(self)) :: takes_part, holds
-        logical :: failed(lanes)
+        real(wp), parameter :: rigid = 1.0e-10_wp      !! of the largest response so far: where a joint turns back while others move on,
+                                                       !! nothing at it stops them
+        logical :: failed(lanes), may_hold(lanes, n_clutch(self%model%scene))
         integer, allocatable :: of(:)
         integer :: lane, i, n
 
@@ -1715,11 +1737,23 @@ contains
             where (is_free(lane, :)) self%clutch%sense(lane, :) = 0
         end do
         if (any(is_free .and. spread(is_concerned, 2, size(is_free, 2)))) then
-            grip = find_grip()
             call self%evaluate_on_lanes(t, y, rate, failed)
             call find_responses(self, t, y, takes_part, response, of_coordinates)
+            may_hold = is_free
+            do i = 1, size(is_free, 2)
+                associate (ease => response(:, n + i, n + i))
+                    where (is_free(:, i)) self%clutch%ease(:, i) = max(self%clutch%ease(:, i), ease)
+                    may_hold(:, i) = is_free(:, i) .and. ease > rigid*self%clutch%ease(:, i)
+                end associate
+            end do
+            grip = find_grip()
+            call self%evaluate_on_lanes(t, y, rate, failed)
             none = 0
             call accelerate(self, t, y, none, away)
+            where (is_free .and. .not. (may_hold .or. positive))
+                holds(:, n + 1:) = .false.
+                sense(:, n + 1:) = sign(1.0_wp, away(:, n + 1:))
+            end where
             do i = 1, size(is_free, 2)
                 if (self%model%scene%clutch(i)%friction > 0) self%clutch%capacity(:, i) = grip(:, i)
             end do
@@ -1759,7 +1793,7 @@ contains
             grip = 0
             if (.not. has_sticking(self)) return
             held = self%clutch%holds
-            self%clutch%holds = held .or. is_free
+            self%clutch%holds = held .or. may_hold
             call self%evaluate_on_lanes(t, y, rate, failed)
             grip = self%clutch%capacity
             self%clutch%holds = held
