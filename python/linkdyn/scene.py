@@ -120,7 +120,7 @@ class Scene:
     planar : bool
     coordinates : tuple of str
         Names of the generalized coordinates, in the order of the columns of ``q``.
-    actuators, controllers, joints, links, loads : tuple of str
+    actuators, clutches, controllers, joints, links, loads : tuple of str
         Names; ``links`` are the moving ones.
     text : str
         The scene file; if it includes others, written anew with all of them.
@@ -150,6 +150,7 @@ class Scene:
         self.planar: bool = self.description["planar"]
         self.coordinates = _names(self.description["coordinates"])
         self.actuators = _names(self.description["actuators"])
+        self.clutches = _names(self.description["clutches"])
         self.controllers = _names(self.description["controllers"])
         self.joints = _names(self.description["joints"])
         self.links = _names(self.description["links"][1:])

@@ -495,6 +495,39 @@ def test_a_hinge_sticks_by_its_own_load(planar):
     np.testing.assert_allclose(run.q.values[:40], smooth.forward(method="seulex", t=run.time.values[:40]).q, atol=1e-6)
 
 
+def test_hinges_that_turn_back_do_not_stick_and_all_come_to_rest_together():
+    data: dict[str, Any] = {
+        "space": "planar",
+        "gravity": [0, -9.81],
+        "frame": {"markers": {"A": [0, 0], "D": [0.9, 0.1]}},
+        "link": [
+            {"name": "crank", "markers": {"A": [0, 0], "B": [0.3, 0]}, "mass": 2.0, "cog": [0.2, 0], "inertia": 0.02},
+            {"name": "rod", "markers": {"B": [0, 0], "C": [0.9, 0]}, "mass": 1.0, "cog": [0.45, 0], "inertia": 0.07},
+            {"name": "rocker", "markers": {"C": [0, 0], "D": [0.5, 0]}, "mass": 1.5, "cog": [0.25, 0], "inertia": 0.03},
+        ],
+        "joint": [
+            {"name": "A", "type": "revolute", "between": ["frame.A", "crank.A"]},
+            {"name": "B", "type": "revolute", "between": ["crank.B", "rod.B"]},
+            {"name": "C", "type": "revolute", "between": ["rod.C", "rocker.C"]},
+            {"name": "D", "type": "revolute", "between": ["frame.D", "rocker.D"]},
+        ],
+        "coordinate": [{"joint": "A", "start": {"position": 0.4, "velocity": 14.0}}],
+    }
+    rubs = [{"joint": name, "coulomb": 0.25, "radius": 0.05} for name in "ABCD"]
+    scene = linkdyn.Scene(data | {"friction": [friction | {"sticking": True} for friction in rubs]})
+    t = np.linspace(0, 20, 401)
+    run = scene.forward(t=t, method="gbs")
+    assert (run.status == 0).all() and not run.attrs["stopped"]
+    rest = float(run.event_time.max())
+    assert rest < 19 and np.abs(run.qd.values[t > rest]).max() < 1e-13 and np.ptp(run.q.values[t > rest]) < 1e-12
+    # Rocker and rod have turned back many times by then: nothing stuck there, and the smooth law goes the same way.
+    turns = np.diff(np.sign(run.joint_rate.sel(variable="D.angle").values[t < rest]))
+    assert (turns != 0).sum() > 3 and np.unique(np.round(run.event_time, 9)).size <= 3
+    smooth = linkdyn.Scene(data | {"friction": [friction | {"creep_speed": "1e-5 m/s"} for friction in rubs]})
+    early = t < 0.8 * rest
+    np.testing.assert_allclose(run.q.values[early], smooth.forward(t=t[early], method="seulex").q, atol=2e-3)
+
+
 # ---------------------------------------------------------------------------------------------------------------- another road
 PAIRS = [(0, None), (1, None), (2, None), (0, 1), (1, 2), (0, 2)]
 
