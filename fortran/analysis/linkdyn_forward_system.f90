@@ -1656,7 +1656,7 @@ contains
         logical, intent(in) :: locks(:, :)             !! (lane, n_clutch)
         real(wp), intent(out) :: impulse(:, :)         !! [N s, N m s] (lane, n_clutch)
         real(wp), intent(out) :: loss(lanes)           !! of energy [J]
-        real(wp), parameter :: small = 1.0e-9_wp       !! of what there was: no slip is left
+        real(wp), parameter :: small = 1.0e-9_wp       !! of the largest slip that there was: none is left
         real(wp), dimension(lanes, size(locks, 2)) :: before, after
         real(wp), dimension(lanes, n_held(self)) :: push, wanted
         real(wp) :: response(lanes, n_held(self), n_held(self)), rate(lanes, self%n)
@@ -1680,7 +1680,7 @@ contains
         loss = -sum(impulse*(before + after), dim=2)/2
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
         do i = 1, size(locks, 2)
-            where (locks(:, i) .and. abs(after(:, i)) > small*abs(before(:, i)) .and. abs(before(:, i)) > 0)
+            where (locks(:, i) .and. abs(after(:, i)) > small*maxval(abs(before), dim=2, mask=locks))
                 self%is_driven_through = .true.
                 self%final_event = self%model%scene%clutch(i)%event
             end where

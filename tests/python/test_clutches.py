@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -420,7 +422,7 @@ def test_thrown_up_the_slope_it_stops_and_stays_or_comes_back():
 def test_stick_slip_by_stribeck_against_quadrature():
     # On the belt, pressed on by 20 N: mu falls from 0.4 to 0.25 over the slip. One slip from the other, by numpy alone.
     axis = {"at": [0, 0], "axis": [1, 0]}
-    data = tomllib_like_belt()
+    data = empty_belt()
     data["clutch"] = []
     data["link"] = [
         {"name": "belt", "markers": {"O": axis}, "mass": 1.0, "inertia": 1},
@@ -459,7 +461,7 @@ def test_stick_slip_by_stribeck_against_quadrature():
     np.testing.assert_allclose(np.diff(slips)[1:] - (sticks[1 : len(slips) - 1] - slips[1:-1]), stuck, rtol=1e-3)
 
 
-def tomllib_like_belt() -> dict[str, Any]:
+def empty_belt() -> dict[str, Any]:
     axis = {"at": [0, 0], "axis": [1, 0]}
     return {"space": "planar", "gravity": [0, 0], "frame": {"markers": {"O": axis}}, "actuator": [{"joint": "b"}], "time": {"end": 2}}
 
@@ -526,6 +528,25 @@ def test_hinges_that_turn_back_do_not_stick_and_all_come_to_rest_together():
     smooth = linkdyn.Scene(data | {"friction": [friction | {"creep_speed": "1e-5 m/s"} for friction in rubs]})
     early = t < 0.8 * rest
     np.testing.assert_allclose(run.q.values[early], smooth.forward(t=t[early], method="seulex").q, atol=2e-3)
+
+
+def test_legs_of_a_platform_lock_one_after_the_other():
+    # Six freedoms by a quaternion; strokes are no coordinates. What energy is lost is what is told.
+    folder = Path(__file__).parents[2] / "examples" / "stewart_forward"
+    data = tomllib.loads((folder / "scene.toml").read_text())
+    data["clutch"] = [{"name": "first", "joint": "leg1.P", "from": 0.1, "until": 0.6}, {"name": "fourth", "joint": "leg4.P", "from": 0.2}]
+    run = linkdyn.Scene(data, folder=folder).forward(t=np.linspace(0, 1, 51), method="gbs")
+    assert not run.attrs["stopped"] and (run.status == 0).all() and float(np.abs(run.power_imbalance).max()) < 1e-12
+    t, energy = run.time.values, (run.kinetic_energy + run.potential_energy - run.work).values
+    for name, begin, end in (("leg1.P.slide", 0.1, 0.6), ("leg4.P.slide", 0.2, 1.0)):
+        stroke = run.joint_variable.sel(variable=name).values
+        held = (t > begin - 1e-9) & (t < end + 1e-9)
+        assert np.ptp(stroke[held]) < 1e-10 < np.ptp(stroke)
+    losses = run.event_loss.values
+    assert (losses[:2] > 1e-6).all() and losses[2] == 0
+    for begin, end, lost in ((0, 0.1, 0), (0.1, 0.2, losses[0]), (0.2, 0.6, losses[0] + losses[1]), (0.6, 1.0, losses[0] + losses[1])):
+        there = energy[(t > begin + 1e-9) & (t < end - 1e-9)]
+        np.testing.assert_allclose(energy[0] - there, lost, atol=1e-8)
 
 
 # ---------------------------------------------------------------------------------------------------------------- another road
