@@ -1327,6 +1327,20 @@ contains
         end do
     end function slips
 
+    !> Rates on both sides of a clutch of two, of the state looked at.
+    function speed_of_sides(self, i) result(speed)
+        class(forward_system), intent(in) :: self
+        integer, intent(in) :: i                       !! clutch
+        real(wp) :: speed(lanes)
+
+        speed = 0
+        associate (clutch => self%model%scene%clutch(i))
+            if (clutch%n_side == 2) speed = &
+                abs(joint_rate(self%model, self%look, clutch%joint(1), clutch%variable(1), level_velocity)) &
+                + abs(clutch%ratio*joint_rate(self%model, self%look, clutch%joint(2), clutch%variable(2), level_velocity))
+        end associate
+    end function speed_of_sides
+
     !> Slips of a state, on lane 1.
     function slips_at(self, t, y) result(slip)
         class(forward_system), intent(inout) :: self
@@ -1561,6 +1575,7 @@ contains
         logical, intent(in) :: is_closed(:, :)         !! from here (lane, n_clutch)
         logical, intent(in) :: has_crossed(:, :)       !! came to rest, or breaks loose (lane, n_clutch)
         real(wp), parameter :: still = 1.0e-12_wp      !! of the fastest slip so far, and of what an impulse has changed
+        real(wp), parameter :: rounded = 1.0e-14_wp    !! of the rates whose difference the slip is
         real(wp), dimension(lanes, size(is_closed, 2)) :: slip, impulse
         real(wp) :: y_before(lanes, self%n), loss(lanes), least(lanes)
         logical, dimension(lanes, size(is_closed, 2)) :: held, was_closed, must_slip, locks, is_free
@@ -1595,7 +1610,8 @@ contains
                 where (locks(:, i)) of%fastest(:, i) = max(of%fastest(:, i), abs(slip(:, i)))
             end do
             do i = 1, size(slip, 2)
-                least = still*max(of%fastest(:, i), merge(maxval(of%fastest, dim=2), 0.0_wp, any(locks, dim=2)))
+                least = max(still*max(of%fastest(:, i), merge(maxval(of%fastest, dim=2), 0.0_wp, any(locks, dim=2))), &
+                            rounded*speed_of_sides(self, i))
                 ! What an impulse has passed by is held as before, and what others do concerns none that has a slip.
                 is_free(:, i) = is_closed(:, i) .and. (has_crossed(:, i) .or. positive(i) .or. abs(slip(:, i)) <= least &
                                                        .or. (held(:, i) .and. .not. any(locks, dim=2)))

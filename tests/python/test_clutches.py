@@ -627,6 +627,14 @@ def test_several_rub_stick_and_let_go_as_time_steps_find(seed):
 def test_estimated_errors_of_a_run_that_sticks():
     run = belt().forward(t=np.linspace(0, 2, 21), error=True)
     assert float(run.q_error.max()) < 1e-6 and (run.status == 0).all()
+    for scene in (belt(), slope(0.3, 0.5), slide_on_a_stop()):
+        run = scene.forward(t=np.linspace(0, 2, 21), error=True)
+        for name in ("driving_force_error", "reaction_error", "qdd_error"):
+            assert name not in run or float(np.nanmax(np.abs(run[name].values), initial=0)) < 1e-5, name
+
+
+def slide_on_a_stop() -> linkdyn.Scene:
+    return incline(1, clutch=[], stop=[{"name": "s", "joint": "x", "min": -0.2, "restitution": 0}])
 
 
 def test_members_stick_by_their_reactions():
