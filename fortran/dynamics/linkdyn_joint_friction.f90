@@ -120,7 +120,6 @@ contains
                 call replace(rate, view%slide)
             else
                 call replace(rate, view%turn)
-                if (contact%form == form_thread) call replace(contact%pitch*rate, view%slide)
             end if
         end associate
 

@@ -144,13 +144,12 @@ contains
             mu = mu + (contact%static - contact%coulomb)*exp(-(speed/contact%stribeck_speed)**2)
     end function sliding_coefficient
 
-    !> Speed of the surface over that of the joint's one variable.
+    !> Speed of the surface over that of the joint's one variable, of a hinge or a slide.
     pure elemental real(wp) function lever_of(contact) result(lever)
         type(contact_type), intent(in) :: contact
 
         lever = contact%radius
         if (contact%form == form_guide) lever = 1
-        if (contact%form == form_thread) lever = sqrt(contact%radius**2 + contact%pitch**2)
     end function lever_of
 
     !> c: friction over the pressing force and the speed at which the surface slides.
