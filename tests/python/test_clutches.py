@@ -341,6 +341,18 @@ def test_a_lock_and_a_stop_strike_together():
     assert (run.q.values[:, 1] == 0.4).all()
 
 
+def test_an_impact_is_more_than_a_capacity():
+    stop = [{"name": "s", "joint": "A", "min": -0.5, "restitution": 0.6}]
+    start = [{"joint": "A", "start": 0.3}, {"joint": "B", "start": 0.4}]
+    scene = linkdyn.Scene(arms(stop=stop, clutch=[{"name": "L", "joint": "B", "capacity": 5.0}], coordinate=start))
+    run = scene.forward(t=np.linspace(0, 0.6, 6001), rtol=1e-11, atol=1e-11, method="gbs")
+    hits = times(run, "s.min", "impact")
+    assert times(run, "L", "slip") == [hits[0]]
+    energy = (run.kinetic_energy + run.potential_energy).values
+    rubbed = np.trapezoid((run.clutch_force * run.clutch_slip).values[:, 0], run.time.values)
+    assert energy[-1] - energy[0] == pytest.approx(rubbed - float(run.event_loss.sum()), rel=1e-3)
+
+
 # ---------------------------------------------------------------------------------------------------------------- other ways to run
 def test_ensembles_and_simulators_do_the_same():
     scene = belt()
