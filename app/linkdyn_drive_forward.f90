@@ -242,6 +242,12 @@ contains
         type(event_entry), intent(in) :: entry
         character(len=:), allocatable :: unit
 
+        associate (event => model%scene%event(entry%event))
+            if (event%clutch > 0) then
+                unit = trim(merge("N s  ", "N m s", model%scene%clutch(event%clutch)%unit == "N"))
+                return
+            end if
+        end associate
         associate (stop => model%scene%stop(model%scene%event(entry%event)%stop))
             unit = trim(merge("N s  ", "N m s", is_slide(model%joint(stop%joint)%kind, stop%variable)))
         end associate

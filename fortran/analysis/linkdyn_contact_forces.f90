@@ -4,7 +4,7 @@ module linkdyn_contact_forces
     use linkdyn_lane_count, only: lanes
     implicit none (type, external)
     private
-    public :: solve_contacts, solve_complementary
+    public :: solve_contacts, solve_complementary, solve_held
 
     real(wp), parameter :: least = 1.0e-10_wp          !! of a contact's response, what others leave of it
 
@@ -30,6 +30,17 @@ contains
             push(lane, contact) = x
         end do
     end subroutine solve_contacts
+
+    !> The same of one lane, where all are in contact and may pull as well.
+    pure function solve_held(response, wanted) result(push)
+        real(wp), intent(in) :: response(:, :)         !! (of, by)
+        real(wp), intent(in) :: wanted(:)              !! changes
+        real(wp) :: push(size(wanted)), matrix(size(wanted), size(wanted))
+
+        matrix = response
+        push = wanted
+        call eliminate(matrix, push, least)
+    end function solve_held
 
     !> Pushes of which none pulls, so that no contact closes further, and what opens is not pushed: with the response W and the
     !> speeds or accelerations b apart without them, p >= 0, W p + b >= 0, p (W p + b) = 0. W is symmetric and not negative, so

@@ -42,7 +42,7 @@ module linkdyn_equations
     use linkdyn_reactions, only: solution_type, unknown, collect_reactions
     use linkdyn_rotors, only: apply_rotors, add_rotor_mass, rotor_accelerations
     use linkdyn_row_order, only: order_rows
-    use linkdyn_scene, only: n_stop, has_hard_stops
+    use linkdyn_scene, only: n_stop, has_hard_stops, n_clutch, share_refused
     use linkdyn_shared_drives, only: share_drives
     use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
@@ -464,7 +464,8 @@ contains
         call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
         workspace%state%has_applied = equations%are_solved .and. &
                                       (size(model%scene%spring) + size(model%belt) + size(model%scene%laws%law) > 0 &
-                                       .or. model%scene%base%moves .or. has_hard_stops(model%scene) .or. size(model%contact) > 0 &
+                                       .or. model%scene%base%moves .or. has_hard_stops(model%scene) .or. n_clutch(model%scene) > 0 &
+                                       .or. size(model%contact) > 0 &
                                        .or. .not. all(equations%unknown%drive))
         workspace%state%world_rates = equations%needs_world
         workspace%state%carries_legs = equations%solver == solver_reduced .and. .not. has_rotors(model)
@@ -843,6 +844,7 @@ contains
                                                    -stop%side*workspace%state%stop_force(:, i), workspace%state)
             end associate
         end do
+        call apply_clutches(model, workspace%state)
         if (size(model%contact) > 0) call apply_friction(model, workspace%friction, workspace%state)
         if (equations%shares_drives) return                ! nobody knows yet what drives apply
         if (any(equations%rotor_acts)) call apply_rotors(model, equations%rotor_acts, workspace%state)
@@ -852,6 +854,21 @@ contains
             if (.not. equations%unknown%drive(i)) call apply_actuator(model, i, workspace)
         end do
     end subroutine apply_known_forces
+
+    !> What clutches pass on: at their first joint variable, and over the ratio back at the second.
+    subroutine apply_clutches(model, state)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(inout) :: state
+        integer :: i
+
+        do i = 1, n_clutch(model%scene)
+            associate (clutch => model%scene%clutch(i), force => state%clutch_force(:, i))
+                call apply_drive(model, clutch%joint(1), clutch%variable(1), force, state)
+                if (clutch%n_side == 2) &
+                    call apply_drive(model, clutch%joint(2), clutch%variable(2), -clutch%ratio*force, state)
+            end associate
+        end do
+    end subroutine apply_clutches
 
     subroutine apply_actuator(model, i, workspace)
         type(model_type), intent(in) :: model

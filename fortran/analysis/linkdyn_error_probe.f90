@@ -15,6 +15,7 @@ module linkdyn_error_probe
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, place_size, gives_attitude, attitude_angles
     use linkdyn_reactions, only: collect_reactions
+    use linkdyn_scene, only: n_stop, n_clutch
     use linkdyn_similar_model, only: make_similar, coordinate_scale, drive_scale, near_one
     use linkdyn_status, only: status_type, sample_ok
     implicit none (type, external)
@@ -159,6 +160,7 @@ contains
             workspace%state%qd(:, k) = solved%state%qd(:, k)*copy%motion_factor(k, 2)
             workspace%state%qdd(:, k) = solved%state%qdd(:, k)*copy%motion_factor(k, 3)
         end do
+        call take_pushes(copy%model, solved, workspace)
         workspace%state%time = solved%state%time
         workspace%state%by_quaternion = solved%state%by_quaternion
         do k = 1, size(copy%model%step)
@@ -182,6 +184,28 @@ contains
             workspace%state%group%start_place(:, k, :) = solved%state%group%place(:, k, :)*copy%place_factor(k)
         end do
     end subroutine take_inputs
+
+    !> What stops and clutches do, at the size of the copy, and which way joints rub that may stick.
+    subroutine take_pushes(model, solved, workspace)
+        type(model_type), intent(in) :: model          !! of the copy
+        type(equation_workspace), intent(in) :: solved
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: i
+
+        associate (scale => model%scene%laws%scale)
+            do i = 1, n_stop(model%scene)
+                associate (stop => model%scene%stop(i))
+                    workspace%state%stop_force(:, i) = solved%state%stop_force(:, i) &
+                        *scale**merge(1, 2, is_slide(model%joint(stop%joint)%told_kind, stop%variable))
+                end associate
+            end do
+            do i = 1, n_clutch(model%scene)
+                workspace%state%clutch_force(:, i) = solved%state%clutch_force(:, i) &
+                                                     *scale**merge(1, 2, model%scene%clutch(i)%unit == "N")
+            end do
+        end associate
+        if (size(model%contact) > 0) workspace%friction%sense = solved%friction%sense
+    end subroutine take_pushes
 
     !> From forces to estimates.
     subroutine compare(probe, solved, reaction, wants_reactions, has_failed, space)

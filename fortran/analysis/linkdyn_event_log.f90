@@ -1,10 +1,11 @@
-!> What has happened in forward runs: guards that crossed zero, contacts with end stops.
+!> What has happened in forward runs: guards that crossed zero, contacts with end stops, clutches.
 module linkdyn_event_log
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
     public :: event_log, event_entry, add_entry, kind_name
     public :: kind_crossing, kind_end, kind_contact, kind_release, kind_impact, kind_rest
+    public :: kind_close, kind_open, kind_stick, kind_slip
 
     integer, parameter :: kind_crossing = 0        !! an event of the scene
     integer, parameter :: kind_end = 1             !! one that ends the run
@@ -12,7 +13,12 @@ module linkdyn_event_log
     integer, parameter :: kind_release = 3         !! from any stop
     integer, parameter :: kind_impact = 4          !! on a stop that throws back
     integer, parameter :: kind_rest = 5            !! the same, and there the joint variable stays
-    character(len=8), parameter :: kind_name(0:5) = [character(len=8) :: "crossing", "end", "contact", "release", "impact", "rest"]
+    integer, parameter :: kind_close = 6           !! of a clutch, by an impulse if it has no capacity
+    integer, parameter :: kind_open = 7            !! of a clutch
+    integer, parameter :: kind_stick = 8           !! a clutch has no slip any more and holds
+    integer, parameter :: kind_slip = 9            !! it holds no more
+    character(len=8), parameter :: kind_name(0:9) = [character(len=8) :: "crossing", "end", "contact", "release", "impact", &
+        "rest", "close", "open", "stick", "slip"]
 
     type :: event_entry
         integer :: lane = 1                        !! of the run among those side by side

@@ -13,6 +13,7 @@ module linkdyn_forward
     use linkdyn_assembly_trail, only: sample_assembly, make_room
     use linkdyn_builder, only: build_model
     use linkdyn_carried_assembly, only: keep_evaluated, count_passed
+    use linkdyn_clutch_states, only: clutch_states, state_open, state_slips, state_holds
     use linkdyn_constants, only: two_pi
     use linkdyn_controllers, only: controllers_type
     use linkdyn_coordinate_watch, only: dead_coordinate
@@ -38,7 +39,7 @@ module linkdyn_forward
     use linkdyn_model, only: model_type, has_assemblies, repeats
     use linkdyn_motion, only: evaluate_loads, evaluate_motion
     use linkdyn_roads, only: road_counts, operator(+)
-    use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, n_controller, &
+    use linkdyn_scene, only: law_spec, scene_type, stop_spec, frame_link, law_none, n_event, n_stop, n_clutch, n_controller, &
         has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_singular, sample_undefined, &
         sample_unreachable, sample_branch_lost, sample_not_converged
@@ -67,6 +68,9 @@ module linkdyn_forward
         real(wp), pointer :: control_error(:, :) => null()     !! (n_controller, n) [m, rad, ..]
         real(wp), pointer :: control_output(:, :) => null()    !! in effect (n_controller, n) [N, N m, V]
         integer, pointer :: is_limited(:, :) => null()         !! 1: that is at a limit (n_controller, n)
+        real(wp), pointer :: clutch_force(:, :) => null()      !! at their first joint variable (n_clutch, n) [N, N m]
+        real(wp), pointer :: clutch_slip(:, :) => null()       !! (n_clutch, n) [m/s, rad/s]
+        integer, pointer :: clutch_state(:, :) => null()       !! one of `state_*` (n_clutch, n)
         type(inverse_results) :: forces                !! accelerations, forces, energies, closure, ... (n)
     end type forward_results
 
@@ -157,7 +161,9 @@ contains
         run%kink = pack(run%kink, run%kink > options%t_start)
         run%output = run%y
         call begin_at_stops(run%system, options%t_start, run%y)
+        call run%system%begin_with_clutches(options%t_start, run%y)
         call run%integrator%start(options%integrator, run%system, options%t_start, run%y, status)
+        where (run%system%is_driven_through) run%integrator%failed = .true.
     end subroutine start_integrator
 
     !> No run begins beyond a stop.
@@ -321,7 +327,7 @@ contains
         real(wp), intent(in), optional :: seconds      !! of computing time, about
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :), force(:, :), load(:, :, :)
         real(wp), allocatable :: quaternion(:, :, :), rate(:, :)    !! attitudes, and qd with angular rates of these
-        real(wp), allocatable :: t(:), stop_force(:, :)
+        real(wp), allocatable :: t(:), stop_force(:, :), clutch_force(:, :), contact_sense(:, :)
         type(sample_assembly) :: assembly
         real(wp) :: work
         logical :: is_lost(size(instants))
@@ -331,7 +337,8 @@ contains
         n_done = 0
         if (run%is_over) return
         associate (m => run%own, n => size(t))
-            allocate (stop_force(n_stop(m%scene), n), source=0.0_wp)
+            allocate (stop_force(n_stop(m%scene), n), clutch_force(n_clutch(m%scene), n), contact_sense(size(m%contact), n), &
+                      source=0.0_wp)
             allocate (q(m%n_q, n), qd(m%n_q, n), qdd(m%n_q, n), force(m%n_actuator, n), load(6, m%n_load, n), &
                       quaternion(4, m%n_attitude, n), rate(m%n_q, n))
         end associate
@@ -380,10 +387,16 @@ contains
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%output(1, run%system%layout%work)
                 if (has_hard_stops(run%model%scene)) stop_force(:, i) = merge(run%system%push(1, :), 0.0_wp, run%system%rests(1, :))
+                if (n_clutch(run%model%scene) > 0) clutch_force(:, i) = run%system%clutch%applied(1, :)
+                if (size(run%model%contact) > 0) contact_sense(:, i) = &
+                    run%system%workspace%friction%sense(1, :size(run%model%contact))
             end if
             if (associated(results%time)) results%time(i) = t(i)
             if (associated(results%work)) results%work(i) = work
             if (associated(results%brake)) results%brake(:, i) = run%system%brake(1, run%model%motor%actuator)
+            if (associated(results%clutch_slip) .and. .not. (run%has_stopped .and. .not. run%is_over)) &
+                results%clutch_slip(:, i) = run%system%slips_at(t(i), run%output)
+            call tell_clutches(run%system%clutch, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
             call tell_controllers(run%system%control, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
@@ -408,13 +421,29 @@ contains
                 call run_prepared(here%model, here%output, run%options%threads, q(:, first:last), rate(:, first:last), &
                                   qdd(:, first:last), load(:, :, first:last), part, force(:, first:last), known=assembly, &
                                   own=run%own, turns=run%turns, quaternion=quaternion(:, :, first:last), t=t(first:last), &
-                                  stop_force=stop_force(:, first:last))
+                                  stop_force=stop_force(:, first:last), clutch_force=clutch_force(:, first:last), &
+                                  contact_sense=contact_sense(:, first:last))
             end associate
             results%forces%roads = results%forces%roads + part%roads
             if (associated(part%status)) where (is_lost(first:last)) part%status = sample_singular
             if (.not. is_interrupted()) n_found = last
         end subroutine find_forces
     end subroutine advance_forward
+
+    !> What clutches do.
+    subroutine tell_clutches(clutch, i, is_good, results)
+        type(clutch_states), intent(in) :: clutch
+        integer, intent(in) :: i                       !! sample
+        logical, intent(in) :: is_good                 !! the run has come there
+        type(forward_results), intent(inout) :: results
+
+        if (associated(results%clutch_force)) &
+            results%clutch_force(:, i) = merge(clutch%force(1, :), ieee_value(1.0_wp, ieee_quiet_nan), is_good)
+        if (associated(results%clutch_slip) .and. .not. is_good) results%clutch_slip(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
+        if (.not. associated(results%clutch_state)) return
+        results%clutch_state(:, i) = merge(merge(state_holds, merge(state_slips, state_open, clutch%is_closed(1, :)), &
+                                                 clutch%holds(1, :)), state_open, is_good)
+    end subroutine tell_clutches
 
     !> What controllers have seen and put out.
     subroutine tell_controllers(control, i, is_good, results)
@@ -499,7 +528,15 @@ contains
         type(forward_run), intent(inout) :: run
         real(wp), intent(in) :: kink                   !! [s]
 
-        if (.not. all(run%integrator%failed)) call run%system%control_now(kink, run%y)
+        logical :: is_changed
+
+        is_changed = .false.
+        if (.not. all(run%integrator%failed)) then
+            call run%system%control_now(kink, run%y)
+            call run%system%switch_now(kink, run%y, is_changed)
+        end if
+        if (is_changed) call run%integrator%go_on_from(run%system, run%y)
+        where (run%system%is_driven_through) run%integrator%failed = .true.
         call run%integrator%reset()
         run%passed_kink = kink
         if (size(run%kink) == 0) return
@@ -677,6 +714,11 @@ contains
         if (run%is_over) then
             reason = reason//"event "//quoted(run%own%scene%event(run%system%final_event(1))%name)
         else if (run%system%is_driven_through(1)) then
+            if (run%own%scene%event(run%system%final_event(1))%clutch > 0) then
+                reason = reason//"nothing that clutch "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
+                         //" could join moves freely: both of its sides are driven, or held"
+                return
+            end if
             reason = reason//"what strikes stop "//quoted(run%own%scene%event(run%system%final_event(1))%name) &
                      //" is driven: no force of the stop changes its motion"
         else if (run%dead_coordinate > 0) then
@@ -1023,6 +1065,13 @@ contains
             associate (brake => model%scene%actuator(i)%motor%brake)
                 if (brake%from < huge(1.0_wp)) call add_kink(brake%from, kink)
                 if (brake%until < huge(1.0_wp)) call add_kink(brake%until, kink)
+            end associate
+        end do
+        do i = 1, n_clutch(model%scene)
+            associate (clutch => model%scene%clutch(i))
+                call add_kinks(clutch%capacity, kink)
+                if (clutch%from < huge(1.0_wp)) call add_kink(clutch%from, kink)
+                if (clutch%until < huge(1.0_wp)) call add_kink(clutch%until, kink)
             end associate
         end do
         do i = 1, n_controller(model%scene)

@@ -8,7 +8,8 @@ module linkdyn_forward_block
         result_transmission_angle, result_power_imbalance, result_kinetic_energy, result_potential_energy, result_work, &
         result_closure, result_step, result_stand_in, result_assembly, result_friction, result_friction_power, &
         result_transmission_force, result_brake_torque, result_contact_force, result_pressure_angle, result_strand_force, &
-        result_controller_target, result_controller_error, result_controller_output, result_controller_limited, view_motor_loads
+        result_controller_target, result_controller_error, result_controller_output, result_controller_limited, view_motor_loads, &
+        result_clutch_force, result_clutch_slip, result_clutch_state
     use linkdyn_roads, only: road_counts
     implicit none (type, external)
     private
@@ -41,6 +42,9 @@ contains
         call view_values(layout, result_controller_error, n, block, results%control_error)
         call view_values(layout, result_controller_output, n, block, results%control_output)
         call view_values(layout, result_controller_limited, n, block, results%is_limited)
+        call view_values(layout, result_clutch_force, n, block, results%clutch_force)
+        call view_values(layout, result_clutch_slip, n, block, results%clutch_slip)
+        call view_values(layout, result_clutch_state, n, block, results%clutch_state)
         call view_values(layout, result_driving_speed, n, block, speed)
         call view_values(layout, result_driving_power, n, block, power)
         call view_values(layout, result_brake_torque, n, block, results%brake)

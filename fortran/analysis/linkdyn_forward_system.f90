@@ -8,16 +8,18 @@ module linkdyn_forward_system
     use linkdyn_bounce_watch, only: bounce_watch, prepare_bounce_watch, look_at_end, note_start
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_on_assembly, evaluate_assembled, &
         accept_assembly
+    use linkdyn_clutch_states, only: clutch_states, prepare_clutches, share_load
     use linkdyn_constants, only: golden, two_pi
+    use linkdyn_contact, only: sliding_coefficient, lever_of
     use linkdyn_control_law, only: control_sight
     use linkdyn_controllers, only: controllers_type, begin_controllers, next_instant, take_samples, &
         put_out_samples, run_continuous
     use linkdyn_coordinate_watch, only: coordinate_watch, compare_rates, note_rates, forget_rates, is_well_past, &
         is_near_dead_point, dead_coordinate
     use linkdyn_drives, only: evaluate_drive, law_on_lanes, needs_motion, coordinate_of_actuator, effort_scale
-    use linkdyn_contact_forces, only: solve_contacts, solve_complementary
+    use linkdyn_contact_forces, only: solve_contacts, solve_complementary, solve_held
     use linkdyn_event_log, only: event_log, event_entry, add_entry, kind_crossing, kind_end, kind_contact, kind_release, &
-        kind_impact, kind_rest
+        kind_impact, kind_rest, kind_close, kind_open, kind_stick, kind_slip
     use linkdyn_energy_balance, only: energy_of_motion, applied_power
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, choose_poses, solver_elimination, solver_reduced
@@ -29,22 +31,23 @@ module linkdyn_forward_system
     use linkdyn_impacts, only: find_impacts
     use linkdyn_inverse, only: are_alike
     use linkdyn_exchange, only: coordinate_now
-    use linkdyn_joint_rates, only: actuator_rates, joint_rate
+    use linkdyn_joint_friction, only: pressing_forces
+    use linkdyn_joint_rates, only: actuator_rates, joint_rate, coordinate_of
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_lane_system, only: lane_system
     use linkdyn_led_mechanism, only: measure_margins
-    use linkdyn_measures, only: find_laws, find_measures, find_events, follow_angle
+    use linkdyn_measures, only: find_laws, find_measures, find_events, find_kept, follow_angle
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, record_motion_forces, share_motion_forces, free_motion_forces, measure_motion
-    use linkdyn_motor_laws, only: torque_of_law, brake_torque, current_rate
+    use linkdyn_motor_laws, only: torque_of_law, brake_torque, current_rate, is_on
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_planar_motion, only: level_velocity, level_given
-    use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_controller, is_sampled, controller_spec, &
-        law_over, feed_law, feed_gravity, feed_inverse
+    use linkdyn_scene, only: clutch_spec, drive_inverse, drive_over, side_joint, n_event, n_stop, n_clutch, n_controller, &
+        is_sampled, controller_spec, law_over, feed_law, feed_gravity, feed_inverse
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
@@ -101,6 +104,7 @@ module linkdyn_forward_system
         real(wp), allocatable, private :: yielded(:, :)    !! depth at which contacts were found, by rounding and drift: their gaps
                                                            !! begin there (lane, n_stop) [m, rad]
         real(wp), allocatable, private :: widest(:, :)     !! gap so far, of stops at which something rests (lane, n_stop) [m, rad]
+        type(clutch_states) :: clutch
         type(kinematic_state), private :: look         !! scratch: of states that are looked at
         integer, allocatable, private :: turning(:)    !! measures that wrap; events count their turns: at the accepted state
         real(wp), allocatable, private :: angle(:, :), spin(:, :)    !! they are here and turn so fast (lane, measure) [rad, rad/s]
@@ -127,6 +131,9 @@ module linkdyn_forward_system
         procedure :: evaluate_guards => evaluate_events
         procedure :: meet_crossings => meet_events
         procedure :: meet_stops
+        procedure :: begin_with_clutches
+        procedure :: switch_now
+        procedure :: slips_at
         procedure :: next_control
         procedure :: control_now
         procedure :: begin
@@ -201,6 +208,7 @@ contains
         if (system%n_guard == 0) return
         system%guard_direction = model%scene%event%direction
         allocate (system%guard_side(lanes, system%n_guard), system%guard_scale(lanes, system%n_guard), source=0.0_wp)
+        call prepare_clutches(n_clutch(model%scene), system%clutch)
         allocate (system%rests(lanes, n_stop(model%scene)), source=.false.)
         allocate (system%push(lanes, n_stop(model%scene)), system%yielded(lanes, n_stop(model%scene)), &
                   system%fastest(lanes, n_stop(model%scene)), system%widest(lanes, n_stop(model%scene)), source=0.0_wp)
@@ -336,6 +344,7 @@ contains
         self%may_end = other%may_end
         self%log = other%log
         if (self%n_guard > 0) then
+            self%clutch = other%clutch
             self%rests = other%rests
             self%push = other%push
             self%fastest = other%fastest
@@ -377,6 +386,10 @@ contains
         logical, intent(in) :: is_accepted(lanes)
 
         self%n_accepted = self%n_accepted + 1
+        if (holds_anywhere(self)) then
+            where (is_accepted) self%clutch%longest = max(self%clutch%longest, t - self%clutch%t_accepted)
+        end if
+        where (is_accepted) self%clutch%t_accepted = t
         where (is_accepted) self%t_braked = t
         where (is_accepted) self%obstacle = sample_ok
         self%control%blind = 0
@@ -495,7 +508,7 @@ contains
         integer, parameter :: evaluations_a_step = 10  !! about
         integer :: k
 
-        if (rests_anywhere(self)) then
+        if (rests_anywhere(self) .or. is_clutched(self)) then
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if
@@ -559,8 +572,10 @@ contains
             if (self%control%n > 0) call drive_by_controllers(self, t, y)
             if (any(model%scene%actuator%drive%side /= side_joint)) call drive_by_motors(self, t, y)
             workspace%n_used = self%n_used
+            if (n_clutch(model%scene) > 0) call rub_clutches(self, t)
             call solve_equations(model, self%equations, workspace)
-            if (rests_anywhere(self)) call hold_at_stops(self, t, y)
+            if (rests_anywhere(self) .or. holds_anywhere(self)) call hold_variables(self, t, y)
+            if (has_sticking(self)) call measure_grip(self)
             call pack_rates(model, self%layout, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
             call pack_control_rates(self, rate)
             call pack_current_rates(self, rate)
@@ -858,6 +873,24 @@ contains
         end do
     end subroutine switch_brakes
 
+    !> And clutches.
+    subroutine switch_clutches(self, lane, event, t, is_closed)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: lane, event
+        real(wp), intent(in) :: t                      !! [s]
+        logical, intent(inout) :: is_closed(:, :)      !! (lane, n_clutch)
+        integer :: i
+
+        do i = 1, size(is_closed, 2)
+            associate (clutch => self%model%scene%clutch(i))
+                if (.not. any([clutch%from_event, clutch%until_event] == event)) cycle
+                is_closed(lane, i) = clutch%from_event == event
+                self%clutch%was_closed(lane, i) = is_closed(lane, i)
+                self%clutch%switched(lane, i) = t
+            end associate
+        end do
+    end subroutine switch_clutches
+
     !> Motion of the state evaluated last in the workspace.
     subroutine catch_up(self)
         class(forward_system), intent(inout) :: self
@@ -1138,7 +1171,7 @@ contains
     end function rests_anywhere
 
     !> The scene's events at these states. That of a stop at which its joint variable rests is its push: when that vanishes
-    !> the variable leaves.
+    !> the variable leaves. That of a clutch that holds is what it could hold besides; that of an open one never happens.
     subroutine evaluate_events(self, t, y, guard)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -1159,8 +1192,14 @@ contains
                 if (stop%is_hard) guard(:, stop%event) = guard(:, stop%event) + self%yielded(:, i)
             end associate
         end do
-        if (.not. rests_anywhere(self)) return
+        do i = 1, n_clutch(self%model%scene)
+            where (.not. self%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
+        end do
+        if (.not. (rests_anywhere(self) .or. holds_anywhere(self))) return
         call self%evaluate_on_lanes(t, y, rate, failed)
+        do i = 1, n_clutch(self%model%scene)
+            where (self%clutch%holds(:, i)) guard(:, self%model%scene%clutch(i)%event) = reserve(self, i)
+        end do
         do i = 1, size(self%rests, 2)
             associate (e => self%model%scene%stop(i)%event)
                 where (self%rests(:, i)) guard(:, e) = self%push(:, i)
@@ -1196,33 +1235,37 @@ contains
         end do
     end function away_from_stops
 
-    !> Accelerations away from the stops, and those of the coordinates, while the stops push. Kinematics, loads and drives of the
-    !> state are in the workspace.
+    !> Accelerations away from stops and of the slips of clutches, and those of the coordinates, while stops and clutches push; on top
+    !> of that clutches rub. Kinematics, loads and drives of the state are in the workspace.
     subroutine accelerate(self, t, y, push, away)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
-        real(wp), intent(in) :: push(:, :)             !! (lane, n_stop)
-        real(wp), intent(out) :: away(:, :)            !! (lane, n_stop)
+        real(wp), intent(in) :: push(:, :)             !! (lane, n_stop + n_clutch)
+        real(wp), intent(out) :: away(:, :)            !! (lane, n_stop + n_clutch)
 
-        self%workspace%state%stop_force = push
-        call solve_equations(self%model, self%equations, self%workspace)
-        self%workspace%state%stop_force = 0
+        associate (state => self%workspace%state, n => size(self%rests, 2))
+            state%stop_force = push(:, :n)
+            state%clutch_force = self%clutch%rub + push(:, n + 1:)
+            call solve_equations(self%model, self%equations, self%workspace)
+            state%stop_force = 0
+            state%clutch_force = self%clutch%rub
+        end associate
         call look_closely(self, t, y, self%workspace%acceleration)
-        away = away_from_stops(self, level_given)
+        away = rates_held(self, level_given)
     end subroutine accelerate
 
-    !> What a unit push of each stop in contact gives: accelerations away from all stops, and of the coordinates. They are linear
-    !> in the push; one that outdoes all other forces leaves its digits to the difference.
+    !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
+    !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
     subroutine find_responses(self, t, y, is_in_contact, response, of_coordinates)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
-        logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop)
-        real(wp), intent(out) :: response(:, :, :)     !! (lane, of stop, by stop)
-        real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by stop)
+        logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop + n_clutch)
+        real(wp), intent(out) :: response(:, :, :)     !! (lane, of, by)
+        real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
         real(wp), parameter :: much = 1.0e4_wp
-        real(wp), dimension(lanes, size(self%rests, 2)) :: push, at_rest, away
+        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, at_rest, away
         real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes)
         integer :: k, i, turn
 
@@ -1251,28 +1294,611 @@ contains
         end do
     end subroutine find_responses
 
-    !> Push of the stops at which joint variables rest: as much as keeps them there. The accelerations in the workspace
-    !> become those with it.
-    subroutine hold_at_stops(self, t, y)
+    !> Push of the stops at which joint variables rest and of the clutches that hold: as much as keeps them there. The accelerations in
+    !> the workspace become those with it.
+    subroutine hold_variables(self, t, y)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
         real(wp), intent(in) :: y(:, :)
         integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
-        real(wp), dimension(lanes, size(self%rests, 2)) :: push, away, change
-        real(wp) :: response(lanes, size(self%rests, 2), size(self%rests, 2))
-        real(wp) :: of_coordinates(lanes, self%model%n_q, size(self%rests, 2))
+        integer, parameter :: most_turns = 20          !! friction in joints changes with what is pushed
+        real(wp), parameter :: enough = 1.0e-14_wp
+        real(wp), dimension(lanes, n_held(self)) :: push, away, change, wanted
+        real(wp) :: response(lanes, n_held(self), n_held(self))
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self))
+        logical :: is_held(lanes, n_held(self)), rubs
         integer :: turn
 
-        call find_responses(self, t, y, self%rests, response, of_coordinates)
+        is_held(:, :size(self%rests, 2)) = self%rests
+        is_held(:, size(self%rests, 2) + 1:) = self%clutch%holds
+        call find_responses(self, t, y, is_held, response, of_coordinates)
+        rubs = size(self%equations%rub) > 0
         push = 0
         call accelerate(self, t, y, push, away)
-        do turn = 1, n_turn
-            call solve_contacts(response, self%rests, -away, change)
+        wanted = 0
+        if (holds_anywhere(self)) wanted(:, size(self%rests, 2) + 1:) = way_back(self, t)
+        do turn = 1, merge(most_turns, n_turn, rubs)
+            call solve_contacts(response, is_held, wanted - away, change)
             push = push + change
             call accelerate(self, t, y, push, away)
+            if (turn >= n_turn .and. all(abs(change) <= enough*abs(push))) exit
         end do
-        self%push = push
-    end subroutine hold_at_stops
+        call still_coordinates(self, self%workspace%acceleration)
+        self%push = push(:, :size(self%rests, 2))
+        self%clutch%applied = self%clutch%rub + push(:, size(self%rests, 2) + 1:)
+        self%clutch%force = self%clutch%applied
+    end subroutine hold_variables
+
+    ! ---------------------------------------------------------------- clutches
+
+    !> Stops and clutches together.
+    pure integer function n_held(self)
+        class(forward_system), intent(in) :: self
+
+        n_held = size(self%rests, 2) + n_clutch(self%model%scene)
+    end function n_held
+
+    !> Does a clutch hold?
+    pure logical function holds_anywhere(self)
+        class(forward_system), intent(in) :: self
+
+        holds_anywhere = .false.
+        if (allocated(self%clutch%holds)) holds_anywhere = any(self%clutch%holds)
+    end function holds_anywhere
+
+    !> Is one closed?
+    pure logical function is_clutched(self)
+        class(forward_system), intent(in) :: self
+
+        is_clutched = .false.
+        if (allocated(self%clutch%is_closed)) is_clutched = any(self%clutch%is_closed)
+    end function is_clutched
+
+    !> Velocities or accelerations away from stops, and of the slips of clutches, of the state looked at.
+    function rates_held(self, level) result(rate)
+        class(forward_system), intent(in) :: self
+        integer, intent(in) :: level
+        real(wp) :: rate(lanes, n_held(self))
+
+        rate(:, :size(self%rests, 2)) = away_from_stops(self, level)
+        rate(:, size(self%rests, 2) + 1:) = slips(self, level)
+    end function rates_held
+
+    !> Slips of clutches, or how fast they change.
+    function slips(self, level) result(rate)
+        class(forward_system), intent(in) :: self
+        integer, intent(in) :: level
+        real(wp) :: rate(lanes, n_clutch(self%model%scene))
+        integer :: i
+
+        do i = 1, size(rate, 2)
+            associate (clutch => self%model%scene%clutch(i))
+                rate(:, i) = joint_rate(self%model, self%look, clutch%joint(1), clutch%variable(1), level)
+                if (clutch%n_side == 2) rate(:, i) = rate(:, i) &
+                    - clutch%ratio*joint_rate(self%model, self%look, clutch%joint(2), clutch%variable(2), level)
+            end associate
+        end do
+    end function slips
+
+    !> Rates on both sides of a clutch of two, of the state looked at.
+    function speed_of_sides(self, i) result(speed)
+        class(forward_system), intent(in) :: self
+        integer, intent(in) :: i                       !! clutch
+        real(wp) :: speed(lanes)
+
+        speed = 0
+        associate (clutch => self%model%scene%clutch(i))
+            if (clutch%n_side == 2) speed = &
+                abs(joint_rate(self%model, self%look, clutch%joint(1), clutch%variable(1), level_velocity)) &
+                + abs(clutch%ratio*joint_rate(self%model, self%look, clutch%joint(2), clutch%variable(2), level_velocity))
+        end associate
+    end function speed_of_sides
+
+    !> Slips of a state, on lane 1.
+    function slips_at(self, t, y) result(slip)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(in) :: y(:, :)
+        real(wp) :: slip(n_clutch(self%model%scene)), of_all(lanes, n_clutch(self%model%scene))
+
+        call look_closely(self, spread(t, 1, lanes), y)
+        of_all = slips(self, level_velocity)
+        slip = of_all(1, :)
+    end function slips_at
+
+    !> Capacities of closed clutches, and the force of those that slip. Kinematics of the state are in the workspace.
+    subroutine rub_clutches(self, t)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)               !! [s]
+        real(wp), dimension(lanes) :: rate, rate2
+        integer :: i
+
+        associate (state => self%workspace%state, of => self%clutch)
+            of%rub = 0
+            if (any(of%is_closed) .and. any(self%model%scene%clutch%capacity%kind == law_over)) call find_laws(self%model, state)
+            do i = 1, size(of%rub, 2)
+                associate (clutch => self%model%scene%clutch(i))
+                    if (clutch%friction > 0) call let_contacts_slide(i)
+                    if (clutch%is_positive .or. clutch%friction > 0 .or. .not. any(of%is_closed(:, i))) cycle
+                    if (clutch%capacity%kind == law_over) then
+                        of%capacity(:, i) = state%law(:, clutch%capacity%law) &
+                                            *self%model%scene%laws%scale**merge(1, 2, clutch%unit == "N")
+                    else
+                        call law_on_lanes(clutch%capacity, t, of%capacity(:, i), rate, rate2)
+                    end if
+                    where (of%capacity(:, i) < 0) of%capacity(:, i) = 0
+                    where (of%is_closed(:, i) .and. .not. of%holds(:, i)) of%rub(:, i) = -of%sense(:, i)*of%capacity(:, i)
+                end associate
+            end do
+            of%force = of%rub
+            of%applied = of%rub
+            state%clutch_force = of%rub
+        end associate
+
+    contains
+
+        !> Joints that may stick rub by their reactions, the way they slip.
+        subroutine let_contacts_slide(i)
+            integer, intent(in) :: i                   !! clutch
+            integer :: k
+
+            do k = 1, size(self%model%contact)
+                if (self%model%contact(k)%joint /= self%model%scene%clutch(i)%joint(1)) cycle
+                self%workspace%friction%sense(:, k) = merge(self%clutch%sense(:, i), 2.0_wp, abs(self%clutch%sense(:, i)) > 0)
+            end do
+        end subroutine let_contacts_slide
+    end subroutine rub_clutches
+
+    !> Are there joints whose friction sticks?
+    pure logical function has_sticking(self)
+        class(forward_system), intent(in) :: self
+
+        has_sticking = .false.
+        if (n_clutch(self%model%scene) > 0) has_sticking = any(self%model%scene%clutch%friction > 0)
+    end function has_sticking
+
+    !> What joints that may stick could hold, or rub with, by the reactions just found.
+    subroutine measure_grip(self)
+        class(forward_system), intent(inout) :: self
+        real(wp) :: press(lanes, size(self%equations%rub)), slip(lanes, n_clutch(self%model%scene))
+        integer :: i, k
+
+        call pressing_forces(self%equations%rub, self%workspace%friction, press)
+        associate (of => self%clutch, state => self%workspace%state)
+            do i = 1, size(slip, 2)
+                associate (clutch => self%model%scene%clutch(i))
+                    if (clutch%friction == 0) cycle
+                    slip(:, i) = abs(joint_rate(self%model, state, clutch%joint(1), clutch%variable(1), level_velocity))
+                    where (of%holds(:, i)) slip(:, i) = 0
+                    of%capacity(:, i) = 0
+                    do k = 1, size(self%model%contact)
+                        associate (contact => self%model%contact(k))
+                            if (contact%joint == clutch%joint(1)) of%capacity(:, i) = of%capacity(:, i) &
+                                + lever_of(contact)*press(:, k)*sliding_coefficient(contact, lever_of(contact)*slip(:, i))
+                        end associate
+                    end do
+                    where (.not. of%holds(:, i)) of%force(:, i) = -of%sense(:, i)*of%capacity(:, i)
+                end associate
+            end do
+        end associate
+    end subroutine measure_grip
+
+    !> What a clutch could hold beside what it does: it begins to slip where that is gone. Rounding is none of it.
+    function reserve(self, i)
+        class(forward_system), intent(in) :: self
+        integer, intent(in) :: i                       !! clutch
+        real(wp) :: reserve(lanes)
+        real(wp), parameter :: slack = 1.0e-12_wp
+
+        associate (clutch => self%model%scene%clutch(i), most => self%model%scene%clutch(i)%static*self%clutch%capacity(:, i))
+            reserve = 1
+            if (.not. clutch%is_positive) reserve = most*(1 + slack) - abs(self%clutch%force(:, i))
+        end associate
+    end function reserve
+
+    !> Accelerations of slips that lead joint variables back which errors of the steps have carried off while they are held. Where both are
+    !> coordinates steps keep what is linear in them, and there is nothing to mend.
+    function way_back(self, t) result(wanted)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp) :: wanted(lanes, n_clutch(self%model%scene))
+        real(wp) :: here(lanes, size(wanted, 2)), slip(lanes, size(wanted, 2)), pace(lanes)
+        logical :: is_led(size(wanted, 2))
+        integer :: i
+
+        is_led = led_by(self%model, self%model%scene%clutch)
+
+        wanted = 0
+        pace = merge(0.25_wp/max(self%clutch%longest, tiny(1.0_wp)), 0.0_wp, self%clutch%longest > 0)
+        if (all(is_led) .or. .not. any(pace > 0)) return
+        call find_kept(self%model, self%look, angles_about(self, t), here)
+        slip = slips(self, level_velocity)
+        do i = 1, size(wanted, 2)
+            if (is_led(i)) cycle
+            here(:, i) = here(:, i) - self%clutch%kept(:, i)
+            if (self%model%scene%clutch(i)%unit == "N") here(:, i) = self%model%scene%laws%scale*here(:, i)
+            where (self%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*here(:, i))
+        end do
+    end function way_back
+
+    !> A coordinate that is held has no velocity and no acceleration, to the last digit: so it does not creep, however long.
+    subroutine still_coordinates(self, rate)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(inout) :: rate(:, :)          !! velocities or accelerations of coordinates (lane, n_q)
+        integer :: i, k
+
+        do i = 1, n_clutch(self%model%scene)
+            associate (clutch => self%model%scene%clutch(i))
+                if (clutch%n_side == 2) cycle
+                k = coordinate_of(self%model, clutch%joint(1), clutch%variable(1))
+                if (k == 0) cycle
+                if (self%layout%rate(k) == 0) cycle    ! it is driven
+                where (self%clutch%holds(:, i)) rate(:, k) = 0
+            end associate
+        end do
+    end subroutine still_coordinates
+
+    !> The same of the velocities in y.
+    subroutine still_rates(self, y)
+        class(forward_system), intent(in) :: self
+        real(wp), intent(inout) :: y(:, :)
+        real(wp) :: rates(lanes, self%model%n_q)
+        integer :: k
+
+        associate (place => self%layout%rate)
+            rates = 0
+            do k = 1, size(place)
+                if (place(k) > 0) rates(:, k) = y(:, place(k))
+            end do
+            call still_coordinates(self, rates)
+            do k = 1, size(place)
+                if (place(k) > 0) y(:, place(k)) = rates(:, k)
+            end do
+        end associate
+    end subroutine still_rates
+
+    !> Are a clutch's joint variables coordinates?
+    pure elemental logical function led_by(model, clutch)
+        type(model_type), intent(in) :: model
+        type(clutch_spec), intent(in) :: clutch
+
+        led_by = coordinate_of(model, clutch%joint(1), clutch%variable(1)) > 0
+        if (clutch%n_side == 2) led_by = led_by .and. coordinate_of(model, clutch%joint(2), clutch%variable(2)) > 0
+    end function led_by
+
+    !> The run begins here: clutches are open or closed, and what has no slip may be held.
+    subroutine begin_with_clutches(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(inout) :: y(:, :)
+
+        if (n_clutch(self%model%scene) == 0) return
+        self%clutch%t_accepted = t
+        call note_ease(self, spread(t, 1, lanes), y)
+        self%clutch%begins = .true.
+        call self%switch_now(t, y)
+        self%clutch%begins = .false.
+    end subroutine begin_with_clutches
+
+    !> How much clutches have to hold, where the run begins.
+    subroutine note_ease(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp) :: response(lanes, n_held(self), n_held(self)), rate(lanes, self%n)
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self))
+        logical :: takes_part(lanes, n_held(self)), failed(lanes)
+        integer :: i
+
+        takes_part(:, :size(self%rests, 2)) = .false.
+        takes_part(:, size(self%rests, 2) + 1:) = .true.
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call find_responses(self, t, y, takes_part, response, of_coordinates)
+        do i = 1, n_clutch(self%model%scene)
+            self%clutch%ease(:, i) = response(:, size(self%rests, 2) + i, size(self%rests, 2) + i)
+        end do
+    end subroutine note_ease
+
+    !> An instant at which clutches may close or open.
+    subroutine switch_now(self, t, y, is_changed)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        real(wp), intent(inout) :: y(:, :)
+        logical, intent(out), optional :: is_changed   !! y is another one
+        logical, dimension(lanes, n_clutch(self%model%scene)) :: is_closed, none
+        integer :: i
+
+        if (present(is_changed)) is_changed = .false.
+        if (n_clutch(self%model%scene) == 0) return
+        do i = 1, size(is_closed, 2)
+            is_closed(:, i) = is_on(self%model%scene%clutch(i)%switch_spec, t + 4*spacing(t), self%clutch%switched(:, i), &
+                                    self%clutch%was_closed(:, i))
+        end do
+        if (all(is_closed .eqv. self%clutch%is_closed)) return
+        none = .false.
+        call engage(self, spread(t, 1, lanes), y, is_closed, none)
+        if (present(is_changed)) is_changed = .true.
+    end subroutine switch_now
+
+    !> Clutches close, open, come to rest or break loose. Those without capacity close by an impulse; then it is decided who holds.
+    subroutine engage(self, t, y, is_closed, has_crossed)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)
+        logical, intent(in) :: is_closed(:, :)         !! from here (lane, n_clutch)
+        logical, intent(in) :: has_crossed(:, :)       !! came to rest, or breaks loose (lane, n_clutch)
+        real(wp), parameter :: still = 1.0e-12_wp      !! of the fastest slip so far, and of what an impulse has changed
+        real(wp), parameter :: rounded = 1.0e-14_wp    !! of the rates whose difference the slip is
+        real(wp), dimension(lanes, size(is_closed, 2)) :: slip, impulse
+        real(wp) :: y_before(lanes, self%n), loss(lanes), least(lanes)
+        logical, dimension(lanes, size(is_closed, 2)) :: held, was_closed, must_slip, locks, is_free
+        logical :: is_concerned(lanes)
+        integer :: i, lane
+
+        y_before = y
+        associate (of => self%clutch, positive => self%model%scene%clutch%is_positive)
+            held = of%holds
+            was_closed = of%is_closed
+            must_slip = has_crossed .and. of%holds .and. is_closed
+            is_concerned = any((is_closed .neqv. was_closed) .or. has_crossed, dim=2)
+            call look_closely(self, t, y)
+            slip = slips(self, level_velocity)
+            do i = 1, size(slip, 2)
+                where (was_closed(:, i)) of%fastest(:, i) = max(of%fastest(:, i), self%guard_scale(:, event_of(i)), abs(slip(:, i)))
+                where (held(:, i)) of%fastest(:, i) = max(of%fastest(:, i), abs(slip(:, i)))
+            end do
+            of%is_closed = is_closed
+            of%holds = of%holds .and. is_closed
+            where (.not. is_closed) of%sense = 0
+            do i = 1, size(slip, 2)
+                locks(:, i) = is_closed(:, i) .and. .not. was_closed(:, i) .and. positive(i)
+            end do
+            impulse = 0
+            loss = 0
+            if (any(locks)) call lock(self, t, y, spread(positive, 1, lanes) .and. is_closed .and. spread(any(locks, dim=2), 2, &
+                                                                                              size(slip, 2)), impulse, loss)
+            call look_closely(self, t, y)
+            slip = slips(self, level_velocity)
+            do i = 1, size(slip, 2)
+                where (locks(:, i)) of%fastest(:, i) = max(of%fastest(:, i), abs(slip(:, i)))
+            end do
+            do i = 1, size(slip, 2)
+                least = max(still*max(of%fastest(:, i), merge(maxval(of%fastest, dim=2), 0.0_wp, any(locks, dim=2))), &
+                            rounded*speed_of_sides(self, i))
+                ! What an impulse has passed by is held as before, and what others do concerns none that has a slip.
+                is_free(:, i) = is_closed(:, i) .and. (has_crossed(:, i) .or. positive(i) .or. abs(slip(:, i)) <= least &
+                                                       .or. (held(:, i) .and. .not. any(locks, dim=2)))
+                where (is_concerned .and. is_closed(:, i) .and. .not. is_free(:, i))
+                    of%holds(:, i) = .false.
+                    of%sense(:, i) = sign(1.0_wp, slip(:, i))
+                end where
+            end do
+            call decide(self, t, y, is_concerned, is_free, must_slip, spread(positive, 1, lanes))
+            do lane = 1, lanes
+                if (.not. is_concerned(lane)) cycle
+                of%longest(lane) = 0
+                do i = 1, size(slip, 2)
+                    call set_guard(self, lane, i)
+                end do
+            end do
+            do lane = 1, lanes
+                if (.not. is_concerned(lane) .or. (of%begins .and. .not. any(abs(impulse(lane, :)) > 0))) cycle
+                do i = 1, size(slip, 2)
+                    if (was_closed(lane, i) .and. .not. is_closed(lane, i)) then
+                        call note(kind_open)
+                    else if (of%holds(lane, i) .and. .not. held(lane, i)) then
+                        call note(merge(kind_close, kind_stick, locks(lane, i)))
+                    else if (held(lane, i) .and. .not. of%holds(lane, i)) then
+                        call note(kind_slip)
+                    else if (is_closed(lane, i) .and. .not. was_closed(lane, i)) then
+                        call note(kind_close)
+                    end if
+                end do
+            end do
+        end associate
+
+    contains
+
+        pure integer function event_of(i)
+            integer, intent(in) :: i
+
+            event_of = self%model%scene%clutch(i)%event
+        end function event_of
+
+        subroutine note(kind)
+            integer, intent(in) :: kind
+            type(event_entry) :: entry
+
+            entry%kind = kind
+            entry%direction = nint(self%clutch%sense(lane, i))
+            entry%impulse = abs(impulse(lane, i))
+            if (findloc(locks(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
+            call note_entry(self, t, y_before, lane, event_of(i), entry, y)
+        end subroutine note
+    end subroutine engage
+
+    !> Clutches without capacity take away all slip between their sides, those that hold already among them.
+    subroutine lock(self, t, y, locks, impulse, loss)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)
+        logical, intent(in) :: locks(:, :)             !! (lane, n_clutch)
+        real(wp), intent(out) :: impulse(:, :)         !! [N s, N m s] (lane, n_clutch)
+        real(wp), intent(out) :: loss(lanes)           !! of energy [J]
+        real(wp), parameter :: small = 1.0e-9_wp       !! of the largest slip that there was: none is left
+        real(wp), dimension(lanes, size(locks, 2)) :: before, after
+        real(wp), dimension(lanes, n_held(self)) :: push, wanted
+        real(wp) :: response(lanes, n_held(self), n_held(self)), rate(lanes, self%n)
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self))
+        logical :: takes_part(lanes, n_held(self)), failed(lanes)
+        integer :: i
+
+        takes_part = .false.
+        takes_part(:, size(self%rests, 2) + 1:) = locks
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call look_closely(self, t, y)
+        before = slips(self, level_velocity)
+        call find_responses(self, t, y, takes_part, response, of_coordinates)
+        wanted = 0
+        wanted(:, size(self%rests, 2) + 1:) = -before
+        call solve_contacts(response, takes_part, wanted, push)
+        call push_coordinates(self, takes_part, push, of_coordinates, y)
+        impulse = push(:, size(self%rests, 2) + 1:)
+        call look_closely(self, t, y)
+        after = slips(self, level_velocity)
+        loss = -sum(impulse*(before + after), dim=2)/2
+        y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
+        do i = 1, size(locks, 2)
+            where (locks(:, i) .and. abs(after(:, i)) > small*maxval(abs(before), dim=2, mask=locks))
+                self%is_driven_through = .true.
+                self%final_event = self%model%scene%clutch(i)%event
+            end where
+        end do
+    end subroutine lock
+
+    !> Rates of coordinates behind pushes or impulses.
+    subroutine push_coordinates(self, takes_part, impulse, of_coordinates, y)
+        class(forward_system), intent(in) :: self
+        logical, intent(in) :: takes_part(:, :)        !! (lane, by)
+        real(wp), intent(in) :: impulse(:, :)          !! (lane, by)
+        real(wp), intent(in) :: of_coordinates(:, :, :)     !! (lane, n_q, by)
+        real(wp), intent(inout) :: y(:, :)
+        integer :: i, k
+
+        do i = 1, size(impulse, 2)
+            do k = 1, self%model%n_q
+                if (self%layout%rate(k) == 0) cycle
+                where (takes_part(:, i)) &
+                    y(:, self%layout%rate(k)) = y(:, self%layout%rate(k)) + impulse(:, i)*of_coordinates(:, k, i)
+            end do
+        end do
+    end subroutine push_coordinates
+
+    !> Which of the clutches without slip hold from here; what rounding has left of the slip of those goes.
+    subroutine decide(self, t, y, is_concerned, is_free, must_slip, positive)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)
+        logical, intent(in) :: is_concerned(lanes)
+        logical, intent(in) :: is_free(:, :)           !! without slip (lane, n_clutch)
+        logical, intent(in) :: must_slip(:, :)         !! break loose (lane, n_clutch)
+        logical, intent(in) :: positive(:, :)          !! whatever comes is held (lane, n_clutch)
+        real(wp), dimension(lanes, n_held(self)) :: none, away, change, most, capacity, sense, here
+        real(wp) :: response(lanes, n_held(self), n_held(self)), rate(lanes, self%n)
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self)), grip(lanes, n_clutch(self%model%scene))
+        logical, dimension(lanes, n_held(self)) :: takes_part, holds
+        real(wp), parameter :: rigid = 1.0e-10_wp      !! of the largest response so far: where a joint turns back while others move on,
+                                                       !! nothing at it stops them
+        logical :: failed(lanes), may_hold(lanes, n_clutch(self%model%scene))
+        integer, allocatable :: of(:)
+        integer :: lane, i, n
+
+        n = size(self%rests, 2)
+        takes_part(:, :n) = self%rests
+        takes_part(:, n + 1:) = is_free
+        holds = takes_part
+        holds(:, n + 1:) = is_free .and. .not. must_slip
+        sense = 0
+        where (must_slip) sense(:, n + 1:) = -sign(1.0_wp, self%clutch%force)
+        do lane = 1, lanes
+            if (.not. is_concerned(lane)) cycle
+            where (is_free(lane, :)) self%clutch%holds(lane, :) = .false.
+            where (is_free(lane, :)) self%clutch%sense(lane, :) = 0
+        end do
+        if (any(is_free .and. spread(is_concerned, 2, size(is_free, 2)))) then
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            call find_responses(self, t, y, takes_part, response, of_coordinates)
+            may_hold = is_free
+            do i = 1, size(is_free, 2)
+                associate (ease => response(:, n + i, n + i))
+                    where (is_free(:, i)) self%clutch%ease(:, i) = max(self%clutch%ease(:, i), ease)
+                    may_hold(:, i) = is_free(:, i) .and. ease > rigid*self%clutch%ease(:, i)
+                end associate
+            end do
+            grip = find_grip()
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            none = 0
+            call accelerate(self, t, y, none, away)
+            where (is_free .and. .not. (may_hold .or. positive))
+                holds(:, n + 1:) = .false.
+                sense(:, n + 1:) = sign(1.0_wp, away(:, n + 1:))
+            end where
+            do i = 1, size(is_free, 2)
+                if (self%model%scene%clutch(i)%friction > 0) self%clutch%capacity(:, i) = grip(:, i)
+            end do
+            most = huge(1.0_wp)
+            capacity = 0
+            capacity(:, n + 1:) = merge(0.0_wp, self%clutch%capacity, positive)
+            do i = 1, size(is_free, 2)
+                where (.not. positive(:, i)) most(:, n + i) = self%model%scene%clutch(i)%static*self%clutch%capacity(:, i)
+            end do
+            do lane = 1, lanes
+                if (.not. is_concerned(lane)) cycle
+                of = pack([(i, i=1, size(holds, 2))], takes_part(lane, :))
+                if (size(of) == 0) cycle
+                call share(lane)
+            end do
+            call look_closely(self, t, y)
+            call solve_contacts(response, takes_part .and. holds .and. spread(is_concerned, 2, n_held(self)), &
+                                -rates_held(self, level_velocity), change)
+            call push_coordinates(self, takes_part, change, of_coordinates, y)
+            call still_rates(self, y)
+        end if
+        call look_closely(self, t, y)
+        call find_kept(self%model, self%look, angles_about(self, t), here(:, n + 1:))
+        do i = 1, size(is_free, 2)
+            where (is_concerned .and. self%clutch%holds(:, i) .and. .not. self%clutch%was_held(:, i)) &
+                self%clutch%kept(:, i) = here(:, n + i)
+            where (is_concerned) self%clutch%was_held(:, i) = self%clutch%holds(:, i)
+        end do
+
+    contains
+
+        !> What joints that may stick could hold: by the reactions while all that could hold do.
+        function find_grip() result(grip)
+            real(wp) :: grip(lanes, size(is_free, 2))
+            logical :: held(lanes, size(is_free, 2))
+
+            grip = 0
+            if (.not. has_sticking(self)) return
+            held = self%clutch%holds
+            self%clutch%holds = held .or. may_hold
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            grip = self%clutch%capacity
+            self%clutch%holds = held
+        end function find_grip
+
+        subroutine share(lane)
+            integer, intent(in) :: lane
+            logical :: part_holds(size(of))
+            real(wp) :: part_sense(size(of))
+
+            part_holds = holds(lane, of)
+            part_sense = sense(lane, of)
+            call share_load(response(lane, of, of), away(lane, of), most(lane, of), capacity(lane, of), of > n, &
+                            part_holds, part_sense)
+            holds(lane, of) = part_holds
+            where (is_free(lane, :)) self%clutch%holds(lane, :) = holds(lane, n + 1:)
+            sense(lane, of) = part_sense
+            where (is_free(lane, :)) self%clutch%sense(lane, :) = sense(lane, n + 1:)
+        end subroutine share
+    end subroutine decide
+
+    !> What is looked out for of a clutch from here.
+    subroutine set_guard(self, lane, i)
+        class(forward_system), intent(inout) :: self
+        integer, intent(in) :: lane, i                 !! clutch
+
+        associate (e => self%model%scene%clutch(i)%event, of => self%clutch)
+            self%guard_side(lane, e) = 1
+            self%guard_scale(lane, e) = 0
+            if (.not. of%is_closed(lane, i) .or. of%holds(lane, i)) return
+            self%guard_side(lane, e) = of%sense(lane, i)
+            self%guard_scale(lane, e) = of%fastest(lane, i)
+        end associate
+    end subroutine set_guard
+
+    ! ---------------------------------------------------------------- what happens
 
     !> Events have come: they are noted, end the run, or stops throw back, catch and let go.
     subroutine meet_events(self, t, y, has_crossed, has_changed, is_over)
@@ -1283,9 +1909,12 @@ contains
         logical, intent(out) :: has_changed(lanes), is_over(lanes)
         real(wp), parameter :: rounded = 1.0e-12_wp    !! of the fastest impact: that is no speed
         logical, dimension(lanes, size(self%rests, 2)) :: strikes, rested
+        logical, dimension(lanes, n_clutch(self%model%scene)) :: is_closed, has_slipped
         real(wp) :: away(lanes, size(self%rests, 2))
         integer :: lane, i
 
+        is_closed = self%clutch%is_closed
+        has_slipped = .false.
         rested = self%rests
         has_changed = .false.
         is_over = .false.
@@ -1295,11 +1924,15 @@ contains
             associate (event => self%model%scene%event(i))
                 do lane = 1, lanes
                     if (.not. has_crossed(lane, i)) cycle
-                    if (event%stop == 0) then
+                    if (event%clutch > 0) then
+                        has_slipped(lane, event%clutch) = .true.
+                        cycle
+                    else if (event%stop == 0) then
                         is_over(lane) = is_over(lane) .or. (event%ends_run .and. self%may_end)
                         if (event%ends_run .and. self%may_end) self%final_event(lane) = i
                         call note(merge(kind_end, kind_crossing, event%ends_run))
                         call switch_brakes(self, lane, i, t(lane), has_changed(lane))
+                        call switch_clutches(self, lane, i, t(lane), is_closed)
                     else if (.not. self%model%scene%stop(event%stop)%is_hard) then
                         call note(merge(kind_contact, kind_release, self%guard_side(lane, i) > 0))
                         has_changed(lane) = .true.
@@ -1316,6 +1949,12 @@ contains
                 end do
             end associate
         end do
+        has_slipped = has_slipped .and. is_closed
+        if (any(has_slipped) .or. any(is_closed .neqv. self%clutch%is_closed)) then
+            has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%clutch%is_closed), dim=2)
+            call engage(self, t, y, is_closed, has_slipped)
+            is_over = is_over .or. self%is_driven_through
+        end if
         if (any(strikes)) then
             ! What is on its way out was thrown back a moment ago: rounding has its gap still closed.
             away = away_from_stops(self, level_velocity)
@@ -1439,7 +2078,7 @@ contains
                                 .or. gap(:, i) + self%yielded(:, i) <= near*self%guard_scale(:, stop%event))
             end associate
         end do
-        call find_responses(self, t, y, touches, response, of_coordinates)
+        call find_stop_responses(self, t, y, touches, response, of_coordinates)
         after = before
         impulse = 0
         loss = 0
@@ -1452,8 +2091,10 @@ contains
                               has_struck(lane, :), is_closed(lane, :), loss(lane))
         end do
         y_before = y
-        call push_coordinates(impulse)
+        call push_coordinates(self, touches, impulse, of_coordinates, y)
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
+        call loosen_clutches(self, t, y, y_before, is_struck)
+        if (holds_anywhere(self)) call still_rates(self, y)
         call look_closely(self, t, y)
         after = away_from_stops(self, level_velocity)
         do i = 1, size(before, 2)
@@ -1467,8 +2108,9 @@ contains
             is_closed(lane, :) = rests(lane, :) .and. is_struck(lane)
         end do
         call solve_contacts(response, is_closed, -after, change)
-        call push_coordinates(change)
+        call push_coordinates(self, touches, change, of_coordinates, y)
         impulse = impulse + change
+        if (holds_anywhere(self)) call still_rates(self, y)
         y(:, self%layout%supplied) = y(:, self%layout%supplied) + sum(change*after, dim=2)/2
         loss = loss - sum(change*after, dim=2)/2
         do i = 1, size(before, 2)
@@ -1490,19 +2132,6 @@ contains
 
     contains
 
-        subroutine push_coordinates(impulse)
-            real(wp), intent(in) :: impulse(:, :)
-            integer :: i, k
-
-            do i = 1, size(impulse, 2)
-                do k = 1, self%model%n_q
-                    if (self%layout%rate(k) == 0) cycle
-                    where (touches(:, i)) &
-                        y(:, self%layout%rate(k)) = y(:, self%layout%rate(k)) + impulse(:, i)*of_coordinates(:, k, i)
-                end do
-            end do
-        end subroutine push_coordinates
-
         subroutine note(kind)
             integer, intent(in) :: kind
             type(event_entry) :: entry
@@ -1515,6 +2144,70 @@ contains
             call note_entry(self, t, y_before, lane, self%model%scene%stop(i)%event, entry, y)
         end subroutine note
     end subroutine meet_stops
+
+    !> What a unit push of each stop in contact gives at stops and coordinates while clutches without capacity hold what they hold.
+    subroutine find_stop_responses(self, t, y, touches, response, of_coordinates)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
+        real(wp), intent(out) :: response(:, :, :)     !! (lane, of stop, by stop)
+        real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by stop)
+        real(wp) :: of_all(lanes, n_held(self), n_held(self)), coordinates_by_all(lanes, self%model%n_q, n_held(self))
+        logical :: takes_part(lanes, n_held(self))
+        real(wp), allocatable :: force(:)
+        integer, allocatable :: held(:)
+        integer :: lane, i, n
+
+        n = size(touches, 2)
+        takes_part(:, :n) = touches
+        takes_part(:, n + 1:) = self%clutch%holds .and. spread(self%model%scene%clutch%is_positive, 1, lanes) &
+                                .and. spread(any(touches, dim=2), 2, n_clutch(self%model%scene))
+        call find_responses(self, t, y, takes_part, of_all, coordinates_by_all)
+        do lane = 1, lanes
+            held = pack([(i, i=n + 1, n_held(self))], takes_part(lane, n + 1:))
+            do i = 1, n
+                force = solve_held(of_all(lane, held, held), of_all(lane, held, i))
+                response(lane, :, i) = of_all(lane, :n, i) - matmul(of_all(lane, :n, held), force)
+                of_coordinates(lane, :, i) = coordinates_by_all(lane, :, i) - matmul(coordinates_by_all(lane, :, held), force)
+            end do
+        end do
+    end subroutine find_stop_responses
+
+    !> An impact is more than any capacity: clutches with one slip from there, if it has moved their sides apart.
+    subroutine loosen_clutches(self, t, y, y_before, is_struck)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :), y_before(:, :)
+        logical, intent(in) :: is_struck(lanes)
+        real(wp), parameter :: still = 1.0e-12_wp      !! of the hardest impact
+        real(wp), dimension(lanes, n_clutch(self%model%scene)) :: before, after
+        type(event_entry) :: entry
+        integer :: lane, i
+
+        if (.not. holds_anywhere(self)) return
+        call look_closely(self, t, y_before)
+        before = slips(self, level_velocity)
+        call look_closely(self, t, y)
+        after = slips(self, level_velocity)
+        associate (of => self%clutch)
+            do i = 1, size(after, 2)
+                if (self%model%scene%clutch(i)%is_positive) cycle
+                do lane = 1, lanes
+                    if (.not. (is_struck(lane) .and. of%holds(lane, i))) cycle
+                    if (abs(after(lane, i) - before(lane, i)) <= still*max(maxval(self%fastest(lane, :)), of%fastest(lane, i))) &
+                        cycle
+                    of%holds(lane, i) = .false.
+                    of%was_held(lane, i) = .false.
+                    of%sense(lane, i) = sign(1.0_wp, after(lane, i))
+                    of%fastest(lane, i) = max(of%fastest(lane, i), abs(after(lane, i)))
+                    call set_guard(self, lane, i)
+                    entry = event_entry(kind=kind_slip, direction=nint(of%sense(lane, i)))
+                    call note_entry(self, t, y_before, lane, self%model%scene%clutch(i)%event, entry, y)
+                end do
+            end do
+        end associate
+    end subroutine loosen_clutches
 
     !> Which of the contacts that have no speed rest: those that push, of accelerations apart and pushes, none negative. One that leaves
     !> so slowly that it would come back before rounding let its gap be seen has no speed either.
@@ -1529,7 +2222,7 @@ contains
         logical, intent(inout) :: is_closed(:, :)      !! it has no speed (lane, n_stop)
         logical, intent(out) :: rests(:, :)            !! (lane, n_stop)
         real(wp), parameter :: low = 1.0e-13_wp        !! of the widest gap so far: a bounce of that height is none
-        real(wp), dimension(lanes, size(self%rests, 2)) :: none, away, widest
+        real(wp), dimension(lanes, size(self%rests, 2)) :: away, widest
         real(wp) :: rate(lanes, self%n), left(size(self%rests, 2))
         real(wp), allocatable :: push(:)
         logical :: failed(lanes), rested(lanes, size(self%rests, 2)), is_low(size(self%rests, 2))
@@ -1542,8 +2235,8 @@ contains
             if (is_struck(lane)) self%rests(lane, :) = .false.
         end do
         call self%evaluate_on_lanes(t, y, rate, failed)
-        none = 0
-        call accelerate(self, t, y, none, away)
+        call look_closely(self, t, y, self%workspace%acceleration)
+        away = away_from_stops(self, level_given)
         self%rests = rested
         do i = 1, size(widest, 2)
             widest(:, i) = merge(self%widest(:, i), self%guard_scale(:, self%model%scene%stop(i)%event), rested(:, i))

@@ -24,7 +24,7 @@ module linkdyn_generate
     use linkdyn_recorded_forces, only: prepare_forces
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, dim_joint, &
         dim_component, dim_variable
-    use linkdyn_scene, only: axes_link, drive_inverse, law_none, side_joint, has_hard_stops
+    use linkdyn_scene, only: axes_link, drive_inverse, law_none, side_joint, n_clutch, has_hard_stops
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: quoted, join
     implicit none (type, external)
@@ -144,6 +144,9 @@ contains
         if (has_hard_stops(model%scene) .and. wish%kernel == kernel_forward) call fail(status, status_bad_input, &
             "no code can be generated: stop "//quoted(model%scene%stop(findloc(model%scene%stop%is_hard, .true., dim=1))%name)// &
             " throws back (expected a scene without stops, or another kernel)")
+        if (n_clutch(model%scene) > 0 .and. wish%kernel == kernel_forward) call fail(status, status_bad_input, &
+            "no code can be generated: clutch "//quoted(model%scene%clutch(1)%name)//" comes to rest and breaks loose "// &
+            "(expected a scene without clutches, or another kernel)")
         if (size(model%contact) > 0 .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: friction at joint '"//trim(model%joint(model%contact(1)%joint)%name)//"' needs an "// &
             "iteration (expected a scene without friction, or the kernel kinematics)")

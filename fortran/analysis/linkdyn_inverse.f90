@@ -214,7 +214,7 @@ contains
     !>
     !> When the process is told to stop the batch is left unfinished: ask `is_interrupted`.
     recursive subroutine run_prepared(model, solver, threads, q, qd, qdd, load, results, given_force, trail, known, own, turns, &
-                                      quaternion, t, stop_force)
+                                      quaternion, t, stop_force, clutch_force, contact_sense)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: threads                          !! at most; a short batch takes fewer
@@ -230,6 +230,8 @@ contains
                                                                 !! the others' rates are angular velocities
         real(wp), intent(in), optional :: t(:)                  !! instants, for laws over the state that ask for them [s] (n); absent: 0
         real(wp), intent(in), optional :: stop_force(:, :)      !! of stops at which something rests (n_stop, n) [N, N m]; absent: none
+        real(wp), intent(in), optional :: clutch_force(:, :)    !! of clutches (n_clutch, n) [N, N m]; absent: none
+        real(wp), intent(in), optional :: contact_sense(:, :)   !! of joints that may stick, as of `friction_space` (n_contact, n); absent: 0
         type(sample_assembly) :: assembly
         type(recorded_forces), pointer :: recorded
         type(recorded_margins), target :: by_record
@@ -332,7 +334,7 @@ contains
                 all_results%status => status
             end if
             call run_prepared(model, solver, threads, q, qd, qdd, load, all_results, given_force, trail, known, own, turns, &
-                              quaternion, t)
+                              quaternion, t, stop_force, clutch_force, contact_sense)
             results%roads = all_results%roads
             results%lost_sample = all_results%lost_sample
             results%lost_in_words = all_results%lost_in_words
@@ -458,7 +460,7 @@ contains
             if (wants_reaction) &
                 call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
             if (associated(results%friction) .or. associated(results%friction_power)) &
-                call measure_friction(model, workspace%friction, friction, friction_power)
+                call measure_friction(model, workspace%friction, workspace%state%clutch_force, friction, friction_power)
             if (allocated(solver%probe)) then
                 call estimate_errors(solver%probe, workspace, reaction, associated(results%reaction), probe)
                 workspace%error = probe%worst
@@ -503,6 +505,9 @@ contains
                 workspace%state%qdd(lane, :) = qdd(:, sample)
                 if (present(t)) workspace%state%time(lane) = t(sample)
                 if (present(stop_force)) workspace%state%stop_force(lane, :) = stop_force(:, sample)
+                if (present(clutch_force)) workspace%state%clutch_force(lane, :) = clutch_force(:, sample)
+                if (present(contact_sense) .and. size(model%contact) > 0) &
+                    workspace%friction%sense(lane, :size(model%contact)) = contact_sense(:, sample)
                 if (model%n_load > 0) workspace%load(lane, :, :) = load(:, :, sample)
                 if (present(quaternion)) workspace%state%quaternion(lane, :, :) = quaternion(:, :, sample)
                 if (present(given_force)) workspace%driving_force(lane, :) = given_force(:, sample)

@@ -2,10 +2,10 @@
 !> turning rotor induces a voltage against it; the largest torque that a motor has at a speed; and the brake on its shaft.
 module linkdyn_motor_laws
     use linkdyn_kinds, only: wp
-    use linkdyn_scene, only: motor_spec, brake_spec, actuator_spec, side_voltage, law_none
+    use linkdyn_scene, only: motor_spec, switch_spec, actuator_spec, side_voltage, law_none
     implicit none (type, external)
     private
-    public :: torque_of_law, available_torque, brake_torque, has_winding, current_rate
+    public :: torque_of_law, available_torque, brake_torque, is_on, has_winding, current_rate
 
 contains
 
@@ -82,35 +82,35 @@ contains
     !> What the brake takes of a motor's torque, if there is one and it is on: against the motion, smooth near rest as friction is.
     elemental real(wp) function brake_torque(motor, t, switched, was_on, speed) result(torque)
         type(motor_spec), intent(in) :: motor
-        real(wp), intent(in) :: t, switched            !! as of `is_braked` [s]
+        real(wp), intent(in) :: t, switched            !! as of `is_on` [s]
         logical, intent(in) :: was_on
         real(wp), intent(in) :: speed                  !! [rad/s]
 
         torque = 0
         if (.not. motor%brake%is_given) return
-        if (is_braked(motor%brake, t, switched, was_on)) torque = motor%brake%torque*tanh(speed/motor%creep_speed)
+        if (is_on(motor%brake%switch_spec, t, switched, was_on)) torque = motor%brake%torque*tanh(speed/motor%creep_speed)
     end function brake_torque
 
-    !> Is a brake on? What has happened last counts: that it began so, an instant that has come, an event.
-    elemental logical function is_braked(brake, t, switched, was_on) result(is)
-        type(brake_spec), intent(in) :: brake
+    !> Is a brake or clutch on? What has happened last counts: that it began so, an instant that has come, an event.
+    elemental logical function is_on(switch, t, switched, was_on) result(is)
+        type(switch_spec), intent(in) :: switch
         real(wp), intent(in) :: t                      !! [s]
         real(wp), intent(in) :: switched               !! instant of the last event that switched it, at most t; -huge: none did
         logical, intent(in) :: was_on                  !! behind that event
         real(wp) :: last
 
-        is = brake%begins_on
+        is = switch%begins_on
         last = -huge(t)
         if (switched > last) then
             is = was_on
             last = switched
         end if
-        if (has_come(brake%from, t) .and. brake%from >= last) then
+        if (has_come(switch%from, t) .and. switch%from >= last) then
             is = .true.
-            last = brake%from
+            last = switch%from
         end if
-        if (has_come(brake%until, t) .and. brake%until >= last) is = .false.
-    end function is_braked
+        if (has_come(switch%until, t) .and. switch%until >= last) is = .false.
+    end function is_on
 
     !> An instant that is none never comes.
     elemental logical function has_come(instant, t)

@@ -15,7 +15,8 @@ module linkdyn_results
         result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current, &
         result_transmission_loss, result_torque_margin, result_brake_torque, result_contact_force, result_pressure_angle, &
         result_strand_force, &
-        result_controller_target, result_controller_error, result_controller_output, result_controller_limited
+        result_controller_target, result_controller_error, result_controller_output, result_controller_limited, &
+        result_clutch_force, result_clutch_slip, result_clutch_state
     use linkdyn_assembly_trail, only: reached_name
     use linkdyn_equations, only: solver_gauss_jordan, solver_lapack, solver_reduced
     use linkdyn_joint_table, only: is_slide
@@ -23,7 +24,7 @@ module linkdyn_results
     use linkdyn_motor_laws, only: available_torque
     use linkdyn_motor_loads, only: motor_torque, transmission_friction
     use linkdyn_scene, only: scene_type, motor_spec, name_len, joint_n_variable, variable_name, coordinate_joint, n_holding, &
-        side_joint, has_limits, joint_cam, guide_of, n_controller
+        side_joint, has_limits, joint_cam, guide_of, n_controller, n_clutch
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_status_name, sample_ok, sample_undefined
     implicit none (type, external)
     private
@@ -33,7 +34,7 @@ module linkdyn_results
     public :: find_motor_loads, view_motor_loads, margin_of
     public :: variable_index, samples_width, label_len, wanted_name
     public :: dim_sample, dim_actuator, dim_joint, dim_component, dim_coordinate, dim_variable, dim_dyad, dim_motor, &
-        dim_cam, dim_controller, dim_strand, n_dimension
+        dim_cam, dim_controller, dim_strand, dim_clutch, n_dimension
     public :: result_q, result_qd, result_qdd, result_driving_force, result_driving_speed, result_driving_power
     public :: result_reaction, result_joint_variable, result_joint_rate, result_status, result_rcond
     public :: result_error, result_growth, result_power_imbalance, result_time
@@ -46,6 +47,7 @@ module linkdyn_results
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
+    public :: result_clutch_force, result_clutch_slip, result_clutch_state
     public :: estimated, estimate_of, label_of_value
 
     integer, parameter :: label_len = name_len + 8   !! a joint's name, a dot and the name of its variable
@@ -64,7 +66,8 @@ module linkdyn_results
     integer, parameter :: dim_cam = 9
     integer, parameter :: dim_controller = 10
     integer, parameter :: dim_strand = 11
-    integer, parameter :: n_dimension = 11
+    integer, parameter :: dim_clutch = 12
+    integer, parameter :: n_dimension = 12
 
     ! ---- variables: the numbers of the catalogue
     integer, parameter :: given(4) = [result_time, result_q, result_qd, result_qdd]    !! to inverse dynamics
@@ -75,9 +78,9 @@ module linkdyn_results
                                             result_reaction_error, result_joint_rate_error]
 
     ! ---- what the user may ask for
-    character(len=20), parameter :: wanted_name(11) = [character(len=20) :: &
-        "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "controller", "rcond", &
-        "singularity_distance", "all"]
+    character(len=20), parameter :: wanted_name(12) = [character(len=20) :: &
+        "driving_force", "reaction", "joint_variable", "power", "checks", "friction", "motor", "controller", "clutch", &
+        "rcond", "singularity_distance", "all"]
 
     !> Parts of the results that cost time or room, each on its own switch.
     type :: wanted_type
@@ -89,6 +92,7 @@ module linkdyn_results
         logical :: friction = .true.         !! of the joints, and its power, if the scene has some
         logical :: motor = .true.            !! torque, speed and power of motors, if the scene has some
         logical :: controller = .true.       !! target, error and output of controllers, of a forward run of a scene that has some
+        logical :: clutch = .true.           !! force, slip and state of clutches, of a forward run of a scene that has some
         logical :: growth = .false.          !! gauss-jordan, of its pivots
         logical :: bound = .false.           !! lapack, of its error
         logical :: rcond = .false.           !! costs as much as everything else together, or more
@@ -210,7 +214,7 @@ contains
         integer :: first
         character(len=:), allocatable :: word
 
-        wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false., .false.)
+        wanted = wanted_type(.false., .false., .false., .false., .false., .false., .false., .false., .false.)
         first = 1
         do while (first <= len(text) + 1)
             call take_word(text, first, word)
@@ -231,6 +235,8 @@ contains
                 wanted%motor = .true.
             case ("controller")
                 wanted%controller = .true.
+            case ("clutch")
+                wanted%clutch = .true.
             case ("rcond")
                 wanted%rcond = .true.
             case ("singularity_distance")
@@ -278,6 +284,8 @@ contains
                 if (.not. any(scene%actuator%motor%is_given)) call refuse("no actuator of the scene has a drive")
             case ("controller")
                 if (n_controller(scene) == 0) call refuse("the scene has no controller")
+            case ("clutch")
+                if (n_clutch(scene) == 0) call refuse("the scene has no clutch")
             end select
         end do
 
@@ -304,7 +312,8 @@ contains
 
         layout%planar = scene%planar
         layout%dimension%name = [character(len=12) :: &
-            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor", "cam", "controller", "strand"]
+            "sample", "actuator", "joint", "component", "coordinate", "variable", "dyad", "motor", "cam", "controller", &
+            "strand", "clutch"]
         call describe_joints(scene, layout)
         call describe_actuators(scene, layout)
         if (present(is_forward)) layout%motor%creeps = is_forward &
@@ -328,6 +337,7 @@ contains
                 "how the assembly of the sample was found", "1", flag=reached_name)
         end if
         call describe_controllers(scene, is_run .and. wanted%controller, layout)
+        call describe_clutches(scene, is_run .and. wanted%clutch, layout)
         if (is_run) call describe_run(wanted, any(scene%coordinate%kind == coordinate_joint), layout)
     end subroutine describe_results
 
@@ -557,6 +567,31 @@ contains
                 "is that output at a limit?", "1", of=[dim_controller], flag=[character(len=label_len) :: "free", "limited"])
         end associate
     end subroutine describe_controllers
+
+    !> What scenes with clutches have.
+    subroutine describe_clutches(scene, is_told, layout)
+        type(scene_type), intent(in) :: scene
+        logical, intent(in) :: is_told               !! what they do
+        type(layout_type), intent(inout) :: layout
+        integer :: i
+
+        associate (of => layout%dimension(dim_clutch))
+            of%size = n_clutch(scene)
+            allocate (of%label(of%size), of%unit(of%size))
+            do i = 1, of%size
+                of%label(i) = scene%clutch(i)%name
+                of%unit(i) = scene%clutch(i)%unit
+            end do
+            if (of%size == 0 .or. .not. is_told) return
+            call add(layout, result_clutch_force, "clutch_force", &
+                "force or torque of the clutch at its joint, up along the joint variable", of=[dim_clutch], units=of%unit)
+            call add(layout, result_clutch_slip, "clutch_slip", &
+                "rate of the joint variable, less the ratio times that of the other one", of=[dim_clutch], &
+                units=scene%clutch%slip_unit)
+            call add(layout, result_clutch_state, "clutch_state", "what the clutch does", "1", of=[dim_clutch], &
+                flag=[character(len=label_len) :: "open", "slips", "holds"])
+        end associate
+    end subroutine describe_clutches
 
     !> What scenes with friction have.
     subroutine describe_friction(layout)

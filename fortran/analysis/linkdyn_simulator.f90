@@ -13,7 +13,7 @@ module linkdyn_simulator
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
-    use linkdyn_scene, only: drive_inverse
+    use linkdyn_scene, only: drive_inverse, n_clutch
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text
     implicit none (type, external)
@@ -85,6 +85,7 @@ contains
                       //failure_at(self%model, self%system%workspace%state, self%system%workspace%status(1), 1))
             return
         end if
+        call self%system%begin_with_clutches(t, self%y)
         allocate (self%integrator)
         call self%integrator%start(self%options, self%system, t, self%y, status)
     end subroutine set
@@ -113,6 +114,7 @@ contains
         real(wp), parameter :: breath = 0.25_wp        !! [s]
         real(wp), allocatable :: y_end(:, :)
         real(wp) :: piece_end
+        logical :: is_changed
 
         if (.not. allocated(self%integrator)) then
             call fail(status, status_bad_input, "the simulator stands nowhere since it could not be set (expected that it is set)")
@@ -138,6 +140,10 @@ contains
             end if
             if (self%integrator%t < piece_end) exit
             if (any(self%integrator%failed) .or. self%integrator%is_lost) exit
+            call self%system%switch_now(piece_end, self%y, is_changed)
+            if (is_changed) call self%integrator%go_on_from(self%system, self%y)
+            where (self%system%is_driven_through) self%integrator%failed = .true.
+            if (any(self%integrator%failed)) exit
             if (self%system%next_control() <= piece_end) then
                 call self%system%control_now(piece_end, self%y)
                 if (piece_end >= t_end) call self%integrator%reset()
@@ -148,7 +154,7 @@ contains
         if (any(self%integrator%failed) .or. self%integrator%is_lost) call refuse_to_go_on(self, status)
     end subroutine step
 
-    !> The first instant at which a brake comes on or off, or the end of the step.
+    !> The first instant at which a brake or clutch comes on or off, or the end of the step.
     pure real(wp) function next_switching(model, t, t_end) result(next)
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: t, t_end               !! [s]
@@ -160,6 +166,12 @@ contains
             associate (brake => model%scene%actuator(i)%motor%brake)
                 if (brake%from > t + close*abs(t) .and. brake%from < next) next = brake%from
                 if (brake%until > t + close*abs(t) .and. brake%until < next) next = brake%until
+            end associate
+        end do
+        do i = 1, n_clutch(model%scene)
+            associate (clutch => model%scene%clutch(i))
+                if (clutch%from > t + close*abs(t) .and. clutch%from < next) next = clutch%from
+                if (clutch%until > t + close*abs(t) .and. clutch%until < next) next = clutch%until
             end associate
         end do
     end function next_switching

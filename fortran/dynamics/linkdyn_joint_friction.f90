@@ -1,8 +1,8 @@
 !> Friction in joints, on lanes: how contacts slide, what presses them, and the wrenches that come of it. See `linkdyn_contact`.
 module linkdyn_joint_friction
     use linkdyn_applied_wrenches, only: apply_force, apply_moment
-    use linkdyn_contact, only: contact_type, n_press, friction_of_speed, pressing, form_pin, form_collar, form_ball, form_guide, &
-        form_bush, form_thread, form_plate
+    use linkdyn_contact, only: contact_type, n_press, friction_of_speed, sliding_coefficient, lever_of, pressing, form_pin, &
+        form_collar, form_ball, form_guide, form_bush, form_thread, form_plate
     use linkdyn_joint_rates, only: joint_view, view_joint
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -34,6 +34,8 @@ module linkdyn_joint_friction
         real(wp), allocatable :: press(:, :, :)            !! what they feel (lane, n_press, contact) [N]
         real(wp), allocatable :: amount(:, :)              !! friction over the speed of the surfaces [N s/m]; of drives
                                                            !! friction at the joint variable [N, N m] (lane, contact)
+        real(wp), allocatable :: sense(:, :)               !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2;
+                                                           !! 0: smooth over their speed (lane, contact)
         real(wp), allocatable :: reaction(:, :, :)         !! (lane, n_component, n_joint) [N, N m]
     end type friction_space
 
@@ -44,10 +46,11 @@ contains
         integer, intent(in) :: n                           !! contacts and drives
         type(friction_space), intent(out) :: space
 
-        allocate (space%at(n), space%press(lanes, n_press, n), space%amount(lanes, n), &
+        allocate (space%at(n), space%press(lanes, n_press, n), space%amount(lanes, n), space%sense(lanes, n), &
                   space%reaction(lanes, model%n_component, model%n_joint))
         space%press = 0
         space%amount = 0
+        space%sense = 0
         space%reaction = 0
     end subroutine prepare_friction
 
@@ -89,9 +92,52 @@ contains
                 end select
                 speed = sqrt((view%slide.dot.view%slide) + contact%radius**2*(view%turn.dot.view%turn))
                 view%factor = friction_of_speed(contact, speed)
+                if (any(abs(space%sense(:, i)) > 0)) call slide_one_way(contact, space%sense(:, i), view)
             end associate
         end do
     end subroutine view_contacts
+
+    !> A contact that may stick: one that holds does not rub, one that slides does so the way it does, however slowly. Where it has come
+    !> to rest but for rounding it is taken to slide at a speed that is none.
+    subroutine slide_one_way(contact, sense, view)
+        type(contact_type), intent(in) :: contact
+        real(wp), intent(in) :: sense(lanes)
+        type(contact_view), intent(inout) :: view
+        real(wp), parameter :: none = 1.0e-9_wp        !! of the creep speed
+        real(wp), dimension(lanes) :: rate, speed
+
+        associate (lever => lever_of(contact))
+            rate = view%axis.dot.view%turn
+            if (contact%form == form_guide) rate = view%axis.dot.view%slide
+            where (abs(sense) > 0) rate = sign(max(sign(1.0_wp, sense)*rate, none*contact%creep_speed/lever), sense)
+            speed = lever*abs(rate)
+            where (abs(sense) > 1)
+                view%factor = 0
+            elsewhere (abs(sense) > 0)
+                view%factor = sliding_coefficient(contact, speed)/speed
+            end where
+            if (contact%form == form_guide) then
+                call replace(rate, view%slide)
+            else
+                call replace(rate, view%turn)
+            end if
+        end associate
+
+    contains
+
+        subroutine replace(rate, along_axis)
+            real(wp), intent(in) :: rate(lanes)
+            type(vec3), intent(inout) :: along_axis
+            type(vec3) :: other
+
+            other = rate*view%axis
+            where (abs(abs(sense) - 1) < 0.5_wp)
+                along_axis%x = other%x
+                along_axis%y = other%y
+                along_axis%z = other%z
+            end where
+        end subroutine replace
+    end subroutine slide_one_way
 
     pure function along(axis, v) result(part)
         type(vec3), intent(in) :: axis, v
@@ -240,9 +286,10 @@ contains
     end subroutine wrench_of
 
     !> Friction of each joint, on its second link at its marker, world axes, and the power that it takes.
-    subroutine measure_friction(model, space, wrench, loss)
+    subroutine measure_friction(model, space, clutch_force, wrench, loss)
         type(model_type), intent(in) :: model
         type(friction_space), intent(in) :: space
+        real(wp), intent(in) :: clutch_force(:, :)     !! what holds joints that stick is friction as well (lane, n_clutch) [N, N m]
         real(wp), intent(out) :: wrench(lanes, model%n_component, model%n_joint)    !! [N, N m]
         real(wp), intent(out) :: loss(lanes, model%n_joint)                         !! [W]
         type(vec3) :: force, moment
@@ -254,16 +301,38 @@ contains
             call wrench_of(model, space, i, force, moment)
             j = model%contact(i)%joint
             loss(:, j) = loss(:, j) - (force.dot.space%at(i)%slide) - (moment.dot.space%at(i)%turn)
+            call add(j, force, moment)
+        end do
+        do i = 1, size(clutch_force, 2)
+            associate (clutch => model%scene%clutch(i))
+                if (clutch%friction == 0) cycle
+                j = findloc(model%contact%joint, clutch%joint(1), dim=1)
+                force = zero_vec3()
+                moment = clutch_force(:, i)*space%at(j)%axis
+                if (model%contact(j)%form == form_guide) then
+                    force = moment
+                    moment = zero_vec3()
+                end if
+                call add(clutch%joint(1), force, moment)
+            end associate
+        end do
+
+    contains
+
+        subroutine add(j, force, moment)
+            integer, intent(in) :: j
+            type(vec3), intent(in) :: force, moment
+
             wrench(:, 1, j) = wrench(:, 1, j) + force%x
             wrench(:, 2, j) = wrench(:, 2, j) + force%y
             if (model%is_planar) then
                 wrench(:, 3, j) = wrench(:, 3, j) + moment%z
-                cycle
+                return
             end if
             wrench(:, 3, j) = wrench(:, 3, j) + force%z
             wrench(:, 4, j) = wrench(:, 4, j) + moment%x
             wrench(:, 5, j) = wrench(:, 5, j) + moment%y
             wrench(:, 6, j) = wrench(:, 6, j) + moment%z
-        end do
+        end subroutine add
     end subroutine measure_friction
 end module linkdyn_joint_friction

@@ -12,11 +12,11 @@ module linkdyn_measures
     use linkdyn_marker_motion, only: locate_marker
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_marker, measure_spring, &
-        n_event
+        n_event, n_clutch
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: find_laws, find_measures, find_events, follow_angle, measure_distance
+    public :: find_laws, find_measures, find_events, find_kept, follow_angle, measure_distance
 
 contains
 
@@ -42,14 +42,44 @@ contains
 
         call find_measures(model, state, measure)
         call evaluate_laws(model%scene%laws, measure, law, mode)
-        do i = 1, size(measure, 2)
-            if (model%scene%laws%measure(i)%wraps) &
-                measure(:, i) = measure(:, i) - two_pi*anint((measure(:, i) - about(:, i))/two_pi)
-        end do
+        call count_turns(model, about, measure)
         do i = 1, n_event(model%scene)
             call evaluate_formula(model%scene%event(i)%formula, measure, law, value(:, i), mode)
         end do
     end subroutine find_events
+
+    !> What clutches keep: the first joint variable less the ratio times the second, with their turns.
+    subroutine find_kept(model, state, about, value)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(in) :: about(:, :)            !! as of `find_events`
+        real(wp), intent(out) :: value(:, :)           !! (lane, n_clutch)
+        real(wp) :: measure(lanes, size(model%scene%laws%measure))
+        integer :: i
+
+        if (n_clutch(model%scene) == 0) return
+        call find_measures(model, state, measure)
+        call count_turns(model, about, measure)
+        do i = 1, n_clutch(model%scene)
+            associate (clutch => model%scene%clutch(i))
+                value(:, i) = measure(:, clutch%measure(1))
+                if (clutch%n_side == 2) value(:, i) = value(:, i) - clutch%ratio*measure(:, clutch%measure(2))
+            end associate
+        end do
+    end subroutine find_kept
+
+    !> Measures that wrap, within half a turn of where they are about.
+    pure subroutine count_turns(model, about, measure)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: about(:, :)            !! (lane, measure)
+        real(wp), intent(inout) :: measure(:, :)       !! (lane, measure)
+        integer :: i
+
+        do i = 1, size(measure, 2)
+            if (model%scene%laws%measure(i)%wraps) &
+                measure(:, i) = measure(:, i) - two_pi*anint((measure(:, i) - about(:, i))/two_pi)
+        end do
+    end subroutine count_turns
 
     !> A measure that wraps and its rate, with the turns that it had about here.
     subroutine follow_angle(model, state, measure, about, value, rate)

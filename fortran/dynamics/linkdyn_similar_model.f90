@@ -12,7 +12,7 @@ module linkdyn_similar_model
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, link_freedom, is_length
     use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
-        law_harmonic, motor_spec, side_torque, side_voltage
+        law_harmonic, motor_spec, n_clutch, side_torque, side_voltage
     implicit none (type, external)
     private
     public :: make_similar, coordinate_scale, drive_scale, near_one
@@ -26,7 +26,7 @@ contains
         real(wp), intent(in) :: scale                !! s
         type(model_type), intent(out) :: similar
         integer, parameter :: of_start = 103, of_rate = 104, of_motion = 105, of_drive = 106, of_load = 107, of_base = 108, &
-                              of_friction = 109, of_cam = 110    ! keys
+                              of_friction = 109, of_cam = 110, of_clutch = 111    ! keys
         real(wp) :: own_scale
         integer :: i, k, n_length
 
@@ -93,6 +93,11 @@ contains
                 friction%preload = scale*friction%preload
                 friction%coulomb = near_one([copy, of_friction, i])*friction%coulomb
                 friction%static = near_one([copy, of_friction, i])*friction%static
+            end associate
+        end do
+        do i = 1, n_clutch(model%scene)
+            associate (clutch => similar%scene%clutch(i))
+                call scale_law(merge(scale, scale**2, clutch%unit == "N"), [copy, of_clutch, i], clutch%capacity)
             end associate
         end do
         call list_contacts(similar%scene, similar%contact)

@@ -85,7 +85,7 @@ module linkdyn_integrator
         logical, allocatable, private :: has_crossed(:, :)       !! at its end (lane, n_guard)
         logical, private :: is_at_crossing = .false.             !! whose consequences are still to be drawn
     contains
-        procedure :: start, advance, reset, exchange_system, finish
+        procedure :: start, advance, reset, go_on_from, exchange_system, finish
     end type integrator_type
 
     !> A step of a multistep method.
@@ -764,6 +764,28 @@ contains
         self%shortest_step = min(self%shortest_step, h)
         self%longest_step = max(self%longest_step, h)
     end subroutine note_step
+
+    !> Go on from another y at the instant reached, where something has happened that no guard tells.
+    subroutine go_on_from(self, system, y)
+        class(integrator_type), intent(inout) :: self
+        class(lane_system), intent(inout) :: system
+        real(wp), intent(in) :: y(:, :)                         !! (lane, n)
+        logical :: has_crossed(lanes, system%n_guard)
+
+        call system%accept(spread(self%t, 1, lanes), y, .not. self%failed)
+        select case (self%options%method)
+        case (method_rk4)
+            self%work%rest = 0
+        case (method_msbdf)
+            self%next_step = min(self%next_step, self%options%step)
+        case default
+            call self%control%exchange_solution(y(1, :))
+        end select
+        has_crossed = .false.
+        if (system%n_guard > 0) call note_sides(system, spread(self%t, 1, lanes), y, has_crossed)
+        call self%reset()
+    end subroutine go_on_from
+
 
     !> The right-hand side has a kink at the instant reached.
     subroutine reset(self)

@@ -7,7 +7,7 @@ module linkdyn_description
     use linkdyn_results, only: layout_type, dimension_type, variable_type, dim_sample, n_dimension
     use linkdyn_scene, only: share_name, wants_instants, scene_type, link_spec, actuator_spec, coordinate_spec, load_spec, &
         marker_spec, stop_spec, cam_spec, follower_name, &
-        n_event, n_stop, n_controller, &
+        n_event, n_stop, n_controller, n_clutch, &
         law_over, frame_link, axes_link, joint_kind_name, joint_n_variable, joint_screw, variable_name, &
         idle_spins, n_holding, coordinate_joint, is_pose_part
     implicit none (type, external)
@@ -55,6 +55,10 @@ contains
         text = text//'],"controllers":['
         do i = 1, n_controller(scene)
             text = text//separator(i)//named(scene%controller(i)%name, scene%controller(i)%unit)
+        end do
+        text = text//'],"clutches":['
+        do i = 1, n_clutch(scene)
+            text = text//separator(i)//named(scene%clutch(i)%name, scene%clutch(i)%unit)
         end do
         text = text//'],"motors":['
         do i = 1, size(model%motor)

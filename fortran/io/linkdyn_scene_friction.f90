@@ -5,8 +5,9 @@ module linkdyn_scene_friction
     use linkdyn_kinds, only: wp
     use linkdyn_scene, only: scene_type, friction_spec, joint_revolute, joint_universal, joint_prismatic, joint_spherical, &
         joint_kind_name
-    use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, allow_keys, get_quantity
-    use linkdyn_scene_laws, only: require_positive
+    use linkdyn_scene_keys, only: scene_place, line_text, refuse, refuse_value, refuse_missing, allow_keys, get_quantity, get_flag
+    use linkdyn_scene_clutches, only: add_sticking
+    use linkdyn_scene_laws, only: require_positive, table_shelf
     use linkdyn_scene_names, only: find_joint
     use linkdyn_scene_pattern, only: repeated_tables, list_repeated, repeated_at
     use linkdyn_status, only: status_type
@@ -23,8 +24,9 @@ module linkdyn_scene_friction
 contains
 
     !> Friction in joints.
-    subroutine read_frictions(root, scene, status)
+    subroutine read_frictions(root, shelf, scene, status)
         type(scene_place), intent(in) :: root
+        type(table_shelf), intent(inout) :: shelf
         type(scene_type), intent(inout) :: scene
         type(status_type), intent(inout) :: status
         type(repeated_tables) :: tables
@@ -39,6 +41,7 @@ contains
             call read_friction(place, scene, scene%friction(i), status)
             if (.not. status%is_ok()) return
             call refuse_double(place, scene, i, status)
+            if (status%is_ok() .and. scene%friction(i)%sticks) call add_sticking(place, scene%friction(i), i, shelf, scene, status)
         end do
     end subroutine read_frictions
 
@@ -60,7 +63,7 @@ contains
                 //"(expected one that turns or slides)", &
                 status)
             call allow_keys(place, [character(len=key_len) :: "joint", "coulomb", "static", "stribeck_speed", "creep_speed", &
-                "viscous", "radius", "length", "collar", "preload"], status)
+                "viscous", "radius", "length", "collar", "preload", "sticking"], status)
             call refuse_foreign_keys(place, joint%kind, scene%planar, status)
             call read_coefficients(place, friction, has_coulomb, has_static, has_speed, status)
             viscosity = damping
@@ -70,6 +73,7 @@ contains
             call read_size(place, "length", length, friction%length, found, status)
             call read_size(place, "collar", length, friction%collar, found, status)
             call read_size(place, "preload", force, friction%preload, has_preload, status)
+            call get_flag(place, "sticking", friction%sticks, status)
             if (.not. status%is_ok()) return
             if (.not. (has_coulomb .or. has_viscous)) then
                 call refuse(place, "missing key 'coulomb' or 'viscous' (expected at least one)", status)
@@ -77,6 +81,11 @@ contains
                 call refuse_missing(place, "coulomb", "the coefficient with which the preload rubs", status)
             else if (has_coulomb .and. needs_radius(joint%kind) .and. .not. friction%radius > 0) then
                 call refuse_missing(place, "radius", "of the surface that rubs, for example '12 mm'", status)
+            else if (friction%sticks .and. .not. has_coulomb) then
+                call refuse_missing(place, "coulomb", "the coefficient with which it sticks", status)
+            else if (friction%sticks .and. all(joint%kind /= [joint_revolute, joint_prismatic])) then
+                call refuse_value(place, "sticking", place%node%get("sticking"), "is for hinges and slides (expected "// &
+                    "a revolute or prismatic joint)", status)
             end if
         end associate
     end subroutine read_friction

@@ -20,7 +20,7 @@ module linkdyn_scene_include
     !> What may stand at the top of a scene.
     character(len=13), parameter :: scene_key(*) = [character(len=13) :: "title", "space", "gravity", "change_points", &
         "redundancy", "frame", "link", "joint", "coordinate", "actuator", "load", "chain", "spring", "time", "sweep", "variables", &
-        "include", "measures", "laws", "payload", "event", "stop", "friction", "controller"]
+        "include", "measures", "laws", "payload", "event", "stop", "friction", "controller", "clutch"]
 
     !> What reading goes by.
     type :: reading_type

@@ -93,34 +93,40 @@ contains
     end subroutine find_link
 
     !> The joint whose name stands under the key `joint`.
-    subroutine find_joint(scene, place, joint, status)
+    subroutine find_joint(scene, place, joint, status, key)
         type(scene_type), intent(in) :: scene
         type(scene_place), intent(in) :: place
         integer, intent(out) :: joint
         type(status_type), intent(inout) :: status
+        character(len=*), intent(in), optional :: key  !! absent: 'joint'
         character(len=name_len) :: name
+        character(len=:), allocatable :: its_key
         integer :: i
 
         joint = no_index
         name = ""
-        call get_name(place, "joint", name, status)
+        its_key = "joint"
+        if (present(key)) its_key = key
+        call get_name(place, its_key, name, status)
         if (.not. status%is_ok()) return
         do i = 1, n_holding(scene)
             if (scene%joint(i)%name == name) joint = i
         end do
-        if (joint == no_index) call refuse_value(place, "joint", place%node%get("joint"), "= "//quoted(name)// &
+        if (joint == no_index) call refuse_value(place, its_key, place%node%get(its_key), "= "//quoted(name)// &
             ": there is no such joint (expected the name of a joint)" &
             //suggestion(name, (scene%joint(:n_holding(scene))%name)), status)
     end subroutine find_joint
 
     !> The variable of a joint that the key `variable` names; a joint with one needs no key.
-    subroutine find_variable(scene, place, joint, variable, status)
+    subroutine find_variable(scene, place, joint, variable, status, key)
         type(scene_type), intent(in) :: scene
         type(scene_place), intent(in) :: place
         integer, intent(in) :: joint
         integer, intent(out) :: variable
         type(status_type), intent(inout) :: status
+        character(len=*), intent(in), optional :: key  !! absent: 'variable'
         character(len=name_len) :: name
+        character(len=:), allocatable :: its_key
         character(len=len(variable_name)), allocatable :: names(:)
         character(len=:), allocatable :: expected
         logical :: found
@@ -140,10 +146,12 @@ contains
             expected = expected//" or "//quoted(names(i))
         end do
         name = ""
-        call get_name(place, "variable", name, status, found)
+        its_key = "variable"
+        if (present(key)) its_key = key
+        call get_name(place, its_key, name, status, found)
         if (.not. status%is_ok()) return
         if (.not. found) then
-            if (size(names) > 1) call refuse_missing(place, "variable", expected//": joint "// &
+            if (size(names) > 1) call refuse_missing(place, its_key, expected//": joint "// &
                 quoted(scene%joint(joint)%name)//" has several", status)
             return
         end if
@@ -151,7 +159,7 @@ contains
             if (names(variable) == name) return
         end do
         variable = 1
-        call refuse_value(place, "variable", place%node%get("variable"), "= "//quoted(name)//" is no variable of joint "// &
+        call refuse_value(place, its_key, place%node%get(its_key), "= "//quoted(name)//" is no variable of joint "// &
             quoted(scene%joint(joint)%name)//" (expected "//expected//")", status)
     end subroutine find_variable
 

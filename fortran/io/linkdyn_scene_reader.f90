@@ -25,6 +25,7 @@ module linkdyn_scene_reader
     use linkdyn_scene_motion, only: read_coordinates, read_base
     use linkdyn_scene_state_laws, only: read_measures, read_named_laws
     use linkdyn_scene_brakes, only: find_brake_events
+    use linkdyn_scene_clutches, only: read_clutches
     use linkdyn_scene_events, only: read_events, read_stops
     use linkdyn_scene_friction, only: read_frictions
     use linkdyn_scene_motors, only: check_laws_at_motors
@@ -166,7 +167,8 @@ contains
         call read_events(root, scene, status)
         if (status%is_ok()) call find_brake_events(root, scene, status)
         call read_stops(root, shelf, scene, status)
-        call read_frictions(root, scene, status)
+        call read_clutches(root, shelf, scene, status)
+        call read_frictions(root, shelf, scene, status)
         scene%laws = shelf%book
         scene%table_file = files_of(shelf)
         call read_time(root, scene, status)

@@ -16,8 +16,8 @@ module linkdyn_contact
     use linkdyn_scene, only: scene_type, friction_spec
     implicit none (type, external)
     private
-    public :: contact_type, list_contacts, is_turning, friction_of_speed, n_press, pressing, pressing_slope, has_settled, &
-        most_rounds
+    public :: contact_type, list_contacts, is_turning, friction_of_speed, sliding_coefficient, lever_of, n_press, pressing, &
+        pressing_slope, has_settled, most_rounds
     public :: form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate, form_drive
 
     integer, parameter :: form_pin = 1       !! of a hinge, or one of both of a universal joint
@@ -134,6 +134,24 @@ contains
         is_turning = any(kind == [joint_revolute, joint_universal, joint_spherical, joint_screw])
     end function is_turning
 
+    !> The coefficient of a surface that slides, however slowly.
+    pure elemental real(wp) function sliding_coefficient(contact, speed) result(mu)
+        type(contact_type), intent(in) :: contact
+        real(wp), intent(in) :: speed         !! [m/s]
+
+        mu = contact%coulomb
+        if (contact%stribeck_speed > 0) &
+            mu = mu + (contact%static - contact%coulomb)*exp(-(speed/contact%stribeck_speed)**2)
+    end function sliding_coefficient
+
+    !> Speed of the surface over that of the joint's one variable, of a hinge or a slide.
+    pure elemental real(wp) function lever_of(contact) result(lever)
+        type(contact_type), intent(in) :: contact
+
+        lever = contact%radius
+        if (contact%form == form_guide) lever = 1
+    end function lever_of
+
     !> c: friction over the pressing force and the speed at which the surface slides.
     pure elemental real(wp) function friction_of_speed(contact, speed) result(c)
         type(contact_type), intent(in) :: contact
@@ -143,9 +161,7 @@ contains
 
         c = 0
         if (.not. (contact%coulomb > 0 .or. contact%static > 0)) return
-        mu = contact%coulomb
-        if (contact%stribeck_speed > 0) &
-            mu = mu + (contact%static - contact%coulomb)*exp(-(speed/contact%stribeck_speed)**2)
+        mu = sliding_coefficient(contact, speed)
         if (speed > fast*contact%creep_speed) then
             c = mu/speed
         else if (speed > 0) then

@@ -12,7 +12,7 @@ module linkdyn_kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_planar_motion, only: planar_motion, prepare_planar_motion
-    use linkdyn_scene, only: n_stop
+    use linkdyn_scene, only: n_stop, n_clutch
     use linkdyn_status, only: sample_ok
     use linkdyn_ups_leg, only: ups_leg
     use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of, lane_of, mat3_lane
@@ -58,8 +58,9 @@ module linkdyn_kinematic_state
         ! ---- LAWS over the state
         real(wp), allocatable :: law(:, :)                    !! their values                         (lane, n_law)
         real(wp) :: mode(lanes) = 0                           !! changes where a law jumps
-        ! ---- PUSH of end stops at which joint variables rest
+        ! ---- PUSH of end stops at which joint variables rest, force of clutches
         real(wp), allocatable :: stop_force(:, :)             !! away from the stop [N, N m]          (lane, n_stop)
+        real(wp), allocatable :: clutch_force(:, :)           !! of clutches, at their first variable [N, N m] (lane, n_clutch)
         ! ---- APPLIED by springs, laws and given drives, link axes, about the origin
         logical :: has_applied = .false.
         type(vec3), allocatable :: applied_force(:), applied_moment(:)  !! [N, N m]                   (n_link)
@@ -91,6 +92,8 @@ contains
             allocate (state%law(lanes, size(model%scene%laws%law)))
             allocate (state%stop_force(lanes, n_stop(model%scene)))
             state%stop_force = 0
+            allocate (state%clutch_force(lanes, n_clutch(model%scene)))
+            state%clutch_force = 0
             allocate (state%rotor_force(lanes, size(model%motor)))
             state%rotor_force = 0
             state%law = 0

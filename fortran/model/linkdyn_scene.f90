@@ -15,7 +15,7 @@ module linkdyn_scene
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, spring_spec, variable_spec, source_spec, source_shelf
-    public :: hold_spec, brake_spec
+    public :: hold_spec, switch_spec, brake_spec, clutch_spec, n_clutch
     public :: base_spec, payload_spec, payload_changes, wants_instants
     public :: friction_spec
     public :: name_len, path_len, frame_link
@@ -234,15 +234,19 @@ module linkdyn_scene
         type(law_spec) :: target                  !! wanted position (motors, pd), or the force itself (table, over)
     end type drive_spec
 
-    !> A brake on the shaft of a motor, in forward dynamics.
-    type :: brake_spec
-        logical :: is_given = .false.
-        real(wp) :: torque = 0                    !! by which it holds, and brakes [N m]
+    !> When something is on.
+    type :: switch_spec
         logical :: begins_on = .true.
         real(wp) :: from = huge(1.0_wp)           !! it is on from this instant [s]; huge: none
         real(wp) :: until = huge(1.0_wp)          !! and off from this one [s]; huge: none
         character(len=name_len) :: from_name = "", until_name = ""    !! events by which it comes on and off
         integer :: from_event = 0, until_event = 0                    !! these; 0: none
+    end type switch_spec
+
+    !> A brake on the shaft of a motor, in forward dynamics.
+    type, extends(switch_spec) :: brake_spec
+        logical :: is_given = .false.
+        real(wp) :: torque = 0                    !! by which it holds, and brakes [N m]
         integer :: line = 0
     end type brake_spec
 
@@ -359,6 +363,7 @@ module linkdyn_scene
         logical :: ends_run = .false.
         type(formula_type) :: formula             !! of measures and laws of the scene's book
         integer :: stop = 0                       !! end stop that this is the gap of; 0: none
+        integer :: clutch = 0                     !! clutch that this is the slip of; 0: none
         integer :: line = 0
     end type event_spec
 
@@ -375,6 +380,25 @@ module linkdyn_scene
         integer :: line = 0
     end type stop_spec
 
+    !> A clutch, brake or lock: it holds a joint variable, or two to each other, by what force it takes up to its capacity, and rubs
+    !> against their slip beyond. The slip is the rate of the first variable less `ratio` times that of the second.
+    type, extends(switch_spec) :: clutch_spec
+        character(len=name_len) :: name = ""
+        integer :: n_side = 1                     !! joint variables: 1 or 2
+        integer :: joint(2) = 0
+        integer :: variable(2) = 1                !! of these joints
+        real(wp) :: ratio = 1
+        logical :: is_positive = .true.           !! it has no capacity: it holds whatever comes, and never slips
+        type(law_spec) :: capacity                !! of one that slips, at the first variable; below zero: none [N, N m]
+        real(wp) :: static = 1                    !! what it holds over that
+        character(len=4) :: unit = ""             !! "N" or "N m"
+        character(len=8) :: slip_unit = ""        !! "m/s" or "rad/s"
+        integer :: measure(2) = 0                 !! the joint variables
+        integer :: friction = 0                   !! table whose friction it is, by the joint's reaction; 0: it has a capacity of its own
+        integer :: event = 0                      !! whose formula is the slip
+        integer :: line = 0
+    end type clutch_spec
+
     !> Friction in a joint: of what its reaction presses together. See `linkdyn_contact`.
     type :: friction_spec
         integer :: joint = 0
@@ -387,6 +411,7 @@ module linkdyn_scene
         real(wp) :: length = 0                    !! between the ends that take a tilting moment [m]; 0: it makes no friction
         real(wp) :: collar = 0                    !! mean radius of the face that takes the force along a pin [m]; 0: it makes no friction
         real(wp) :: preload = 0                   !! by which the surfaces are pressed together besides [N]
+        logical :: sticks = .false.               !! in forward dynamics it holds what rests, and nothing is smoothed
         integer :: line = 0
     end type friction_spec
 
@@ -459,8 +484,9 @@ module linkdyn_scene
         type(payload_spec), allocatable :: payload(:)
         type(friction_spec), allocatable :: friction(:)
         type(law_book) :: laws
-        type(event_spec), allocatable :: event(:) !! the scene's own, then one for each side of an end stop
+        type(event_spec), allocatable :: event(:) !! the scene's own, then one for each side of an end stop, and each clutch
         type(stop_spec), allocatable :: stop(:)
+        type(clutch_spec), allocatable :: clutch(:)
         type(hold_spec), allocatable :: hold(:)   !! how idle spins are settled; absent: nobody has looked, no file says it
         type(time_spec) :: time
         type(sweep_spec) :: sweep
@@ -554,6 +580,14 @@ contains
         n_stop = 0
         if (allocated(scene%stop)) n_stop = size(scene%stop)
     end function n_stop
+
+    !> Clutches, brakes and locks of joint variables.
+    pure integer function n_clutch(scene)
+        type(scene_type), intent(in) :: scene
+
+        n_clutch = 0
+        if (allocated(scene%clutch)) n_clutch = size(scene%clutch)
+    end function n_clutch
 
     !> Are there stops that throw back?
     pure logical function has_hard_stops(scene)

@@ -29,6 +29,7 @@ module linkdyn_catalogue
     public :: result_transmission_force, result_motor_torque, result_motor_speed, result_motor_power, result_motor_current
     public :: result_transmission_loss, result_torque_margin, result_brake_torque
     public :: result_controller_target, result_controller_error, result_controller_output, result_controller_limited
+    public :: result_clutch_force, result_clutch_slip, result_clutch_state
 
     integer, parameter :: result_time = 1
     integer, parameter :: result_q = 2
@@ -90,6 +91,10 @@ module linkdyn_catalogue
     integer, parameter :: result_controller_error = 51
     integer, parameter :: result_controller_output = 52
     integer, parameter :: result_controller_limited = 53
+    ! ---- of clutches, in forward dynamics
+    integer, parameter :: result_clutch_force = 54
+    integer, parameter :: result_clutch_slip = 55
+    integer, parameter :: result_clutch_state = 56
 
 contains
 

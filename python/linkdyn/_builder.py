@@ -788,7 +788,7 @@ class Builder:
     def friction(
         self, joint: str | Joint, *, coulomb: Quantity | None = None, radius: Quantity | None = None, length: Quantity | None = None,
         collar: Quantity | None = None, preload: Quantity | None = None, static: Quantity | None = None, stribeck_speed: Quantity | None = None,
-        viscous: Quantity | None = None, creep_speed: Quantity | None = None, repeat: int | None = None,
+        viscous: Quantity | None = None, creep_speed: Quantity | None = None, sticking: bool | None = None, repeat: int | None = None,
     ) -> None:  # fmt: skip
         """Friction in a joint, made by its own reaction.
 
@@ -808,6 +808,8 @@ class Builder:
             Damping beside it [N s/m, N m s/rad].
         creep_speed
             Speed below which friction goes to zero [m/s].
+        sticking
+            True: in forward runs it holds what rests, as a `clutch` does.
         repeat
             Copies.
         """
@@ -904,6 +906,37 @@ class Builder:
             Copies.
         """
         self._add("stop", locals())
+
+    def clutch(
+        self, name: str, joint: str | Joint, *, variable: str | None = None, to: str | Joint | None = None, to_variable: str | None = None,
+        ratio: Quantity | None = None, capacity: Law | None = None, static: Quantity | None = None, from_: Quantity | None = None,
+        until: Quantity | None = None, from_event: str | None = None, until_event: str | None = None,
+        begins: Literal["on", "off"] | None = None, repeat: int | None = None,
+    ) -> None:  # fmt: skip
+        """A clutch, brake, dry friction or lock of a joint variable, or between two of them, in forward runs.
+
+        Parameters
+        ----------
+        name
+            Its name.
+        joint, variable
+            The joint; which variable, if it has several.
+        to, to_variable
+            The other joint; default: the clutch holds `joint` itself, as a brake does.
+        ratio
+            It holds the rate of `joint` at `ratio` times that of `to`.
+        capacity
+            Force or torque that it has when it slips: a number, a text with its unit, a law of time, a formula. Default: it never slips.
+        static
+            What it holds over that, 1 or more.
+        from_, until, from_event, until_event
+            When it closes and opens: instants [s], names of events.
+        begins
+            "on" or "off": before any of these.
+        repeat
+            Copies.
+        """
+        self._add("clutch", locals())
 
     def sweep(self, table: Mapping[str, Any]) -> None:
         """What a sweep varies, bounds and reduces.

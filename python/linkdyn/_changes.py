@@ -57,7 +57,7 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
             del table[key]
     elif isinstance(inner, list) and inner and all(isinstance(item, dict) for item in inner):
         _put_in_list(inner, key, below, path, value)
-    elif inner is None and isinstance(value, Mapping) and "." not in below and key in ("spring", "load", "payload", "actuator", "friction", "controller"):
+    elif inner is None and isinstance(value, Mapping) and "." not in below and key in ("spring", "load", "payload", "actuator", "friction", "controller", "clutch"):
         table[key] = [value]
     elif inner is None:
         known = ", ".join(repr(name) for name in table)

@@ -30,7 +30,7 @@ LAST = ("fixed", "revolute", "spherical")
 SPRING = {"stiffness": "stiffness", "damping": "damping", "rest": "springref"}
 """Keys of a spring at a joint variable, and MuJoCo's words for them."""
 TELL = {
-    "load": "load(s)", "spring": "spring(s)", "friction": "friction of {} joint(s)", "event": "event(s)", "stop": "stop(s)", "controller": "controller(s)", "sweep": "the sweep", "time": None,
+    "load": "load(s)", "spring": "spring(s)", "friction": "friction of {} joint(s)", "event": "event(s)", "stop": "stop(s)", "clutch": "clutch(es)", "controller": "controller(s)", "sweep": "the sweep", "time": None,
     "measures": None, "laws": None, "variables": None, "include": None,
 }  # fmt: skip
 

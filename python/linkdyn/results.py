@@ -213,7 +213,7 @@ def flag_attributes(flags: list[str]) -> dict[str, Any]:
     }
 
 
-EVENT_KINDS = ["crossing", "end", "contact", "release", "impact", "rest"]
+EVENT_KINDS = ["crossing", "end", "contact", "release", "impact", "rest", "close", "open", "stick", "slip"]
 
 
 def event_variables(
@@ -239,8 +239,8 @@ def event_variables(
         "event_time": ("event", instants[:, 0], {"long_name": "instant of the event", "units": "s"}),
         "event_kind": ("event", kinds[:, 1], {"long_name": "what happened"} | flag_attributes(EVENT_KINDS)),
         "event_direction": ("event", kinds[:, 2], {"long_name": "1: the number crossed zero upwards, -1: downwards"}),
-        "event_impulse": ("event", instants[:, 1], {"long_name": "impulse of the stop", "units": "N s or N m s"}),
-        "event_loss": ("event", instants[:, 2], {"long_name": "energy lost in the impact", "units": "J"}),
+        "event_impulse": ("event", instants[:, 1], {"long_name": "impulse of the stop or clutch", "units": "N s or N m s"}),
+        "event_loss": ("event", instants[:, 2], {"long_name": "energy lost in the impact, or by closing the clutch", "units": "J"}),
         "event_q": (of_state, states[:, 0], {"long_name": "generalized coordinate at the event", "units": "m or rad"}),
         "event_qd": (of_state, states[:, 1], {"long_name": "its rate before", "units": "m/s or rad/s"}),
         "event_qd_after": (of_state, states[:, 2], {"long_name": "its rate behind", "units": "m/s or rad/s"}),

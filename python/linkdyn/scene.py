@@ -120,7 +120,7 @@ class Scene:
     planar : bool
     coordinates : tuple of str
         Names of the generalized coordinates, in the order of the columns of ``q``.
-    actuators, controllers, joints, links, loads : tuple of str
+    actuators, clutches, controllers, joints, links, loads : tuple of str
         Names; ``links`` are the moving ones.
     text : str
         The scene file; if it includes others, written anew with all of them.
@@ -150,6 +150,7 @@ class Scene:
         self.planar: bool = self.description["planar"]
         self.coordinates = _names(self.description["coordinates"])
         self.actuators = _names(self.description["actuators"])
+        self.clutches = _names(self.description["clutches"])
         self.controllers = _names(self.description["controllers"])
         self.joints = _names(self.description["joints"])
         self.links = _names(self.description["links"][1:])
@@ -552,7 +553,7 @@ class Scene:
         rtol, atol
             Error allowed in a step, relative and absolute.
         want, solver, threads
-            As for `inverse`, and "controller"; "power" brings the energies and the work too.
+            As for `inverse`, "controller" and "clutch"; "power" brings the energies and the work too.
         progress
             Say how far the run is and how long it will take, if it takes over two seconds; default: on a terminal.
         error

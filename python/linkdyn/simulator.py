@@ -25,7 +25,7 @@ class Simulator:
     """A mechanism under way, made by `Scene.simulator`.
 
     Whoever steps it gives the forces of the actuators, which stay as they are during a step, and reads the coordinates at its end.
-    Loads, springs, gravity, drives, brakes and controllers act as the scene says; the laws of its actuators play no part.
+    Loads, springs, gravity, drives, brakes, clutches and controllers act as the scene says; the laws of its actuators play no part.
 
     Attributes
     ----------

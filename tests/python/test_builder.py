@@ -73,7 +73,7 @@ def built(content):
     for table in content.get("actuator", []):
         law = {"law": call(getattr(efforts, table["law"]["type"].replace("-", "_")), {k: v for k, v in table["law"].items() if k != "type"})} if "law" in table else {}
         call(b.actuator, table | law)
-    for kind in ("chain", "load", "spring", "payload", "friction", "event", "stop", "controller"):
+    for kind in ("chain", "load", "spring", "payload", "friction", "event", "stop", "clutch", "controller"):
         for table in content.get(kind, []):
             call(getattr(b, kind), table)
     if "time" in content:
@@ -149,7 +149,7 @@ def joint_words():
 
 CALL = {"link": words(Builder.link), "joint": joint_words(), "coordinate": words(Builder.coordinate), "actuator": words(Builder.actuator),
         "load": words(Builder.load), "spring": words(Builder.spring), "payload": words(Builder.payload), "friction": words(Builder.friction),
-        "event": words(Builder.event), "stop": words(Builder.stop), "controller": words(Builder.controller), "chain": words(Builder.chain)}
+        "event": words(Builder.event), "stop": words(Builder.stop), "clutch": words(Builder.clutch), "controller": words(Builder.controller), "chain": words(Builder.chain)}
 """Keys that methods offer, by tables."""
 START = {
     "space": "planar", "frame": {"markers": {"A": [0, 0]}}, "link": [{"name": "rod", "mass": 1, "inertia": 0.1, "markers": {"A": [0, 0], "B": [1, 0]}}],
@@ -159,7 +159,7 @@ START = {
 TABLES = {
     "link": {"name": "other", "mass": 1}, "joint": {"name": "J"}, "coordinate": {"joint": "A"}, "actuator": {"joint": "A"}, "load": {"on": "rod.B"},
     "spring": {"name": "S"}, "payload": {"on": "rod.B", "mass": 1}, "friction": {"joint": "A"}, "event": {"name": "E", "when": "time - 1"},
-    "stop": {"name": "T", "joint": "A"}, "controller": {"actuator": "A"},
+    "stop": {"name": "T", "joint": "A"}, "clutch": {"name": "C", "joint": "A"}, "controller": {"actuator": "A"},
 }  # fmt: skip
 
 
