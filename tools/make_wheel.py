@@ -63,7 +63,7 @@ def build_wheel(options: tuple[str, ...], packages: dict[str, str], folder: Path
 
 def repair(wheel: Path) -> Path:
     """Bring the libraries along that a system need not have."""
-    run(sys.executable, "-m", "auditwheel", "repair", "--wheel-dir", empty(WHEELS), wheel)
+    run(sys.executable, "-m", "auditwheel", "repair", "--strip", "--zip-compression-level", "9", "--wheel-dir", empty(WHEELS), wheel)
     return only(WHEELS, "*.whl")
 
 
