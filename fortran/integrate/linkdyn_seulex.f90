@@ -126,24 +126,32 @@ contains
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t, step, y(:), start_rate(:)
         real(wp), parameter :: third = 1/3.0_wp            ! of the digits: where truncation and rounding balance
-        real(wp) :: nudge(size(y))
+        real(wp) :: nudge(size(y)), mode
+        integer :: n_jump
 
         if (allocated(self%y_there)) then
             if (self%t_there == t .and. all(self%y_there == y)) return
         end if
         nudge = epsilon(1.0_wp)**third*max(abs(y), abs(step*start_rate), 1.0e-3_wp)
-        call find_jacobian(self, system, t, y, nudge)
+        mode = system%mode(1)
+        n_jump = system%n_jump
+        call find_jacobian(self, system, t, y, nudge, start_rate, mode)
+        ! what the nudges have met is not on the way of the step
+        system%n_jump = n_jump
+        call system%watch_jumps(mode, start_rate)
         self%t_there = t
         self%y_there = y
     end subroutine need_jacobian
 
-    !> Central differences: one component is moved on two lanes, ahead and back.
-    subroutine find_jacobian(self, system, t, y, nudge)
+    !> Central differences: one component is moved on two lanes, ahead and back. Beside a jump of the rates the difference is that
+    !> of the side without it.
+    subroutine find_jacobian(self, system, t, y, nudge, start_rate, mode)
         class(seulex_method), intent(inout) :: self
         class(lane_system), intent(inout) :: system
         real(wp), intent(in) :: t, y(:), nudge(:)
-        integer :: first, last, ahead, back, i
-        logical :: failed(lanes)
+        real(wp), intent(in) :: start_rate(:), mode       !! rates at y, and their number among jumps
+        integer :: first, last, ahead, back, beyond, i
+        logical :: failed(lanes), is_beyond(lanes)
 
         do first = 1, size(y), lanes/2
             last = min(size(y), first + lanes/2 - 1)
@@ -156,9 +164,16 @@ contains
             call system%evaluate(spread(t, 1, lanes), self%trial, self%rate, failed)
             system%n_used = lanes
             self%n_evaluation = self%n_evaluation + 1
+            is_beyond = abs(system%mode - mode) > 0
             do i = first, last
                 ahead = lane_of(i)
                 back = ahead + 1
+                if (is_beyond(ahead) .neqv. is_beyond(back)) then
+                    beyond = merge(ahead, back, is_beyond(ahead))
+                    self%trial(beyond, i) = y(i)
+                    self%rate(beyond, :) = start_rate
+                    failed(beyond) = .false.
+                end if
                 self%jacobian(:, i) = (self%rate(ahead, :) - self%rate(back, :))/(self%trial(ahead, i) - self%trial(back, i))
                 ! Where there are no rates to either side any matrix will do.
                 if (failed(ahead) .or. failed(back) .or. .not. all(abs(self%jacobian(:, i)) <= huge(1.0_wp))) &
