@@ -48,7 +48,12 @@ def _put(table: Any, rest: str, path: str, value: Any) -> None:
     if not isinstance(table, dict):
         raise InputError(f"with_: {path!r} leads nowhere: there is no table above {key!r}")
     if (place := INDEXED.fullmatch(key)) and key not in table:
-        _put_at(table, place[1], [int(index) for index in re.findall(r"\d+", place[2])], path, None if dot else value)
+        indices = [int(index) for index in re.findall(r"\d+", place[2])]
+        if not dot:
+            _put_at(table, place[1], indices, path, value)
+        else:
+            holder, last = _holder(table, place[1], indices, path)
+            _put(holder[last], below, path, value)
         return
     inner = table.get(key)
     if not dot:
@@ -70,6 +75,12 @@ def _put_at(table: dict[str, Any], key: str, indices: list[int], path: str, valu
     """Put an element of a list, or of a list in it."""
     if value is None:
         raise InputError(f"with_: {path!r} leads nowhere: an element of a list can only be given another value")
+    holder, last = _holder(table, key, indices, path)
+    holder[last] = value
+
+
+def _holder(table: dict[str, Any], key: str, indices: list[int], path: str) -> tuple[list[Any], int]:
+    """The list that has an element, and which of its elements it is."""
     holder: Any = table.get(key)
     for depth, index in enumerate(indices, start=1):
         if not isinstance(holder, list) or index >= len(holder):
@@ -77,7 +88,7 @@ def _put_at(table: dict[str, Any], key: str, indices: list[int], path: str, valu
             raise InputError(f"with_: {path!r} leads nowhere: {key!r} has {has} (the first is [0])")
         if depth < len(indices):
             holder = holder[index]
-    holder[indices[-1]] = value
+    return holder, indices[-1]
 
 
 def _put_in_list(items: list[dict[str, Any]], key: str, rest: str, path: str, value: Any) -> None:

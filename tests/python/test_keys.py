@@ -54,10 +54,10 @@ def test_messages_of_texts_keep_their_lines():
         linkdyn.Scene("title = 'a'\nfoo = 2\n")
 
 
-@pytest.mark.parametrize("path", ["link.crank.cog[0]", "link.crank.mass", "frame.markers.J1[0]", "gravity[1]"])
+@pytest.mark.parametrize("path", ["link.crank.cog[0]", "link.crank.mass", "link[0].mass", "frame.markers.J1[0]", "gravity[1]"])
 def test_one_path_for_changes_and_sweeps(content, path):
     scene = linkdyn.Scene(content)
-    number = {"link.crank.cog[0]": 1.5, "link.crank.mass": 300.0, "frame.markers.J1[0]": 10.2, "gravity[1]": -5.0}[path]
+    number = {"link.crank.cog[0]": 1.5, "link.crank.mass": 300.0, "link[0].mass": 300.0, "frame.markers.J1[0]": 10.2, "gravity[1]": -5.0}[path]
     q = np.linspace(0.5, 3.0, 7)
     changed = scene.with_({path: number}).inverse(q[:, np.newaxis])
     assert np.abs(changed.driving_force - scene.inverse(q[:, np.newaxis]).driving_force).max() > 1.0
@@ -72,7 +72,8 @@ def test_one_path_for_changes_and_sweeps(content, path):
         ("link.crank.cog[2]", 1.0, "'cog' has 2 elements"),
         ("link.crank.mass[0]", 1.0, "'mass' has no list"),
         ("link.crank.cog[0]", None, "another value"),
-        ("link.crank.cog[0].x", 1.0, "another value"),
+        ("link.crank.cog[0].x", 1.0, "no table above 'x'"),
+        ("link[9].mass", 1.0, "'link' has"),
     ],
 )
 def test_elements_that_are_not_there(content, path, value, words):
