@@ -432,11 +432,13 @@ contains
         class(forward_system), intent(inout) :: self
         logical :: is_broken(lanes)
         real(wp), parameter :: gross = 0.01_wp         !! part of the energy in motion: a hundred such steps, and nothing is left
+        real(wp), parameter :: gross_far = 0.1_wp      !! where no other assembly is near: a stiff drive that sets in costs so much
         real(wp), parameter :: fine = 1.0e-5_wp        !! likewise where rates are rounding: five digits of the speed
         real(wp), parameter :: more = 100
         real(wp), parameter :: rounding = 1.0e6_wp     !! of positions near a change point, in units in the last place
         real(wp), parameter :: near = 1.0e-3_wp        !! margin at which rates lose digits
-        real(wp), dimension(lanes) :: error, margin
+        real(wp), parameter :: far = 0.3_wp            !! and at which a step leads to no other assembly
+        real(wp), dimension(lanes) :: error, margin, bound
         logical :: is_near(lanes)
 
         is_broken = .false.
@@ -444,7 +446,8 @@ contains
         margin = minval(abs(self%assembly%margin), dim=2)
         is_near = min(margin, self%margin) < near .or. self%assembly%n_crossed > self%n_crossed
         error = max(abs(self%gained) - rounding*self%resolved, 0.0_wp)/max(self%moved, tiny(1.0_wp))
-        is_broken = error > merge(min(max(fine, more*self%usual_error), gross), gross, is_near)
+        bound = merge(gross_far, gross, min(margin, self%margin) > far .and. self%assembly%n_crossed == self%n_crossed)
+        is_broken = error > merge(min(max(fine, more*self%usual_error), gross), bound, is_near)
         where (.not. is_near) self%usual_error = error
         self%margin = margin
         self%n_crossed = self%assembly%n_crossed
