@@ -794,7 +794,8 @@ contains
         else
             call run%system%evaluate_on_lanes(instant, run%output, rate, failed)
             force = run%system%workspace%driving_force(1, :)
-            run%system%n_output = run%system%n_output + 1
+            ! What runs with events do follows from the steps alone, to the last bit: outputs change no instant of an event.
+            if (run%system%n_guard == 0) run%system%n_output = run%system%n_output + 1
         end if
         call read_coordinates(run%model, run%system%layout, instant, run%output, run%system%turns, run%system%workspace%state, &
                               lane_q, lane_qd, lane_qdd)

@@ -114,7 +114,7 @@ module linkdyn_forward_system
         logical :: may_record = .false.                !! once that is worth while; the caller says so
         type(forward_record) :: record
         integer :: n_accepted = 0                      !! steps so far
-        integer :: n_output = 0                        !! instants of output so far, each with a step of its own
+        integer :: n_output = 0                        !! instants of output so far, each with a step of its own; 0 where there are events
         integer :: n_by_record = 0                     !! evaluations by the record alone
         logical, private :: is_behind = .false.        !! the state evaluated last is not in the workspace, but here:
         real(wp), private :: t_tried(lanes) = 0        !! [s]

@@ -5,7 +5,7 @@ module linkdyn_inverse_call
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use linkdyn_assembly_trail, only: assembly_trail
     use linkdyn_finite, only: all_are_finite
-    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, run_prepared
+    use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, run_prepared, solver_lapack
     use linkdyn_lane_count, only: lanes
     use linkdyn_lock, only: hold_texts, release_texts
     use linkdyn_model, only: model_type
@@ -129,7 +129,8 @@ contains
         integer :: i
 
         own = options
-        own%wants_errors = is_wanted(result_driving_force_error) .or. is_wanted(result_reaction_error)
+        own%wants_errors = is_wanted(result_driving_force_error) .or. is_wanted(result_reaction_error) &
+                           .or. (is_wanted(result_error) .and. own%solver /= solver_lapack)  ! whose bound needs no probe
         own%wants_rcond = is_wanted(result_rcond)
         own%wants_distance = is_wanted(result_singularity_distance)
         call hold_texts()

@@ -99,6 +99,15 @@ def test_wanted_only_when_asked() -> None:
     np.testing.assert_array_equal(together["rcond"], rcond(case, "elimination"))
 
 
+def test_errors_are_of_the_forces_whatever_is_wanted() -> None:
+    case = BY_NAME["example_fourbar"]
+    scene = linkdyn.Scene(case.scene, case.folder)
+    motion = (case.q, case.qd, case.qdd)
+    of_forces = scene.solve(*motion, want="driving_force", error=True)
+    for want in ("rcond", "power", "joint_variable", "checks"):
+        np.testing.assert_array_equal(scene.solve(*motion, want=want, error=True)["error"], of_forces["error"])
+
+
 def test_failed_samples_have_none() -> None:
     """Out of reach: no pose, no matrix."""
     case = BY_NAME["dead_centre_outer"]
