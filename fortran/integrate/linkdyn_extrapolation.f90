@@ -14,7 +14,7 @@ module linkdyn_extrapolation
     use linkdyn_one_step, only: one_step_method
     implicit none (type, external)
     private
-    public :: extrapolation_method
+    public :: extrapolation_method, add_row
 
     integer, parameter :: fewest = 3                      !! columns: with fewer nothing tells errors from rounding
 
@@ -31,7 +31,7 @@ module linkdyn_extrapolation
         real(wp), allocatable, private :: reach(:)        !! step that each number of columns could take next (most)
         real(wp), allocatable, private :: diagonal(:, :)  !! entries of the highest order of each row (n, most)
         real(wp), allocatable, private :: change(:, :)    !! of these from those before (n, most)
-        integer, private :: row = 5                       !! of the step tried last, which its way was taken from
+        integer :: row = 5                                !! of the step tried last, which its way was taken from
     contains
         procedure(cross_step), deferred :: cross
         procedure :: start_table
@@ -142,20 +142,31 @@ contains
     pure subroutine extrapolate(self, k)
         class(extrapolation_method), intent(inout) :: self
         integer, intent(in) :: k
-        integer :: i, j
+        integer :: j
 
         self%change = huge(1.0_wp)
         do j = 2, k
-            ! Entry i of the row before becomes entry i of this row; table(:, i) holds the row from its end.
-            do i = j - 1, 1, -1
-                associate (ratio => real(self%n_substep(j), wp)/self%n_substep(i))
-                    self%change(:, j) = (self%table(:, i + 1) - self%table(:, i))/(ratio**self%power - 1)
-                end associate
-                self%table(:, i) = self%table(:, i + 1) + self%change(:, j)
-            end do
+            call add_row(self, j, self%table, self%change(:, j))
             self%diagonal(:, j) = self%table(:, 1)
         end do
     end subroutine extrapolate
+
+    !> The row of a table that begins with column j. Entry i of the row before becomes entry i of this one; `table(:, i)` holds the
+    !> row from its end.
+    pure subroutine add_row(self, j, table, change)
+        class(extrapolation_method), intent(in) :: self
+        integer, intent(in) :: j
+        real(wp), intent(inout) :: table(:, :)            !! (n, j at least)
+        real(wp), intent(out) :: change(:)                !! that made the entry of the highest order (n)
+        integer :: i
+
+        do i = j - 1, 1, -1
+            associate (ratio => real(self%n_substep(j), wp)/self%n_substep(i))
+                change = (table(:, i + 1) - table(:, i))/(ratio**self%power - 1)
+            end associate
+            table(:, i) = table(:, i + 1) + change
+        end do
+    end subroutine add_row
 
     !> Step and number of columns that should come cheapest, from the errors of all columns so far.
     subroutine propose(self, step, allowed, is_accepted, next)

@@ -11,6 +11,8 @@ module linkdyn_one_step
     contains
         procedure(try_step), deferred :: try_step
         procedure(propose_step), deferred :: propose
+        procedure :: sees_all
+        procedure :: error_unseen
         procedure :: forget
         procedure :: release
     end type one_step_method
@@ -43,6 +45,23 @@ module linkdyn_one_step
     end interface
 
 contains
+
+    !> Do the stages of a step, or their differences, meet every kink of the rates that lies within?
+    pure logical function sees_all(self)
+        class(one_step_method), intent(in) :: self
+
+        sees_all = .true.
+    end function sees_all
+
+    !> For methods that do not: what may have been left out of the step tried last, beside its error.
+    subroutine error_unseen(self, step, start_rate, end_rate, error)
+        class(one_step_method), intent(inout) :: self
+        real(wp), intent(in) :: step
+        real(wp), intent(in) :: start_rate(:), end_rate(:)    !! where it begins and ends (n)
+        real(wp), intent(out) :: error(:)                 !! of its way (n)
+
+        error = 0*(step + start_rate + end_rate)
+    end subroutine error_unseen
 
     !> What was learnt from steps so far does not hold beyond.
     subroutine forget(self)

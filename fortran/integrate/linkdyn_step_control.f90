@@ -64,6 +64,7 @@ module linkdyn_step_control
         logical :: has_failed = .false.
         logical :: breaks_law = .false.                !! of the system
         logical :: is_too_far = .false.                !! past where the system would rest
+        logical :: has_missed = .false.                !! a kink of the rates within, which is not in its error
         real(wp) :: part = 0                           !! error over the allowed one
     end type trial_type
 
@@ -174,6 +175,7 @@ contains
             if (is_interrupted()) cycle
             call pause%note_work()
             if (trial%part <= 1) call look_at_end(self, system, trial)
+            if (trial%part <= 1 .and. .not. trial%has_failed) call look_for_missed(self, trial)
             if (trial%part <= 1 .and. .not. trial%has_failed) then
                 if (any(self%roughness > 0)) call watch_roughness(self, system, trial)
                 call keep(self, trial, .false.)
@@ -248,6 +250,7 @@ contains
         trial%part = huge(1.0_wp)
         trial%breaks_law = .false.
         trial%is_too_far = .false.
+        trial%has_missed = .false.
         if (trial%has_failed) return
         trial%y = self%y
         trial%rest = 0
@@ -299,6 +302,18 @@ contains
         trial%breaks_law = system%broken_law(self%t + trial%step, trial%y, (little*trial%step)*trial%rate, error) > 1
         trial%has_failed = trial%breaks_law
     end subroutine look_at_end
+
+    !> No step leads over a kink of the rates that it has not met.
+    subroutine look_for_missed(self, trial)
+        type(step_control), intent(inout) :: self
+        type(trial_type), intent(inout) :: trial       !! the step tried last, with the rates at its end
+        real(wp) :: error(size(self%y))
+
+        if (self%method%sees_all()) return
+        call self%method%error_unseen(trial%step, self%rate, trial%rate, error)
+        trial%has_missed = .not. all(abs(error) <= trial%allowed)
+        trial%has_failed = trial%has_missed
+    end subroutine look_for_missed
 
     !> The error that the tolerances ask for, and the one allowed: no less than what the many sums of an error estimate round
     !> off, what rounding makes of rates, and a part of the mean that it has made of the steps so far. To hold others to less
@@ -398,7 +413,7 @@ contains
             if (.not. trial%has_failed) call self%method%propose(trial%step, trial%allowed, .false., self%step)
             if (system%has_jumped) self%step = min(self%step, cut*trial%step)
             ! A peak that no stage has met, or a place to stop before: shorter steps will.
-            if (trial%breaks_law .or. trial%is_too_far) return
+            if (trial%breaks_law .or. trial%is_too_far .or. trial%has_missed) return
             if (self%n_refused > 1) self%step = min(self%step, trial%step/2)
             ! An error a little too large is daily bread, unless steps shrink at a tolerance that rounding hardly allows.
             if (trial%part < unexpected .and. trial%step > suspicious*self%longest &
@@ -556,6 +571,11 @@ contains
         is_good = self%knows_rate
         if (.not. is_good) return
         call try_length(self, system, t - self%t, t, trial)
+        if (trial%part <= 1 .and. .not. (trial%has_failed .or. self%method%sees_all())) then
+            call system%evaluate_alone(t, trial%y, trial%rate, trial%has_failed)
+            self%n_evaluation = self%n_evaluation + 1
+            if (.not. trial%has_failed) call look_for_missed(self, trial)
+        end if
         is_good = trial%part <= 1 .and. .not. trial%has_failed
         ! A place that only steps with errors above those allowed could pass has no better ones behind.
         if (t < self%t .and. .not. trial%has_failed) is_good = is_good_enough(self, trial)
