@@ -44,13 +44,14 @@ contains
         logical, intent(in) :: again
         logical, intent(out) :: has_failed
         real(wp) :: substep(lanes), instant(lanes), next(lanes)
-        integer :: column(lanes), first, m, i, l
+        integer :: column(lanes), first, n_used, m, i, l
         logical :: failed(lanes)
 
         has_failed = .false.
         do first = 1, k, lanes
-            ! Lanes to spare do what the longest column does.
+            ! Lanes to spare do what the longest column does; nobody looks at them.
             column = [(min(first + l - 1, k), l=1, lanes)]
+            n_used = min(lanes, k - first + 1)
             substep = step/(2*column)
             do i = 1, size(y)
                 self%before(:, i) = 0
@@ -62,11 +63,11 @@ contains
                 do i = 1, size(y)
                     self%trial(:, i) = y(i) + self%now(:, i)
                 end do
-                system%n_used = min(lanes, k - first + 1)
+                system%n_used = n_used
                 call system%evaluate(instant, self%trial, self%rate, failed)
                 system%n_used = lanes
                 self%n_evaluation = self%n_evaluation + 1
-                has_failed = any(failed .and. m <= 2*column) .or. is_interrupted()
+                has_failed = any(failed(:n_used) .and. m <= 2*column(:n_used)) .or. is_interrupted()
                 if (has_failed) return
                 do i = 1, size(y)
                     next = self%before(:, i) + (2*substep)*self%rate(:, i)
@@ -78,7 +79,7 @@ contains
                     end where
                 end do
             end do
-            do l = 1, lanes
+            do l = 1, n_used
                 self%table(:, column(l)) = self%now(l, :)
             end do
         end do

@@ -108,14 +108,15 @@ contains
         logical, intent(in) :: again
         logical, intent(out) :: has_failed
         real(wp) :: substep(lanes), instant(lanes)
-        integer :: n_substep(lanes), column(lanes), first, m, i, j, l
+        integer :: n_substep(lanes), column(lanes), first, n_used, m, i, j, l
         logical :: failed(lanes)
 
         if (.not. again) call need_jacobian(self, system, t, step, y, start_rate)
         has_failed = .false.
         do first = 1, k, lanes
-            ! Lanes to spare do what the longest column does.
+            ! Lanes to spare do what the longest column does; nobody looks at them.
             column = [(min(first + l - 1, k), l=1, lanes)]
+            n_used = min(lanes, k - first + 1)
             n_substep = self%n_substep(column)
             substep = step/n_substep
             call invert(self, substep, has_failed)
@@ -127,11 +128,11 @@ contains
                 do i = 1, size(y)
                     self%trial(:, i) = y(i) + self%now(:, i)
                 end do
-                system%n_used = min(lanes, k - first + 1)
+                system%n_used = n_used
                 call system%evaluate(instant, self%trial, self%rate, failed)
                 system%n_used = lanes
                 self%n_evaluation = self%n_evaluation + 1
-                has_failed = any(failed .and. m <= n_substep) .or. is_interrupted()
+                has_failed = any(failed(:n_used) .and. m <= n_substep(:n_used)) .or. is_interrupted()
                 if (has_failed) return
                 do i = 1, size(y)
                     self%before(:, i) = 0
@@ -142,12 +143,12 @@ contains
                 do i = 1, size(y)
                     where (m <= n_substep) self%now(:, i) = self%now(:, i) + self%before(:, i)
                 end do
-                do l = 1, lanes
+                do l = 1, n_used
                     if (m == 2) self%second_rate(:, column(l)) = self%rate(l, :)
                     if (m == n_substep(l)) self%last_slope(:, column(l)) = self%before(l, :)/substep(l)
                 end do
             end do
-            do l = 1, lanes
+            do l = 1, n_used
                 self%table(:, column(l)) = self%now(l, :)
             end do
             self%first = first

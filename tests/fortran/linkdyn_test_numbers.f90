@@ -1,5 +1,6 @@
 !> Numbers for the tests: repeatable random values, derivatives by differences, condition numbers.
 module linkdyn_test_numbers
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_kinds, only: wp
@@ -9,7 +10,7 @@ module linkdyn_test_numbers
     private
     public :: random_stream, random_walk, eps
     public :: stencil, difference_step, difference_error, difference
-    public :: condition_number, dense_solution, skew_part, random_vec3, largest_vec3
+    public :: condition_number, dense_solution, skew_part, random_vec3, largest_vec3, spoil_spare_lanes
 
     real(wp), parameter :: eps = epsilon(1.0_wp)
 
@@ -27,6 +28,16 @@ module linkdyn_test_numbers
     real(wp), parameter :: stencil(-2:2) = [1.0_wp, -8.0_wp, 0.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
 
 contains
+
+    !> What a system may leave in lanes that nobody is to look at.
+    pure subroutine spoil_spare_lanes(n_used, rate, failed)
+        integer, intent(in) :: n_used
+        real(wp), intent(inout) :: rate(:, :)          !! (lane, n)
+        logical, intent(inout) :: failed(:)            !! (lane)
+
+        rate(n_used + 1:, :) = ieee_value(1.0_wp, ieee_quiet_nan)
+        failed(n_used + 1:) = .true.
+    end subroutine spoil_spare_lanes
 
     !> From a start on, each number by small steps of changing speed.
     function random_walk(start, n, reach) result(q)

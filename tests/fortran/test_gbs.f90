@@ -7,6 +7,7 @@ module test_gbs
     use linkdyn_lane_system, only: lane_system
     use linkdyn_pause, only: pause_type
     use linkdyn_step_control, only: step_control, step_accepted, step_too_short
+    use linkdyn_test_numbers, only: spoil_spare_lanes
     use linkdyn_testing, only: test_error, unit_test, new_test, check
     implicit none (type, external)
     private
@@ -44,6 +45,7 @@ contains
         rate(:, 2) = y(:, 4)
         rate(:, 3) = -y(:, 1)/cube
         rate(:, 4) = -y(:, 2)/cube
+        call spoil_spare_lanes(self%n_used, rate, failed)
     end subroutine evaluate_orbit
 
     !> One round from the point nearest the sun, eccentricity 1/2, in equal pieces: how far from closed, at what cost.

@@ -6,6 +6,7 @@ module test_seulex
     use linkdyn_pause, only: pause_type
     use linkdyn_seulex, only: seulex_method
     use linkdyn_step_control, only: step_control, step_accepted
+    use linkdyn_test_numbers, only: spoil_spare_lanes
     use linkdyn_testing, only: test_error, unit_test, new_test, check
     implicit none (type, external)
     private
@@ -38,6 +39,7 @@ contains
         rate(:, 1) = y(:, 2)
         rate(:, 2) = -self%stiffness*max(0.0_wp, y(:, 1) - self%wall)
         rate(:, 3) = self%haste*(y(:, 1) - y(:, 3))
+        call spoil_spare_lanes(self%n_used, rate, failed)
     end subroutine evaluate_spring
 
     !> The mass comes with 1 m/s: it is back at the wall half a period of the spring later, and leaves as it came. Steps are long
