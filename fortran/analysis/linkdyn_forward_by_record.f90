@@ -16,7 +16,6 @@ contains
 
     !> Make the record and use it from now on, if the scene has one and it finds what the lanes find.
     module procedure make_record
-
         call make_forward_record(self%model, self%layout, self%equations%unknown, self%wants_work, self%record)
         self%may_record = self%record%recorded%is_usable
         if (self%may_record) self%may_record = agrees_with_lanes(self, t)
@@ -34,7 +33,6 @@ contains
 
     !> Use the record of another system of the same scene.
     module procedure share_record
-
         self%may_record = other%may_record
         if (.not. self%may_record) return
         call share_forward_record(self%model, other%record%recorded, self%record)
@@ -63,8 +61,8 @@ contains
             changes_efforts = has_motor_laws .or. self%control%state%n > 0
             if (changes_efforts) call apply_record_laws(n, self%record)
             if (self%control%state%n > 0) call drive_record_by_controllers(self, n, t, y)
-            if (has_motor_laws) call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, &
-                                                             self%record, self%motors)
+            if (has_motor_laws) &
+                call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, self%record, self%motors)
             call run_states(n, self%record, self%workspace%acceleration, counted, rate(:, self%layout%work), &
                             rate(:, self%layout%supplied), laws_are_there=changes_efforts)
             if (self%assembly%is_needed) then

@@ -3,6 +3,7 @@
 !> Accelerations are linear in pushes. What a unit of each gives is found by solving the equations of motion once more for each of them.
 submodule (linkdyn_forward_system) linkdyn_forward_contacts
     use linkdyn_contact_forces, only: solve_contacts
+    use linkdyn_event_angles, only: angles_about
     use linkdyn_held_variables, only: n_held, rates_held, slips, led_by, still_coordinates
     use linkdyn_measures, only: find_kept
     use linkdyn_planar_motion, only: level_velocity, level_given
@@ -13,7 +14,6 @@ contains
     !> Accelerations away from stops and of the slips of clutches, and those of the coordinates, while stops and clutches push; on top
     !> of that clutches rub. Kinematics, loads and drives of the state are in the workspace.
     module procedure accelerate
-
         associate (state => self%workspace%state, n => n_stop(self%model%scene))
             state%stop_force = push(:, :n)
             state%clutch_force = self%clutch%rub + push(:, n + 1:)

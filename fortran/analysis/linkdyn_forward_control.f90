@@ -12,7 +12,6 @@ contains
 
     !> The next instant at which a controller takes a sample, or one takes effect; huge: none. Steps must end there.
     module procedure next_control
-
         next = huge(next)
         if (self%control%has_sampled) next = next_instant(self%model%scene%controller, self%control%state)
     end procedure next_control
@@ -74,8 +73,8 @@ contains
 
         lane = [(min(i, n), i=1, lanes)]
         associate (samples => self%record%samples)
-            if (self%control%has_continuous) call let_control(self, t(lane), y(lane, :), transpose(samples%measured(:, lane)), &
-                                                          transpose(samples%law(:, lane)))
+            if (self%control%has_continuous) call let_control(self, t(lane), y(lane, :), &
+                transpose(samples%measured(:, lane)), transpose(samples%law(:, lane)))
             do i = 1, self%control%state%n
                 associate (k => self%model%scene%controller(i)%actuator)
                     samples%effort(k, :n) = samples%effort(k, :n) + effort_scale(self%model, k)*self%control%state%output(:n, i)

@@ -3,6 +3,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_events
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_clutch_friction, only: reserve
     use linkdyn_clutch_states, only: switch_clutches
+    use linkdyn_event_angles, only: angles_about
     use linkdyn_event_log, only: add_entry, kind_crossing, kind_end, kind_contact, kind_release
     use linkdyn_exchange, only: coordinate_now
     use linkdyn_forward_state, only: read_coordinates
@@ -50,19 +51,45 @@ contains
 
     !> Events have come: they are noted, end the run, or stops throw back, catch and let go.
     module procedure meet_events
-        real(wp), parameter :: rounded = 1.0e-12_wp    !! of the fastest impact: that is no speed
         logical, dimension(lanes, n_stop(self%model%scene)) :: strikes, rested
         logical, dimension(lanes, n_clutch(self%model%scene)) :: is_closed, has_slipped
-        real(wp) :: away(lanes, n_stop(self%model%scene))
+
+        rested = self%stops%rests
+        call self%look_closely(t, y)
+        call tell_apart(self, t, y, has_crossed, has_changed, is_over, strikes, is_closed, has_slipped)
+        has_slipped = has_slipped .and. is_closed
+        if (any(has_slipped) .or. any(is_closed .neqv. self%clutch%is_closed)) then
+            has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%clutch%is_closed), dim=2)
+            call engage(self, t, y, is_closed, has_slipped)
+            is_over = is_over .or. self%is_driven_through
+        end if
+        if (any(strikes)) call forget_leaving(self, strikes)
+        if (any(strikes)) then
+            call self%meet_stops(t, y, strikes)
+            has_changed = has_changed .or. any(strikes, dim=2)
+            is_over = is_over .or. self%is_driven_through
+        end if
+        if (any(has_changed)) call renew_gaps(self, t, y, has_changed, rested)
+    end procedure meet_events
+
+    !> Each crossing by what it is one of. What is over at once is done: ends of runs, brakes that are switched, contacts that give way,
+    !> releases. What clutches and stops make of theirs comes later, of all together.
+    subroutine tell_apart(self, t, y, has_crossed, has_changed, is_over, strikes, is_closed, has_slipped)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: has_crossed(:, :)       !! (lane, n_guard)
+        logical, intent(out) :: has_changed(lanes), is_over(lanes)
+        logical, intent(out) :: strikes(:, :)          !! (lane, n_stop)
+        logical, intent(out) :: is_closed(:, :)        !! from here (lane, n_clutch)
+        logical, intent(out) :: has_slipped(:, :)      !! comes to rest, or breaks loose (lane, n_clutch)
         integer :: lane, i
 
-        is_closed = self%clutch%is_closed
-        has_slipped = .false.
-        rested = self%stops%rests
         has_changed = .false.
         is_over = .false.
         strikes = .false.
-        call self%look_closely(t, y)
+        is_closed = self%clutch%is_closed
+        has_slipped = .false.
         do i = 1, self%n_guard
             associate (event => self%model%scene%event(i))
                 do lane = 1, lanes
@@ -92,25 +119,6 @@ contains
                 end do
             end associate
         end do
-        has_slipped = has_slipped .and. is_closed
-        if (any(has_slipped) .or. any(is_closed .neqv. self%clutch%is_closed)) then
-            has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%clutch%is_closed), dim=2)
-            call engage(self, t, y, is_closed, has_slipped)
-            is_over = is_over .or. self%is_driven_through
-        end if
-        if (any(strikes)) then
-            ! What is on its way out was thrown back a moment ago: rounding has its gap still closed.
-            away = away_from_stops(self%model, self%look, level_velocity)
-            do i = 1, size(strikes, 2)
-                strikes(:, i) = strikes(:, i) .and. .not. away(:, i) > rounded*self%stops%fastest(:, i)
-            end do
-        end if
-        if (any(strikes)) then
-            call self%meet_stops(t, y, strikes)
-            has_changed = has_changed .or. any(strikes, dim=2)
-            is_over = is_over .or. self%is_driven_through
-        end if
-        if (any(has_changed)) call renew_gaps(self, t, y, has_changed, rested)
 
     contains
 
@@ -122,7 +130,21 @@ contains
             entry%direction = nint(-self%guard_side(lane, i))
             call note_entry(self, t, y, lane, i, entry)
         end subroutine note
-    end procedure meet_events
+    end subroutine tell_apart
+
+    !> What is on its way out was thrown back a moment ago: rounding has its gap still closed.
+    subroutine forget_leaving(self, strikes)
+        class(forward_system), intent(in) :: self
+        logical, intent(inout) :: strikes(:, :)        !! (lane, n_stop)
+        real(wp), parameter :: rounded = 1.0e-12_wp    !! of the fastest impact: that is no speed
+        real(wp) :: away(lanes, size(strikes, 2))
+        integer :: i
+
+        away = away_from_stops(self%model, self%look, level_velocity)
+        do i = 1, size(strikes, 2)
+            strikes(:, i) = strikes(:, i) .and. .not. away(:, i) > rounded*self%stops%fastest(:, i)
+        end do
+    end subroutine forget_leaving
 
     !> An entry of the log, in the user's coordinates. Lanes that nobody asks for have none.
     module procedure note_entry

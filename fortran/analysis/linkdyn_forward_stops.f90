@@ -2,6 +2,7 @@
 submodule (linkdyn_forward_system) linkdyn_forward_stops
     use linkdyn_clutch_states, only: set_guard
     use linkdyn_contact_forces, only: solve_contacts, solve_held
+    use linkdyn_event_angles, only: angles_about
     use linkdyn_event_log, only: kind_release, kind_impact, kind_rest, kind_slip
     use linkdyn_held_variables, only: n_held, away_from_stops, slips, push_coordinates, still_rates
     use linkdyn_impacts, only: find_impacts, find_resting
@@ -15,8 +16,7 @@ contains
     !> Joint variables strike stops. All whose gaps are closed there take part, those that rest as well (`linkdyn_impacts`). What
     !> has no speed left then rests, if it is pressed against its stop.
     module procedure meet_stops
-        real(wp), parameter :: near = 1.0e-12_wp       !! of the widest gap so far: that is closed
-        real(wp), dimension(lanes, n_stop(self%model%scene)) :: gap, before, impulse, after, change
+        real(wp), dimension(lanes, n_stop(self%model%scene)) :: before, impulse, after, change
         real(wp) :: response(lanes, n_stop(self%model%scene), n_stop(self%model%scene))
         real(wp) :: of_coordinates(lanes, self%model%n_q, n_stop(self%model%scene))
         real(wp) :: rate(lanes, self%n), y_before(lanes, self%n), loss(lanes)
@@ -26,29 +26,13 @@ contains
 
         is_struck = any(strikes, dim=2)
         rested = self%stops%rests
+        y_before = y
         call self%evaluate_on_lanes(t, y, rate, failed)
         call self%look_closely(t, y)
         before = away_from_stops(self%model, self%look, level_velocity)
-        call measure_gaps(self, t, gap)
-        do i = 1, size(gap, 2)
-            associate (stop => self%model%scene%stop(i))
-                touches(:, i) = is_struck .and. stop%is_hard .and. (strikes(:, i) .or. rested(:, i) &
-                                .or. gap(:, i) + self%stops%yielded(:, i) <= near*self%guard_scale(:, stop%event))
-            end associate
-        end do
+        call find_touching(self, t, strikes, touches)
         call find_stop_responses(self, t, y, touches, response, of_coordinates)
-        after = before
-        impulse = 0
-        loss = 0
-        has_struck = .false.
-        is_closed = .false.
-        do lane = 1, lanes
-            if (.not. is_struck(lane)) cycle
-            call find_impacts(response(lane, :, :), self%model%scene%stop%restitution, touches(lane, :), strikes(lane, :), &
-                              self%stops%fastest(lane, :), self%stops%hardest(lane), after(lane, :), impulse(lane, :), &
-                              has_struck(lane, :), is_closed(lane, :), loss(lane))
-        end do
-        y_before = y
+        call throw_back()
         call push_coordinates(self%layout, touches, impulse, of_coordinates, y)
         y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
         call loosen_clutches(self, t, y, y_before, is_struck)
@@ -62,37 +46,51 @@ contains
             end where
         end do
         call choose_resting(self, t, y, is_struck, touches, after, response, is_closed, rests)
-        do lane = 1, lanes
-            is_closed(lane, :) = rests(lane, :) .and. is_struck(lane)
-        end do
-        call solve_contacts(response, is_closed, -after, change)
-        call push_coordinates(self%layout, touches, change, of_coordinates, y)
-        impulse = impulse + change
-        if (holds_anywhere(self%clutch)) call still_rates(self%model, self%layout, self%clutch%holds, y)
-        y(:, self%layout%supplied) = y(:, self%layout%supplied) + sum(change*after, dim=2)/2
-        loss = loss - sum(change*after, dim=2)/2
-        do i = 1, size(before, 2)
-            do lane = 1, lanes
-                if (.not. is_struck(lane)) cycle
-                associate (e => self%model%scene%stop(i)%event)
-                    if (rests(lane, i) .and. .not. rested(lane, i)) &
-                        call rest_at_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
-                    if (.not. rests(lane, i) .and. (rested(lane, i) .or. touches(lane, i))) &
-                        call leave_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
-                end associate
-            end do
-        end do
-        do i = 1, size(before, 2)
-            do lane = 1, lanes
-                if (.not. is_struck(lane)) cycle
-                if (has_struck(lane, i) .or. (rests(lane, i) .and. .not. rested(lane, i))) &
-                    call note(merge(kind_rest, kind_impact, rests(lane, i)))
-                if (rested(lane, i) .and. .not. (rests(lane, i) .or. has_struck(lane, i))) call note(kind_release)
-            end do
-        end do
+        call take_last_speed()
+        call change_rests(self, is_struck, touches, rested, rests)
+        call tell()
         call renew_gaps(self, t, y, is_struck, rested)
 
     contains
+
+        !> Impulses, lane by lane.
+        subroutine throw_back()
+            after = before
+            impulse = 0
+            loss = 0
+            has_struck = .false.
+            is_closed = .false.
+            do lane = 1, lanes
+                if (.not. is_struck(lane)) cycle
+                call find_impacts(response(lane, :, :), self%model%scene%stop%restitution, touches(lane, :), strikes(lane, :), &
+                                  self%stops%fastest(lane, :), self%stops%hardest(lane), after(lane, :), impulse(lane, :), &
+                                  has_struck(lane, :), is_closed(lane, :), loss(lane))
+            end do
+        end subroutine throw_back
+
+        !> What comes to rest has no speed, to the last digit.
+        subroutine take_last_speed()
+            do lane = 1, lanes
+                is_closed(lane, :) = rests(lane, :) .and. is_struck(lane)
+            end do
+            call solve_contacts(response, is_closed, -after, change)
+            call push_coordinates(self%layout, touches, change, of_coordinates, y)
+            impulse = impulse + change
+            if (holds_anywhere(self%clutch)) call still_rates(self%model, self%layout, self%clutch%holds, y)
+            y(:, self%layout%supplied) = y(:, self%layout%supplied) + sum(change*after, dim=2)/2
+            loss = loss - sum(change*after, dim=2)/2
+        end subroutine take_last_speed
+
+        subroutine tell()
+            do i = 1, size(before, 2)
+                do lane = 1, lanes
+                    if (.not. is_struck(lane)) cycle
+                    if (has_struck(lane, i) .or. (rests(lane, i) .and. .not. rested(lane, i))) &
+                        call note(merge(kind_rest, kind_impact, rests(lane, i)))
+                    if (rested(lane, i) .and. .not. (rests(lane, i) .or. has_struck(lane, i))) call note(kind_release)
+                end do
+            end do
+        end subroutine tell
 
         subroutine note(kind)
             integer, intent(in) :: kind
@@ -106,6 +104,47 @@ contains
             call note_entry(self, t, y_before, lane, self%model%scene%stop(i)%event, entry, y)
         end subroutine note
     end procedure meet_stops
+
+    !> Contacts that take part in an impact: those that strike, those that rest, and all whose gaps are closed.
+    subroutine find_touching(self, t, strikes, touches)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        logical, intent(in) :: strikes(:, :)           !! (lane, n_stop)
+        logical, intent(out) :: touches(:, :)          !! (lane, n_stop)
+        real(wp), parameter :: near = 1.0e-12_wp       !! of the widest gap so far: that is closed
+        real(wp) :: gap(lanes, size(touches, 2))
+        logical :: is_struck(lanes)
+        integer :: i
+
+        is_struck = any(strikes, dim=2)
+        call measure_gaps(self, t, gap)
+        do i = 1, size(gap, 2)
+            associate (stop => self%model%scene%stop(i))
+                touches(:, i) = is_struck .and. stop%is_hard .and. (strikes(:, i) .or. self%stops%rests(:, i) &
+                                .or. gap(:, i) + self%stops%yielded(:, i) <= near*self%guard_scale(:, stop%event))
+            end associate
+        end do
+    end subroutine find_touching
+
+    !> Joint variables come to rest at stops, or leave them.
+    subroutine change_rests(self, is_struck, touches, rested, rests)
+        class(forward_system), intent(inout) :: self
+        logical, intent(in) :: is_struck(lanes)
+        logical, intent(in), dimension(:, :) :: touches, rested, rests     !! before and from here (lane, n_stop)
+        integer :: lane, i
+
+        do i = 1, size(rests, 2)
+            do lane = 1, lanes
+                if (.not. is_struck(lane)) cycle
+                associate (e => self%model%scene%stop(i)%event)
+                    if (rests(lane, i) .and. .not. rested(lane, i)) &
+                        call rest_at_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
+                    if (.not. rests(lane, i) .and. (rested(lane, i) .or. touches(lane, i))) &
+                        call leave_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
+                end associate
+            end do
+        end do
+    end subroutine change_rests
 
     !> What a unit push of each stop in contact gives at stops and coordinates while clutches without capacity hold what they hold.
     subroutine find_stop_responses(self, t, y, touches, response, of_coordinates)

@@ -24,7 +24,7 @@ module linkdyn_forward_system
     use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
         prepare_workspace, solve_equations, solver_elimination, solver_reduced
-    use linkdyn_event_angles, only: event_angles, prepare_angles, wraps_anywhere, follow_angles, angles_about
+    use linkdyn_event_angles, only: event_angles, prepare_angles, wraps_anywhere, follow_angles
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_forward_record, only: forward_record, evaluations_before_record, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, unpack_state, &
@@ -68,8 +68,6 @@ module linkdyn_forward_system
         ! ---- what becomes of steps
         type(energy_check), private :: energy
         type(coordinate_watch) :: watch                !! on the coordinates; off unless the caller prepares it
-        logical, private :: is_compared = .false.      !! its ratios at the state evaluated last are known:
-        real(wp), allocatable, private :: ratio_tried(:, :)    !! these (n_variable, n_q)
         type(bounce_watch) :: bounce                   !! on the other coordinates
         integer :: obstacle(lanes) = sample_ok         !! what rates failed of first since the last accepted state
         ! ---- events, end stops, clutches
@@ -447,7 +445,7 @@ contains
 
     ! ---------------------------------------------------------------- one evaluation
 
-    !> dy/dt on all lanes.
+    !> dy/dt on all lanes: by the record, if there is one that serves, and on lanes else.
     subroutine evaluate_forward(self, t, y, rate, failed)
         class(forward_system), intent(inout) :: self
         real(wp), intent(in) :: t(lanes)
@@ -456,20 +454,9 @@ contains
         logical, intent(out) :: failed(lanes)
         real(wp) :: by_record(lanes, self%n)
         logical :: is_left(lanes)
-        integer, parameter :: evaluations_a_step = 10  !! about
         integer :: k
 
-        if (rests_anywhere(self%stops) .or. is_clutched(self%clutch)) then
-            call self%evaluate_on_lanes(t, y, rate, failed)
-            return
-        end if
-        if (self%may_record .and. .not. associated(self%record%recorded)) then
-            ! Steps and instants tell how long the run is whenever it comes back for want of time; evaluations, some made anew
-            ! then, do not.
-            if ((self%n_accepted + self%n_output)*evaluations_a_step >= evaluations_before_record(self%model)) &
-                call self%make_record(t(1))
-        end if
-        if (.not. (self%may_record .and. associated(self%record%recorded))) then
+        if (.not. has_record_now(self, t(1))) then
             call self%evaluate_on_lanes(t, y, rate, failed)
             return
         end if
@@ -485,12 +472,29 @@ contains
             failed = .false.
             self%n_by_record = self%n_by_record + 1
             self%workspace%status = sample_ok
-            self%is_compared = .false.
+            self%watch%is_compared = .false.
             self%is_behind = .true.
             self%t_tried = t
             self%y_tried = y
         end if
     end subroutine evaluate_forward
+
+    !> Is there a record that serves? It is made once the run is long enough; it knows nothing of what stops and clutches hold.
+    logical function has_record_now(self, t) result(has_one)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        integer, parameter :: evaluations_a_step = 10  !! about
+
+        has_one = .false.
+        if (rests_anywhere(self%stops) .or. is_clutched(self%clutch)) return
+        if (self%may_record .and. .not. associated(self%record%recorded)) then
+            ! Steps and instants tell how long the run is whenever it comes back for want of time; evaluations, some made anew
+            ! then, do not.
+            if ((self%n_accepted + self%n_output)*evaluations_a_step >= evaluations_before_record(self%model)) &
+                call self%make_record(t)
+        end if
+        has_one = self%may_record .and. associated(self%record%recorded)
+    end function has_record_now
 
     !> dy/dt on all lanes, and everything else of these states in the workspace.
     subroutine evaluate_on_lanes(self, t, y, rate, failed)
@@ -500,7 +504,7 @@ contains
         real(wp), intent(out) :: rate(:, :)
         logical, intent(out) :: failed(lanes)
 
-        self%is_compared = .false.
+        self%watch%is_compared = .false.
         self%is_behind = .false.
         associate (model => self%model, workspace => self%workspace)
             call unpack_state(model, self%layout, t, y, self%turns, workspace%state)
@@ -512,10 +516,10 @@ contains
                 call find_laws(model, workspace%state)
             call drive_actuators(self, t, y)
             workspace%n_used = self%n_used
-            if (n_clutch(model%scene) > 0) call rub_clutches(self%model, t, self%workspace, self%clutch)
+            if (n_clutch(model%scene) > 0) call rub_clutches(model, t, workspace, self%clutch)
             call solve_equations(model, self%equations, workspace)
             if (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)) call hold_variables(self, t, y)
-            if (has_sticking(self%model)) call measure_grip(self%model, self%equations, self%workspace, self%clutch)
+            if (has_sticking(model)) call measure_grip(model, self%equations, workspace, self%clutch)
             call pack_rates(model, self%layout, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
             call pack_control_rates(self%layout, self%control, rate)
             call pack_current_rates(self%layout, self%n_used, self%motors, rate)

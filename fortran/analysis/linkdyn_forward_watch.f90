@@ -8,7 +8,6 @@ contains
 
     !> Compare the rates at an accepted state.
     module procedure look_at
-
         call unpack_state(self%model, self%layout, t, y, self%turns, self%watch%state)
         call evaluate_assembled(self%model, t, self%assembly, self%watch%state)
         call compare_rates(self%model, self%watch%state, self%watch)
@@ -16,10 +15,9 @@ contains
 
     !> The last stage of the step, its columns at hand, tells whether to look at the accepted state itself.
     module procedure watch_coordinates
-
         call note_rates(self%watch)
-        if (self%is_compared) then
-            self%watch%ratio = self%ratio_tried
+        if (self%watch%is_compared) then
+            self%watch%ratio = self%watch%ratio_tried
         else
             call catch_up(self)
             call compare_rates(self%model, self%workspace%state, self%watch)
@@ -29,7 +27,6 @@ contains
 
     !> Has the caller to do something about a coordinate?
     module procedure look_and_decide
-
         call self%look_at(t, y)
         if (self%watch%may_exchange) then
             self%wants_rest = is_near_dead_point(self%watch)
@@ -53,8 +50,8 @@ contains
         call catch_up(self)
         call compare_rates(self%model, self%workspace%state, self%watch)
         leads_too_far = is_well_past(self%watch, accepted)
-        self%ratio_tried = self%watch%ratio
-        self%is_compared = .true.
+        self%watch%ratio_tried = self%watch%ratio
+        self%watch%is_compared = .true.
         self%watch%ratio = accepted
     end procedure leads_too_far
 
