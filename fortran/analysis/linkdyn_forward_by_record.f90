@@ -47,7 +47,7 @@ contains
         logical :: has_motor_laws, changes_efforts
 
         n = self%n_used
-        has_motor_laws = have_laws(self%model)
+        has_motor_laws = motors_have_laws(self%model)
         call self%find_given_forces(t, inverse_force, given_status)
         if (self%assembly%is_needed) then
             branch = self%assembly%branch

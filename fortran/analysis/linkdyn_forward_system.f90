@@ -22,13 +22,13 @@ module linkdyn_forward_system
     use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
     use linkdyn_energy_balance, only: applied_power
     use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, compare_surplus
-    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, &
-        prepare_workspace, solve_equations, solver_elimination, solver_reduced
+    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
+        solve_equations
     use linkdyn_event_angles, only: event_angles, prepare_angles, wraps_anywhere, follow_angles
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_forward_record, only: forward_record, evaluations_before_record, free_forward_record
-    use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, choose_free, unpack_state, &
-        pack_rates, counted_rates
+    use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
+    use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -39,7 +39,7 @@ module linkdyn_forward_system
     use linkdyn_motion, only: lane_loads
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, free_motion_forces
-    use linkdyn_motor_states, only: motor_states, prepare_motors, have_laws, drive_by_motors, pack_current_rates
+    use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
     use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_clutch, n_controller
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
@@ -47,7 +47,7 @@ module linkdyn_forward_system
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_system, build_forward_system, choose_unknowns
+    public :: forward_system, build_forward_system
 
     type, extends(lane_system) :: forward_system
         type(model_type), pointer :: model => null()
@@ -115,14 +115,16 @@ module linkdyn_forward_system
         procedure :: release
     end type forward_system
 
-    ! What submodules do is said there. Instants t in s, states y (lane, n).
+    ! How is said in the submodules. Instants t in s, states y (lane, n).
     interface
         ! ---- linkdyn_forward_by_record
+        !> Make the record and use it from now on, if the scene has one and it finds what the lanes find.
         module subroutine make_record(self, t)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
         end subroutine make_record
 
+        !> Use the record of another system of the same scene.
         module subroutine share_record(self, other)
             class(forward_system), intent(inout) :: self
             type(forward_system), intent(in) :: other
@@ -137,10 +139,12 @@ module linkdyn_forward_system
         end subroutine evaluate_by_record
 
         ! ---- linkdyn_forward_control
+        !> The next instant at which a controller takes a sample, or one takes effect; huge: none.
         pure real(wp) module function next_control(self) result(next)
             class(forward_system), intent(in) :: self
         end function next_control
 
+        !> Controllers take samples at an accepted state, and put out those whose delay has passed.
         module subroutine control_now(self, t, y)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
@@ -161,6 +165,7 @@ module linkdyn_forward_system
         end subroutine drive_record_by_controllers
 
         ! ---- linkdyn_forward_watch
+        !> Compare the rates at an accepted state.
         module subroutine look_at(self, t, y)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
@@ -179,6 +184,7 @@ module linkdyn_forward_system
             real(wp), intent(in) :: y(:, :)
         end subroutine look_and_decide
 
+        !> Has a coordinate come past where it should be exchanged, or the mechanism been thrown back?
         logical module function leads_too_far(self, t)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
@@ -209,6 +215,7 @@ module linkdyn_forward_system
         end subroutine hold_variables
 
         ! ---- linkdyn_forward_events
+        !> The scene's events, as numbers that cross zero.
         module subroutine evaluate_events(self, t, y, guard)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
@@ -216,6 +223,7 @@ module linkdyn_forward_system
             real(wp), intent(out) :: guard(:, :)
         end subroutine evaluate_events
 
+        !> Events have come: what they bring.
         module subroutine meet_events(self, t, y, has_crossed, has_changed, is_over)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
@@ -234,6 +242,7 @@ module linkdyn_forward_system
         end subroutine note_entry
 
         ! ---- linkdyn_forward_stops
+        !> Joint variables strike stops.
         module subroutine meet_stops(self, t, y, strikes)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
@@ -250,12 +259,14 @@ module linkdyn_forward_system
         end subroutine renew_gaps
 
         ! ---- linkdyn_forward_clutches
+        !> The run begins here: clutches are open or closed, and what has no slip may be held.
         module subroutine begin_with_clutches(self, t, y)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
             real(wp), intent(inout) :: y(:, :)
         end subroutine begin_with_clutches
 
+        !> An instant at which clutches may close or open.
         module subroutine switch_now(self, t, y, is_changed)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
@@ -263,6 +274,7 @@ module linkdyn_forward_system
             logical, intent(out), optional :: is_changed   !! y is another one
         end subroutine switch_now
 
+        !> Slips of a state, on lane 1.
         module function slips_at(self, t, y) result(slip)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t                      !! [s]
@@ -282,17 +294,6 @@ module linkdyn_forward_system
 contains
 
     ! ---------------------------------------------------------------- plan
-
-    !> Which accelerations and driving forces are unknown: driven coordinates get their force from the drives `inverse`.
-    subroutine choose_unknowns(model, unknown, status)
-        type(model_type), intent(in) :: model
-        type(unknown_choice), intent(out) :: unknown
-        type(status_type), intent(inout) :: status
-
-        call choose_free(model, unknown%acceleration, status)
-        allocate (unknown%drive(model%n_actuator))
-        unknown%drive = model%scene%actuator%drive%kind == drive_inverse .and. .not. all(unknown%acceleration)
-    end subroutine choose_unknowns
 
     !> Plan the equations of the stages.
     subroutine build_forward_system(model, solver, system, status, motion_model)
@@ -352,19 +353,6 @@ contains
         call prepare_stops(n_stop(model%scene), system%stops)
         call prepare_angles(model, system%angles)
     end subroutine prepare_events
-
-    !> Virtual work where a link carries legs, which then need three columns instead of n; the planned elimination else.
-    pure integer function fastest_solver(model, unknown) result(solver)
-        type(model_type), intent(in) :: model
-        type(unknown_choice), intent(in) :: unknown
-        integer, parameter :: many = 20                    !! links a coordinate
-
-        solver = solver_elimination
-        if (.not. all(unknown%acceleration) .or. size(model%contact) > 0) return     ! friction comes from reactions
-        if (have_laws(model)) return
-        ! Where a plan fails, near a change point, the dense solver of a long chain would take 100 times as long.
-        if (any(model%leg%is_carried) .or. model%n_link > many*model%n_q) solver = solver_reduced
-    end function fastest_solver
 
     !> Does a drive, or may a law, need a joint variable that is neither a coordinate nor the length of a leg?
     pure logical function measures_joints(model)
@@ -549,7 +537,7 @@ contains
                 end if
             end do
             if (self%control%state%n > 0) call drive_by_controllers(self, t, y)
-            if (have_laws(self%model)) &
+            if (motors_have_laws(self%model)) &
                 call drive_by_motors(self%model, self%equations, self%layout, t, y, workspace, self%motors)
         end associate
     end subroutine drive_actuators

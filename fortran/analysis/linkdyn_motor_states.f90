@@ -12,7 +12,8 @@ module linkdyn_motor_states
     use linkdyn_scene, only: side_joint
     implicit none (type, external)
     private
-    public :: motor_states, prepare_motors, have_laws, drive_by_motors, drive_record_by_motors, pack_current_rates, switch_brakes
+    public :: motor_states, prepare_motors, motors_have_laws, drive_by_motors, drive_record_by_motors, pack_current_rates, &
+        switch_brakes
 
     type :: motor_states
         real(wp), allocatable :: brake(:, :)           !! taken of motors' torques at the state evaluated last (lane, n_actuator) [N m]
@@ -34,11 +35,11 @@ contains
     end subroutine prepare_motors
 
     !> Are there laws that are about motors?
-    pure logical function have_laws(model)
+    pure logical function motors_have_laws(model)
         type(model_type), intent(in) :: model
 
-        have_laws = any(model%scene%actuator%drive%side /= side_joint)
-    end function have_laws
+        motors_have_laws = any(model%scene%actuator%drive%side /= side_joint)
+    end function motors_have_laws
 
     !> What motors give at their joint variables, where laws are about them, less what brakes take of it.
     subroutine drive_by_motors(model, equations, layout, t, y, workspace, motors)
