@@ -8,9 +8,10 @@ module linkdyn_clutch_states
     use linkdyn_contact_forces, only: solve_held
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
+    use linkdyn_scene, only: scene_type, n_clutch
     implicit none (type, external)
     private
-    public :: clutch_states, prepare_clutches, share_load
+    public :: clutch_states, prepare_clutches, holds_anywhere, is_clutched, switch_clutches, set_guard, share_load
     public :: state_open, state_slips, state_holds
 
     integer, parameter :: state_open = 0, state_slips = 1, state_holds = 2
@@ -47,6 +48,54 @@ contains
                   states%ease(lanes, n), source=0.0_wp)
         allocate (states%switched(lanes, n), source=-huge(1.0_wp))
     end subroutine prepare_clutches
+
+    !> Does a clutch hold?
+    pure logical function holds_anywhere(states)
+        type(clutch_states), intent(in) :: states
+
+        holds_anywhere = .false.
+        if (allocated(states%holds)) holds_anywhere = any(states%holds)
+    end function holds_anywhere
+
+    !> Is one closed?
+    pure logical function is_clutched(states)
+        type(clutch_states), intent(in) :: states
+
+        is_clutched = .false.
+        if (allocated(states%is_closed)) is_clutched = any(states%is_closed)
+    end function is_clutched
+
+    !> An event opens or closes the clutches that wait for it.
+    subroutine switch_clutches(scene, lane, event, t, states, is_closed)
+        type(scene_type), intent(in) :: scene
+        integer, intent(in) :: lane, event
+        real(wp), intent(in) :: t                      !! [s]
+        type(clutch_states), intent(inout) :: states
+        logical, intent(inout) :: is_closed(:, :)      !! from here (lane, n_clutch)
+        integer :: i
+
+        do i = 1, n_clutch(scene)
+            associate (clutch => scene%clutch(i))
+                if (.not. any([clutch%from_event, clutch%until_event] == event)) cycle
+                is_closed(lane, i) = clutch%from_event == event
+                states%was_closed(lane, i) = is_closed(lane, i)
+                states%switched(lane, i) = t
+            end associate
+        end do
+    end subroutine switch_clutches
+
+    !> What is looked out for of a clutch from here.
+    pure subroutine set_guard(lane, i, states, guard_side, guard_scale)
+        integer, intent(in) :: lane, i                 !! clutch
+        type(clutch_states), intent(in) :: states
+        real(wp), intent(inout) :: guard_side, guard_scale     !! of its event
+
+        guard_side = 1
+        guard_scale = 0
+        if (.not. states%is_closed(lane, i) .or. states%holds(lane, i)) return
+        guard_side = states%sense(lane, i)
+        guard_scale = states%fastest(lane, i)
+    end subroutine set_guard
 
     !> Which of the clutches without slip hold. Of what several could hold together the first take all: what is left for the
     !> others is none of it, until the first ones slip.

@@ -6,7 +6,7 @@ module linkdyn_explain_record
     use linkdyn_equations, only: choose_poses, unknown_choice
     use linkdyn_forward_record, only: forward_record, make_forward_record, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout
-    use linkdyn_forward_system, only: choose_unknowns
+    use linkdyn_forward_unknowns, only: choose_unknowns
     use linkdyn_kernel, only: kernel_type, count_of
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type

@@ -23,7 +23,8 @@ module linkdyn_forward
     use linkdyn_forward_phase, only: forward_options, phase_box, plan_phase, enter_phase, release_phase, &
         rates_by_record
     use linkdyn_forward_state, only: fill_start, read_coordinates, read_attitudes, scene_start
-    use linkdyn_forward_system, only: forward_system, build_forward_system, evaluations_before_record
+    use linkdyn_forward_record, only: evaluations_before_record
+    use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_integrator, only: integrator_type, integrator_options, choose_method, check_options, method_name, &
         default_method, method_rk4, method_rkf45, method_rk8pd, method_msbdf, method_gbs, method_seulex, &
         stop_growth, stop_roughness, stop_pace, stop_law, stop_event
@@ -226,7 +227,7 @@ contains
         do i = n_stop(system%model%scene), 1, -1
             associate (stop => system%model%scene%stop(i))
                 if (.not. stop%is_hard) cycle
-                where (gap(:, stop%event) < -much*touch(stop) .and. .not. system%rests(:, i)) passed = i
+                where (gap(:, stop%event) < -much*touch(stop) .and. .not. system%stops%rests(:, i)) passed = i
             end associate
         end do
     end subroutine find_passed
@@ -386,18 +387,19 @@ contains
                                     run%n_crossed)
                 if (phase > 1) assembly%counted(:, i - first + 1) = run%system%workspace%state%counted(1, :)
                 work = run%output(1, run%system%layout%work)
-                if (has_hard_stops(run%model%scene)) stop_force(:, i) = merge(run%system%push(1, :), 0.0_wp, run%system%rests(1, :))
+                if (has_hard_stops(run%model%scene)) &
+                    stop_force(:, i) = merge(run%system%stops%push(1, :), 0.0_wp, run%system%stops%rests(1, :))
                 if (n_clutch(run%model%scene) > 0) clutch_force(:, i) = run%system%clutch%applied(1, :)
                 if (size(run%model%contact) > 0) contact_sense(:, i) = &
                     run%system%workspace%friction%sense(1, :size(run%model%contact))
             end if
             if (associated(results%time)) results%time(i) = t(i)
             if (associated(results%work)) results%work(i) = work
-            if (associated(results%brake)) results%brake(:, i) = run%system%brake(1, run%model%motor%actuator)
+            if (associated(results%brake)) results%brake(:, i) = run%system%motors%brake(1, run%model%motor%actuator)
             if (associated(results%clutch_slip) .and. .not. (run%has_stopped .and. .not. run%is_over)) &
                 results%clutch_slip(:, i) = run%system%slips_at(t(i), run%output)
             call tell_clutches(run%system%clutch, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
-            call tell_controllers(run%system%control, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
+            call tell_controllers(run%system%control%state, i, .not. (run%has_stopped .or. is_lost(i)) .or. run%is_over, results)
             if (associated(results%step)) results%step(i) = run%integrator%last_step
             call tell_coordinates(run, q(:, i), qd(:, i), i, results)
             n_passed(i) = passed_now(run)
@@ -732,9 +734,9 @@ contains
         else if (run%system%assembly%map_lost(1) > 0) then
             reason = reason//map_in_words(run%model, run%system%assembly%map_lost(1))//" come to a change point" &
                      //meeting_in_words(run%model)
-        else if (run%system%control%blind > 0 .and. &
+        else if (run%system%control%state%blind > 0 .and. &
                  .not. any(run%system%obstacle(1) == [sample_unreachable, sample_branch_lost, sample_not_converged])) then
-            reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%blind)%name) &
+            reason = reason//"controller "//quoted(run%own%scene%controller(run%system%control%state%blind)%name) &
                      //" has nothing to put out: what it measures, its target or its feed-forward has no value beyond"
         else
             select case (run%integrator%reason)
@@ -979,7 +981,7 @@ contains
             do i = 1, n_stop(model%scene)
                 associate (stop => model%scene%stop(i))
                     if (.not. stop%is_hard) cycle
-                    where (gap(:, stop%event) < -touch(stop) .and. .not. run%system%rests(:, i))
+                    where (gap(:, stop%event) < -touch(stop) .and. .not. run%system%stops%rests(:, i))
                         run%integrator%failed = .true.
                         run%system%obstacle = sample_unreachable
                     end where

@@ -5,7 +5,8 @@ module linkdyn_forward_phase
     use linkdyn_equations, only: build_equations, unknown_choice, solver_elimination, solver_lapack
     use linkdyn_exchange, only: coordinate_now, is_same_place
     use linkdyn_forward_state, only: fill_start
-    use linkdyn_forward_system, only: forward_system, build_forward_system, choose_unknowns
+    use linkdyn_forward_system, only: forward_system, build_forward_system
+    use linkdyn_forward_unknowns, only: choose_unknowns
     use linkdyn_integrator, only: integrator_options
     use linkdyn_inverse, only: inverse_solver
     use linkdyn_kinds, only: wp

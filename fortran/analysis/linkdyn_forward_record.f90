@@ -29,7 +29,8 @@ module linkdyn_forward_record
     use linkdyn_whole_turns, only: with_turns
     implicit none (type, external)
     private
-    public :: forward_record, can_be_recorded, make_forward_record, share_forward_record, free_forward_record
+    public :: forward_record, can_be_recorded, evaluations_before_record, make_forward_record, share_forward_record, &
+        free_forward_record
     public :: place_states, close_states, run_states, may_change_assembly, apply_record_laws, settle_record_losses
 
     !> A record, and the samples of one run.
@@ -59,6 +60,15 @@ contains
             can_be_recorded = can_be_recorded .and. layout%quaternion(model%step(i)%first) == 0
         end do
     end function can_be_recorded
+
+    !> Evaluations on lanes that take about as long as the making of a record: a run of fewer has none.
+    pure integer function evaluations_before_record(model) result(n)
+        type(model_type), intent(in) :: model
+        integer, parameter :: evaluations_a_link = 100     !! measured: 50 (of a hundred links) to 300
+        integer, parameter :: of_legs = 300                !! which the lanes carry in few columns
+
+        n = merge(of_legs, evaluations_a_link, any(model%leg%is_carried))*model%n_link
+    end function evaluations_before_record
 
     !> Trace the scene; ask `recorded%is_usable` whether that has served.
     subroutine make_forward_record(model, layout, unknown, wants_power, record)

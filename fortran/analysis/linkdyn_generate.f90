@@ -11,7 +11,7 @@ module linkdyn_generate
     use linkdyn_controller_kernel, only: make_controller_kernel, make_closing_kernel, run_kernel
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_equations, only: unknown_choice, equations_type, build_equations, choose_poses, solver_elimination
-    use linkdyn_forward_system, only: choose_unknowns
+    use linkdyn_forward_unknowns, only: choose_unknowns
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place
     use linkdyn_inverse, only: look_for_record
     use linkdyn_kinds, only: wp

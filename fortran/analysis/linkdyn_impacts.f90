@@ -13,7 +13,7 @@ module linkdyn_impacts
     use linkdyn_kinds, only: wp
     implicit none (type, external)
     private
-    public :: find_impacts
+    public :: find_impacts, find_resting
 
     integer, parameter :: most_rounds = 1000          !! of an instant; in the last one nothing is thrown back
     real(wp), parameter :: weak = 1.0e-6_wp            !! of the fastest impact at a stop: a slower one ends there
@@ -73,4 +73,35 @@ contains
         end do
         is_closed = touches .and. abs(speed) <= 10*still*hardest*ease
     end subroutine find_impacts
+
+    !> Which of the contacts that have no speed rest: those that push, of accelerations apart and pushes, none negative. One that leaves
+    !> so slowly that it would come back before rounding let its gap be seen has no speed either.
+    pure subroutine find_resting(response, touches, speed, away, widest, is_closed, rests)
+        real(wp), intent(in) :: response(:, :)         !! W [1/kg, ...] (of, by)
+        logical, intent(in) :: touches(:)              !! their gaps are closed
+        real(wp), intent(in) :: speed(:)               !! apart [m/s, rad/s]
+        real(wp), intent(in) :: away(:)                !! accelerations apart without pushes [m/s^2, rad/s^2]
+        real(wp), intent(in) :: widest(:)              !! gap so far [m, rad]
+        logical, intent(inout) :: is_closed(:)         !! has no speed
+        logical, intent(out) :: rests(:)
+        real(wp), parameter :: low = 1.0e-13_wp        !! of the widest gap so far: a bounce of that height is none
+        real(wp) :: left(size(rests))
+        real(wp), allocatable :: push(:)
+        logical :: is_low(size(rests))
+        integer, allocatable :: contact(:)
+        integer :: i, turn
+
+        do turn = 1, size(rests) + 1
+            contact = pack([(i, i=1, size(rests))], is_closed)
+            if (allocated(push)) deallocate (push)
+            allocate (push(size(contact)))
+            call solve_complementary(response(contact, contact), away(contact), push)
+            left = away + matmul(response(:, contact), push)
+            is_low = touches .and. .not. is_closed .and. left < 0 .and. speed >= 0 .and. speed**2 <= 2*low*widest*abs(left)
+            if (.not. any(is_low)) exit
+            is_closed = is_closed .or. is_low
+        end do
+        rests = .false.
+        rests(contact) = push > 0 .or. left(contact) <= 0
+    end subroutine find_resting
 end module linkdyn_impacts

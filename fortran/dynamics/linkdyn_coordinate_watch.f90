@@ -40,6 +40,8 @@ module linkdyn_coordinate_watch
         real(wp), allocatable :: ratio(:, :)        !! speed of a variable over that of a coordinate alone (n_variable, n_q)
         real(wp), allocatable :: before(:, :)       !! the same one step before; 0: not known (n_variable, n_q)
         real(wp), allocatable :: least(:)           !! smallest of the largest ratios of a coordinate so far (n_q)
+        logical :: is_compared = .false.            !! ratios at the state evaluated last are known, accepted or not:
+        real(wp), allocatable :: ratio_tried(:, :)  !! these (n_variable, n_q)
         type(kinematic_state) :: state              !! at the position looked at
     end type coordinate_watch
 

@@ -1,0 +1,154 @@
+!> Rates by a record of the scene, shared by the run's evaluations, and the judgement whether it may be used.
+submodule (linkdyn_forward_system) linkdyn_forward_by_record
+    use linkdyn_assembly_trail, only: sample_assembly
+    use linkdyn_constants, only: golden
+    use linkdyn_equations, only: choose_poses
+    use linkdyn_forward_record, only: make_forward_record, share_forward_record, place_states, close_states, run_states, &
+        may_change_assembly, apply_record_laws
+    use linkdyn_forward_state, only: fill_start
+    use linkdyn_inverse, only: are_alike
+    use linkdyn_led_mechanism, only: measure_margins
+    use linkdyn_motion_forces, only: record_motion_forces, share_motion_forces
+    use linkdyn_motor_states, only: drive_record_by_motors
+    implicit none (type, external)
+
+contains
+
+    !> Make the record and use it from now on, if the scene has one and it finds what the lanes find.
+    module procedure make_record
+        call make_forward_record(self%model, self%layout, self%equations%unknown, self%wants_work, self%record)
+        self%may_record = self%record%recorded%is_usable
+        if (self%may_record) self%may_record = agrees_with_lanes(self, t)
+        if (self%may_record) call record_motion_forces(self%of_motion)
+        if (self%may_record) call help_lanes(self)
+    end procedure make_record
+
+    !> Groups are closed by the record's programs where lanes look at a state, too.
+    subroutine help_lanes(self)
+        class(forward_system), intent(inout) :: self
+
+        nullify (self%assembly%closer)
+        if (self%record%recorded%closing%is_usable) self%assembly%closer => self%record%recorded%closing
+    end subroutine help_lanes
+
+    !> Use the record of another system of the same scene.
+    module procedure share_record
+        self%may_record = other%may_record
+        if (.not. self%may_record) return
+        call share_forward_record(self%model, other%record%recorded, self%record)
+        call share_motion_forces(other%of_motion, self%of_motion)
+        call help_lanes(self)
+    end procedure share_record
+
+    !> dy/dt of the lanes used; the others are like the last of these.
+    module procedure evaluate_by_record
+        real(wp) :: branch(lanes, self%model%n_branch), inverse_force(lanes, self%model%n_actuator), counted(lanes, self%model%n_q)
+        integer :: given_status(lanes), lane, n
+        logical :: has_motor_laws, changes_efforts
+
+        n = self%n_used
+        has_motor_laws = motors_have_laws(self%model)
+        call self%find_given_forces(t, inverse_force, given_status)
+        if (self%assembly%is_needed) then
+            branch = self%assembly%branch
+        else
+            branch = spread(self%model%branch(:self%model%n_branch), 1, lanes)
+        end if
+        associate (samples => self%record%samples)
+            call place_states(self%model, self%layout, n, t, y, self%turns, branch, self%by_inverse, inverse_force, self%record)
+            samples%is_left(:n) = samples%is_left(:n) .or. given_status(:n) /= sample_ok
+            call close_states(self%model, self%assembly, n, self%record)
+            changes_efforts = has_motor_laws .or. self%control%state%n > 0
+            if (changes_efforts) call apply_record_laws(n, self%record)
+            if (self%control%state%n > 0) call drive_record_by_controllers(self, n, t, y)
+            if (has_motor_laws) &
+                call drive_record_by_motors(self%model, self%equations, self%layout, n, t, y, self%record, self%motors)
+            call run_states(n, self%record, self%workspace%acceleration, counted, rate(:, self%layout%work), &
+                            rate(:, self%layout%supplied), laws_are_there=changes_efforts)
+            if (self%assembly%is_needed) then
+                do lane = 1, n
+                    samples%is_left(lane) = samples%is_left(lane) &
+                                            .or. may_change_assembly(self%model, self%assembly, lane, t(lane), self%record)
+                end do
+            end if
+            is_left = samples%is_left([(min(lane, n), lane=1, lanes)])
+        end associate
+        call pack_rates(self%model, self%layout, y, self%workspace%acceleration, counted, rate)
+        call pack_control_rates(self%layout, self%control, rate)
+        call pack_current_rates(self%layout, self%n_used, self%motors, rate)
+        if (self%may_jump) &
+            call self%note_mode(self%record%samples%mode([(min(lane, n), lane=1, lanes)]), rate)
+    end procedure evaluate_by_record
+
+    !> Does the record find what the lanes find? Asked once, at representative poses in motion: a difference would be a defect,
+    !> and the lanes are believed.
+    logical function agrees_with_lanes(self, t) result(agrees)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t                      !! [s]
+        type(carried_assembly) :: carried
+        type(sample_assembly) :: assembly
+        real(wp), allocatable :: pose(:, :)
+        real(wp) :: y(lanes, self%n), by_lanes(lanes, self%n), by_record(lanes, self%n), stand(3, 4, 0:self%model%n_link)
+        real(wp), dimension(lanes, self%model%n_q) :: q, qd
+        real(wp), dimension(lanes, self%model%n_branch + size(self%model%group)) :: margin, drift
+        real(wp), allocatable :: turns(:, :)
+        integer :: obstacle(lanes), first, i, k, lane, n_used, n_compared, n_alike
+        logical :: failed(lanes), is_left(lanes)
+
+        carried = self%assembly
+        obstacle = self%obstacle
+        turns = self%turns
+        n_used = self%n_used
+        self%n_used = lanes
+        call begin_assembly(self%model, t, self%assembly)
+        self%turns = 0
+        call choose_poses(self%model, spread(self%model%start_q, 2, 1), pose, assembly, stand)
+        n_compared = 0
+        n_alike = 0
+        do first = 1, size(pose, 2), lanes
+            do lane = 1, lanes
+                i = min(first + lane - 1, size(pose, 2))
+                q(lane, :) = pose(:, i)
+                qd(lane, :) = [(modulo((i*self%model%n_q + k)*golden, 1.0_wp) - 0.5_wp, k=1, self%model%n_q)]
+            end do
+            call fill_start(self%model, self%layout, q, qd, y)
+            call self%evaluate_on_lanes(spread(t, 1, lanes), y, by_lanes, failed)
+            if (self%assembly%is_needed) call measure_margins(self%model, self%workspace%state, margin, drift)
+            if (size(self%model%group) > 0) call stand_there()
+            call evaluate_by_record(self, spread(t, 1, lanes), y, by_record, is_left)
+            do lane = 1, min(lanes, size(pose, 2) - first + 1)
+                if (failed(lane) .or. is_left(lane)) cycle
+                n_compared = n_compared + 1
+                if (are_alike(by_lanes(lane, :), by_record(lane, :)) .and. has_same_margins(lane)) n_alike = n_alike + 1
+            end do
+        end do
+        self%assembly = carried
+        self%obstacle = obstacle
+        self%turns = turns
+        self%n_used = n_used
+        ! A defect shows everywhere; near a dead point both may have few digits.
+        agrees = n_compared > 0 .and. 2*n_alike > n_compared
+
+    contains
+
+        !> The record closes groups from where the lanes have found them, far from the start.
+        subroutine stand_there()
+            self%assembly%q = q
+            self%assembly%place = self%workspace%state%group%place
+            self%assembly%margin = margin
+            self%assembly%drift = 0
+        end subroutine stand_there
+
+        logical function has_same_margins(lane)
+            integer, intent(in) :: lane
+
+            has_same_margins = .true.
+            if (.not. self%assembly%is_needed) return
+            associate (found => self%record%samples%found(:, lane), out => self%record%recorded%out, n => self%model%n_branch)
+                ! either may vanish: sines compare with one, and so do their rates while coordinates have rates of about one
+                has_same_margins = are_alike([1.0_wp, margin(lane, :n)], [1.0_wp, found(out%margin:out%margin + n - 1)]) &
+                                   .and. are_alike([1.0_wp, drift(lane, :n)], [1.0_wp, found(out%drift:out%drift + n - 1)])
+            end associate
+        end function has_same_margins
+    end function agrees_with_lanes
+end submodule linkdyn_forward_by_record

@@ -1,0 +1,400 @@
+!> What clutches do where they close, open, come to rest or break loose: impulses of those without capacity, and who holds from there
+!> (`linkdyn_clutch_states` has the rule).
+submodule (linkdyn_forward_system) linkdyn_forward_clutches
+    use linkdyn_clutch_states, only: share_load, set_guard
+    use linkdyn_contact_forces, only: solve_contacts
+    use linkdyn_event_angles, only: angles_about
+    use linkdyn_event_log, only: kind_close, kind_open, kind_stick, kind_slip
+    use linkdyn_held_variables, only: n_held, rates_held, slips, speed_of_sides, push_coordinates, still_rates
+    use linkdyn_measures, only: find_kept
+    use linkdyn_motor_laws, only: is_on
+    use linkdyn_planar_motion, only: level_velocity
+    implicit none (type, external)
+
+contains
+
+    !> The run begins here: clutches are open or closed, and what has no slip may be held.
+    module procedure begin_with_clutches
+
+        if (n_clutch(self%model%scene) == 0) return
+        self%clutch%t_accepted = t
+        call note_ease(self, spread(t, 1, lanes), y)
+        self%clutch%begins = .true.
+        call self%switch_now(t, y)
+        self%clutch%begins = .false.
+    end procedure begin_with_clutches
+
+    !> How much clutches have to hold, where the run begins.
+    subroutine note_ease(self, t, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        real(wp) :: response(lanes, n_held(self%model), n_held(self%model)), rate(lanes, self%n)
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
+        logical :: takes_part(lanes, n_held(self%model)), failed(lanes)
+        integer :: i
+
+        takes_part(:, :n_stop(self%model%scene)) = .false.
+        takes_part(:, n_stop(self%model%scene) + 1:) = .true.
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call find_responses(self, t, y, takes_part, response, of_coordinates)
+        do i = 1, n_clutch(self%model%scene)
+            self%clutch%ease(:, i) = response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i)
+        end do
+    end subroutine note_ease
+
+    !> An instant at which clutches may close or open.
+    module procedure switch_now
+        logical, dimension(lanes, n_clutch(self%model%scene)) :: is_closed, none
+        integer :: i
+
+        if (present(is_changed)) is_changed = .false.
+        if (n_clutch(self%model%scene) == 0) return
+        do i = 1, size(is_closed, 2)
+            is_closed(:, i) = is_on(self%model%scene%clutch(i)%switch_spec, t + 4*spacing(t), self%clutch%switched(:, i), &
+                                    self%clutch%was_closed(:, i))
+        end do
+        if (all(is_closed .eqv. self%clutch%is_closed)) return
+        none = .false.
+        call engage(self, spread(t, 1, lanes), y, is_closed, none)
+        if (present(is_changed)) is_changed = .true.
+    end procedure switch_now
+
+    !> Slips of a state, on lane 1.
+    module procedure slips_at
+        real(wp) :: of_all(lanes, n_clutch(self%model%scene))
+
+        call self%look_closely(spread(t, 1, lanes), y)
+        of_all = slips(self%model, self%look, level_velocity)
+        slip = of_all(1, :)
+    end procedure slips_at
+
+    !> Clutches close, open, come to rest or break loose. Those without capacity close by an impulse; then it is decided who holds.
+    module procedure engage
+        real(wp), dimension(lanes, size(is_closed, 2)) :: impulse
+        real(wp) :: y_before(lanes, self%n), loss(lanes)
+        logical, dimension(lanes, size(is_closed, 2)) :: held, was_closed, must_slip, positive, locks, is_free
+        logical :: is_concerned(lanes)
+        integer :: lane, i
+
+        y_before = y
+        held = self%clutch%holds
+        was_closed = self%clutch%is_closed
+        must_slip = has_crossed .and. held .and. is_closed
+        is_concerned = any((is_closed .neqv. was_closed) .or. has_crossed, dim=2)
+        positive = spread(self%model%scene%clutch%is_positive, 1, lanes)
+        call note_slips(self, t, y, was_closed, held)
+        self%clutch%is_closed = is_closed
+        self%clutch%holds = held .and. is_closed
+        where (.not. is_closed) self%clutch%sense = 0
+        locks = is_closed .and. .not. was_closed .and. positive
+        impulse = 0
+        loss = 0
+        if (any(locks)) call lock(self, t, y, positive .and. is_closed .and. spread(any(locks, dim=2), 2, size(locks, 2)), &
+                                  impulse, loss)
+        call find_free(self, t, y, is_concerned, has_crossed .or. positive, held, locks, is_free)
+        call decide(self, t, y, is_concerned, is_free, must_slip, positive)
+        do lane = 1, lanes
+            if (.not. is_concerned(lane)) cycle
+            self%clutch%longest(lane) = 0
+            do i = 1, size(locks, 2)
+                associate (e => self%model%scene%clutch(i)%event)
+                    call set_guard(lane, i, self%clutch, self%guard_side(lane, e), self%guard_scale(lane, e))
+                end associate
+            end do
+        end do
+        call tell()
+
+    contains
+
+        subroutine tell()
+            do lane = 1, lanes
+                if (.not. is_concerned(lane) .or. (self%clutch%begins .and. .not. any(abs(impulse(lane, :)) > 0))) cycle
+                do i = 1, size(locks, 2)
+                    if (was_closed(lane, i) .and. .not. is_closed(lane, i)) then
+                        call note(kind_open)
+                    else if (self%clutch%holds(lane, i) .and. .not. held(lane, i)) then
+                        call note(merge(kind_close, kind_stick, locks(lane, i)))
+                    else if (held(lane, i) .and. .not. self%clutch%holds(lane, i)) then
+                        call note(kind_slip)
+                    else if (is_closed(lane, i) .and. .not. was_closed(lane, i)) then
+                        call note(kind_close)
+                    end if
+                end do
+            end do
+        end subroutine tell
+
+        subroutine note(kind)
+            integer, intent(in) :: kind
+            type(event_entry) :: entry
+
+            entry%kind = kind
+            entry%direction = nint(self%clutch%sense(lane, i))
+            entry%impulse = abs(impulse(lane, i))
+            if (findloc(locks(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
+            call note_entry(self, t, y_before, lane, self%model%scene%clutch(i)%event, entry, y)
+        end subroutine note
+    end procedure engage
+
+    !> How fast clutches have slipped so far, before anything happens.
+    subroutine note_slips(self, t, y, was_closed, held)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in), dimension(:, :) :: was_closed, held   !! (lane, n_clutch)
+        real(wp) :: slip(lanes, size(held, 2))
+        integer :: i
+
+        call self%look_closely(t, y)
+        slip = slips(self%model, self%look, level_velocity)
+        do i = 1, size(slip, 2)
+            associate (fastest => self%clutch%fastest(:, i), e => self%model%scene%clutch(i)%event)
+                where (was_closed(:, i)) fastest = max(fastest, self%guard_scale(:, e), abs(slip(:, i)))
+                where (held(:, i)) fastest = max(fastest, abs(slip(:, i)))
+            end associate
+        end do
+    end subroutine note_slips
+
+    !> Which closed clutches have no slip behind impulses, and may hold; the others slip from here. What an impulse has passed by is held
+    !> as before, and what others do concerns none that has a slip.
+    subroutine find_free(self, t, y, is_concerned, is_free_anyway, held, locks, is_free)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_concerned(lanes)
+        logical, intent(in), dimension(:, :) :: is_free_anyway, held, locks    !! (lane, n_clutch)
+        logical, intent(out) :: is_free(:, :)          !! (lane, n_clutch)
+        real(wp), parameter :: still = 1.0e-12_wp      !! of the fastest slip so far, and of what an impulse has changed
+        real(wp), parameter :: rounded = 1.0e-14_wp    !! of the rates whose difference the slip is
+        real(wp) :: slip(lanes, size(held, 2)), least(lanes)
+        integer :: i
+
+        call self%look_closely(t, y)
+        slip = slips(self%model, self%look, level_velocity)
+        associate (of => self%clutch)
+            do i = 1, size(slip, 2)
+                where (locks(:, i)) of%fastest(:, i) = max(of%fastest(:, i), abs(slip(:, i)))
+            end do
+            do i = 1, size(slip, 2)
+                least = max(still*max(of%fastest(:, i), merge(maxval(of%fastest, dim=2), 0.0_wp, any(locks, dim=2))), &
+                            rounded*speed_of_sides(self%model, self%look, i))
+                is_free(:, i) = of%is_closed(:, i) .and. (is_free_anyway(:, i) .or. abs(slip(:, i)) <= least &
+                                                          .or. (held(:, i) .and. .not. any(locks, dim=2)))
+                where (is_concerned .and. of%is_closed(:, i) .and. .not. is_free(:, i))
+                    of%holds(:, i) = .false.
+                    of%sense(:, i) = sign(1.0_wp, slip(:, i))
+                end where
+            end do
+        end associate
+    end subroutine find_free
+
+    !> Clutches without capacity take away all slip between their sides, those that hold already among them.
+    subroutine lock(self, t, y, locks, impulse, loss)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)
+        logical, intent(in) :: locks(:, :)             !! (lane, n_clutch)
+        real(wp), intent(out) :: impulse(:, :)         !! [N s, N m s] (lane, n_clutch)
+        real(wp), intent(out) :: loss(lanes)           !! of energy [J]
+        real(wp), parameter :: small = 1.0e-9_wp       !! of the largest slip that there was: none is left
+        real(wp), dimension(lanes, size(locks, 2)) :: before, after
+        real(wp), dimension(lanes, n_held(self%model)) :: push, wanted
+        real(wp) :: response(lanes, n_held(self%model), n_held(self%model)), rate(lanes, self%n)
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
+        logical :: takes_part(lanes, n_held(self%model)), failed(lanes)
+        integer :: i
+
+        takes_part = .false.
+        takes_part(:, n_stop(self%model%scene) + 1:) = locks
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call self%look_closely(t, y)
+        before = slips(self%model, self%look, level_velocity)
+        call find_responses(self, t, y, takes_part, response, of_coordinates)
+        wanted = 0
+        wanted(:, n_stop(self%model%scene) + 1:) = -before
+        call solve_contacts(response, takes_part, wanted, push)
+        call push_coordinates(self%layout, takes_part, push, of_coordinates, y)
+        impulse = push(:, n_stop(self%model%scene) + 1:)
+        call self%look_closely(t, y)
+        after = slips(self%model, self%look, level_velocity)
+        loss = -sum(impulse*(before + after), dim=2)/2
+        y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
+        do i = 1, size(locks, 2)
+            where (locks(:, i) .and. abs(after(:, i)) > small*maxval(abs(before), dim=2, mask=locks))
+                self%is_driven_through = .true.
+                self%final_event = self%model%scene%clutch(i)%event
+            end where
+        end do
+    end subroutine lock
+
+    !> Which of the clutches without slip hold from here; what rounding has left of the slip of those goes.
+    subroutine decide(self, t, y, is_concerned, is_free, must_slip, positive)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(inout) :: y(:, :)
+        logical, intent(in) :: is_concerned(lanes)
+        logical, intent(in) :: is_free(:, :)           !! without slip (lane, n_clutch)
+        logical, intent(in) :: must_slip(:, :)         !! break loose (lane, n_clutch)
+        logical, intent(in) :: positive(:, :)          !! whatever comes is held (lane, n_clutch)
+        real(wp) :: response(lanes, n_held(self%model), n_held(self%model)), rate(lanes, self%n)
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model)), sense(lanes, n_held(self%model))
+        logical, dimension(lanes, n_held(self%model)) :: takes_part, holds
+        logical :: failed(lanes)
+        integer :: lane, n
+
+        n = n_stop(self%model%scene)
+        takes_part(:, :n) = self%stops%rests
+        takes_part(:, n + 1:) = is_free
+        holds = takes_part
+        holds(:, n + 1:) = is_free .and. .not. must_slip
+        sense = 0
+        where (must_slip) sense(:, n + 1:) = -sign(1.0_wp, self%clutch%force)
+        do lane = 1, lanes
+            if (.not. is_concerned(lane)) cycle
+            where (is_free(lane, :)) self%clutch%holds(lane, :) = .false.
+            where (is_free(lane, :)) self%clutch%sense(lane, :) = 0
+        end do
+        if (any(is_free .and. spread(is_concerned, 2, size(is_free, 2)))) then
+            call self%evaluate_on_lanes(t, y, rate, failed)
+            call find_responses(self, t, y, takes_part, response, of_coordinates)
+            call share_loads(self, t, y, is_concerned, is_free, positive, takes_part, response, holds, sense)
+            call take_last_slip(self, t, takes_part .and. holds .and. spread(is_concerned, 2, n_held(self%model)), takes_part, &
+                                response, of_coordinates, y)
+        end if
+        call keep_places(self, t, y, is_concerned)
+    end subroutine decide
+
+    !> Loads are shared among what could hold at an instant: stops at which something rests, and the clutches that are free to. The motion
+    !> of the state is in the workspace.
+    subroutine share_loads(self, t, y, is_concerned, is_free, positive, takes_part, response, holds, sense)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_concerned(lanes)
+        logical, intent(in), dimension(:, :) :: is_free, positive  !! (lane, n_clutch)
+        logical, intent(in) :: takes_part(:, :)        !! (lane, n_held)
+        real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
+        logical, intent(inout) :: holds(:, :)          !! those that must slip do not; then those that hold (lane, n_held)
+        real(wp), intent(inout) :: sense(:, :)         !! of those that must slip; then of all that slip (lane, n_held)
+        real(wp), dimension(lanes, size(holds, 2)) :: none, away, most, capacity
+        real(wp) :: grip(lanes, size(is_free, 2)), rate(lanes, self%n)
+        logical :: failed(lanes), may_hold(lanes, size(is_free, 2))
+        integer, allocatable :: of(:)
+        integer :: lane, i, n
+
+        n = n_stop(self%model%scene)
+        call find_able(self, is_free, response, may_hold)
+        call find_grip(self, t, y, may_hold, grip)
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        none = 0
+        call accelerate(self, t, y, none, away)
+        where (is_free .and. .not. (may_hold .or. positive))
+            holds(:, n + 1:) = .false.
+            sense(:, n + 1:) = sign(1.0_wp, away(:, n + 1:))
+        end where
+        do i = 1, size(is_free, 2)
+            if (self%model%scene%clutch(i)%friction > 0) self%clutch%capacity(:, i) = grip(:, i)
+        end do
+        most = huge(1.0_wp)
+        capacity = 0
+        capacity(:, n + 1:) = merge(0.0_wp, self%clutch%capacity, positive)
+        do i = 1, size(is_free, 2)
+            where (.not. positive(:, i)) most(:, n + i) = self%model%scene%clutch(i)%static*self%clutch%capacity(:, i)
+        end do
+        do lane = 1, lanes
+            if (.not. is_concerned(lane)) cycle
+            of = pack([(i, i=1, size(holds, 2))], takes_part(lane, :))
+            if (size(of) == 0) cycle
+            call share(lane)
+        end do
+
+    contains
+
+        subroutine share(lane)
+            integer, intent(in) :: lane
+            logical :: part_holds(size(of))
+            real(wp) :: part_sense(size(of))
+
+            part_holds = holds(lane, of)
+            part_sense = sense(lane, of)
+            call share_load(response(lane, of, of), away(lane, of), most(lane, of), capacity(lane, of), of > n, &
+                            part_holds, part_sense)
+            holds(lane, of) = part_holds
+            where (is_free(lane, :)) self%clutch%holds(lane, :) = holds(lane, n + 1:)
+            sense(lane, of) = part_sense
+            where (is_free(lane, :)) self%clutch%sense(lane, :) = sense(lane, n + 1:)
+        end subroutine share
+    end subroutine share_loads
+
+    !> Which of the free clutches can hold anything: where a joint turns back while others move on, nothing at it stops them.
+    subroutine find_able(self, is_free, response, may_hold)
+        class(forward_system), intent(inout) :: self
+        logical, intent(in) :: is_free(:, :)           !! (lane, n_clutch)
+        real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
+        logical, intent(out) :: may_hold(:, :)         !! (lane, n_clutch)
+        real(wp), parameter :: rigid = 1.0e-10_wp      !! of the largest response so far: nothing is left of it
+        integer :: i
+
+        may_hold = is_free
+        do i = 1, size(is_free, 2)
+            associate (ease => response(:, n_stop(self%model%scene) + i, n_stop(self%model%scene) + i))
+                where (is_free(:, i)) self%clutch%ease(:, i) = max(self%clutch%ease(:, i), ease)
+                may_hold(:, i) = is_free(:, i) .and. ease > rigid*self%clutch%ease(:, i)
+            end associate
+        end do
+    end subroutine find_able
+
+    !> What joints that may stick could hold: by the reactions while all that could hold do.
+    subroutine find_grip(self, t, y, may_hold, grip)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: may_hold(:, :)          !! (lane, n_clutch)
+        real(wp), intent(out) :: grip(:, :)            !! (lane, n_clutch) [N, N m]
+        real(wp) :: rate(lanes, self%n)
+        logical :: held(lanes, size(may_hold, 2)), failed(lanes)
+
+        grip = 0
+        if (.not. has_sticking(self%model)) return
+        held = self%clutch%holds
+        self%clutch%holds = held .or. may_hold
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        grip = self%clutch%capacity
+        self%clutch%holds = held
+    end subroutine find_grip
+
+    !> What holds has no slip, and no speed at its stop, to the last digit.
+    subroutine take_last_slip(self, t, is_held, takes_part, response, of_coordinates, y)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        logical, intent(in) :: is_held(:, :), takes_part(:, :)     !! (lane, n_held)
+        real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
+        real(wp), intent(in) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
+        real(wp), intent(inout) :: y(:, :)
+        real(wp) :: change(lanes, size(is_held, 2))
+
+        call self%look_closely(t, y)
+        call solve_contacts(response, is_held, -rates_held(self%model, self%look, level_velocity), change)
+        call push_coordinates(self%layout, takes_part, change, of_coordinates, y)
+        call still_rates(self%model, self%layout, self%clutch%holds, y)
+    end subroutine take_last_slip
+
+    !> Clutches that hold from here remember where they hold their joint variables.
+    subroutine keep_places(self, t, y, is_concerned)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_concerned(lanes)
+        real(wp) :: here(lanes, n_clutch(self%model%scene))
+        integer :: i
+
+        call self%look_closely(t, y)
+        call find_kept(self%model, self%look, angles_about(self%angles, t), here)
+        associate (of => self%clutch)
+            do i = 1, size(here, 2)
+                where (is_concerned .and. of%holds(:, i) .and. .not. of%was_held(:, i)) of%kept(:, i) = here(:, i)
+                where (is_concerned) of%was_held(:, i) = of%holds(:, i)
+            end do
+        end associate
+    end subroutine keep_places
+end submodule linkdyn_forward_clutches

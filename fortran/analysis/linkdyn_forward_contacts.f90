@@ -1,0 +1,117 @@
+!> Pushes: what stops at which joint variables rest and clutches that hold have to give, so that these stay where they are.
+!>
+!> Accelerations are linear in pushes. What a unit of each gives is found by solving the equations of motion once more for each of them.
+submodule (linkdyn_forward_system) linkdyn_forward_contacts
+    use linkdyn_contact_forces, only: solve_contacts
+    use linkdyn_event_angles, only: angles_about
+    use linkdyn_held_variables, only: n_held, rates_held, slips, led_by, still_coordinates
+    use linkdyn_measures, only: find_kept
+    use linkdyn_planar_motion, only: level_velocity, level_given
+    implicit none (type, external)
+
+contains
+
+    !> Accelerations away from stops and of the slips of clutches, and those of the coordinates, while stops and clutches push; on top
+    !> of that clutches rub. Kinematics, loads and drives of the state are in the workspace.
+    module procedure accelerate
+        associate (state => self%workspace%state, n => n_stop(self%model%scene))
+            state%stop_force = push(:, :n)
+            state%clutch_force = self%clutch%rub + push(:, n + 1:)
+            call solve_equations(self%model, self%equations, self%workspace)
+            state%stop_force = 0
+            state%clutch_force = self%clutch%rub
+        end associate
+        call self%look_closely(t, y, self%workspace%acceleration)
+        away = rates_held(self%model, self%look, level_given)
+    end procedure accelerate
+
+    !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
+    !> of the coordinates. They are linear in the push; one that outdoes all other forces leaves its digits to the difference.
+    module procedure find_responses
+        real(wp), parameter :: much = 1.0e4_wp
+        real(wp), dimension(lanes, size(is_in_contact, 2)) :: push, at_rest, away
+        real(wp) :: own(lanes, self%model%n_q), unit(lanes), largest(lanes)
+        integer :: k, i, turn
+
+        push = 0
+        response = 0
+        of_coordinates = 0
+        call accelerate(self, t, y, push, at_rest)
+        own = self%workspace%acceleration
+        largest = maxval(abs(own), dim=2)
+        do k = 1, size(push, 2)
+            if (.not. any(is_in_contact(:, k))) cycle
+            unit = 1
+            do turn = 1, 2
+                push = 0
+                push(:, k) = unit
+                call accelerate(self, t, y, push, away)
+                do i = 1, size(push, 2)
+                    response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
+                end do
+                do i = 1, self%model%n_q
+                    of_coordinates(:, i, k) = (self%workspace%acceleration(:, i) - own(:, i))/unit
+                end do
+                unit = much*max(1.0_wp, largest)/max(maxval(abs(of_coordinates(:, :, k)), dim=2), tiny(1.0_wp))
+                where (.not. unit <= huge(1.0_wp)) unit = 1
+            end do
+        end do
+    end procedure find_responses
+
+    !> Push of the stops at which joint variables rest and of the clutches that hold: as much as keeps them there. The accelerations in
+    !> the workspace become those with it.
+    module procedure hold_variables
+        integer, parameter :: n_turn = 2               !! the second mends what the first has rounded
+        integer, parameter :: most_turns = 20          !! friction in joints changes with what is pushed
+        real(wp), parameter :: enough = 1.0e-14_wp
+        real(wp), dimension(lanes, n_held(self%model)) :: push, away, change, wanted
+        real(wp) :: response(lanes, n_held(self%model), n_held(self%model))
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_held(self%model))
+        logical :: is_held(lanes, n_held(self%model)), rubs
+        integer :: turn
+
+        is_held(:, :n_stop(self%model%scene)) = self%stops%rests
+        is_held(:, n_stop(self%model%scene) + 1:) = self%clutch%holds
+        call find_responses(self, t, y, is_held, response, of_coordinates)
+        rubs = size(self%equations%rub) > 0
+        push = 0
+        call accelerate(self, t, y, push, away)
+        wanted = 0
+        if (holds_anywhere(self%clutch)) wanted(:, n_stop(self%model%scene) + 1:) = way_back(self, t)
+        do turn = 1, merge(most_turns, n_turn, rubs)
+            call solve_contacts(response, is_held, wanted - away, change)
+            push = push + change
+            call accelerate(self, t, y, push, away)
+            if (turn >= n_turn .and. all(abs(change) <= enough*abs(push))) exit
+        end do
+        call still_coordinates(self%model, self%layout, self%clutch%holds, self%workspace%acceleration)
+        self%stops%push = push(:, :n_stop(self%model%scene))
+        self%clutch%applied = self%clutch%rub + push(:, n_stop(self%model%scene) + 1:)
+        self%clutch%force = self%clutch%applied
+    end procedure hold_variables
+
+    !> Accelerations of slips that lead joint variables back which errors of the steps have carried off while they are held. Where both are
+    !> coordinates steps keep what is linear in them, and there is nothing to mend.
+    function way_back(self, t) result(wanted)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp) :: wanted(lanes, n_clutch(self%model%scene))
+        real(wp) :: here(lanes, size(wanted, 2)), slip(lanes, size(wanted, 2)), pace(lanes)
+        logical :: is_led(size(wanted, 2))
+        integer :: i
+
+        is_led = led_by(self%model, self%model%scene%clutch)
+
+        wanted = 0
+        pace = merge(0.25_wp/max(self%clutch%longest, tiny(1.0_wp)), 0.0_wp, self%clutch%longest > 0)
+        if (all(is_led) .or. .not. any(pace > 0)) return
+        call find_kept(self%model, self%look, angles_about(self%angles, t), here)
+        slip = slips(self%model, self%look, level_velocity)
+        do i = 1, size(wanted, 2)
+            if (is_led(i)) cycle
+            here(:, i) = here(:, i) - self%clutch%kept(:, i)
+            if (self%model%scene%clutch(i)%unit == "N") here(:, i) = self%model%scene%laws%scale*here(:, i)
+            where (self%clutch%holds(:, i)) wanted(:, i) = -pace*(2*slip(:, i) + pace*here(:, i))
+        end do
+    end function way_back
+end submodule linkdyn_forward_contacts

@@ -1,0 +1,181 @@
+!> Events of a run: the guards that are looked out for, what comes of their zeros, and the log.
+submodule (linkdyn_forward_system) linkdyn_forward_events
+    use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+    use linkdyn_clutch_friction, only: reserve
+    use linkdyn_clutch_states, only: switch_clutches
+    use linkdyn_event_angles, only: angles_about
+    use linkdyn_event_log, only: add_entry, kind_crossing, kind_end, kind_contact, kind_release
+    use linkdyn_exchange, only: coordinate_now
+    use linkdyn_forward_state, only: read_coordinates
+    use linkdyn_held_variables, only: away_from_stops
+    use linkdyn_measures, only: find_events
+    use linkdyn_motor_states, only: switch_brakes
+    use linkdyn_planar_motion, only: level_velocity
+    use linkdyn_stop_states, only: leave_stop
+    implicit none (type, external)
+
+contains
+
+    !> The scene's events at these states. That of a stop at which its joint variable rests is its push: when that vanishes
+    !> the variable leaves. That of a clutch that holds is what it could hold besides; that of an open one never happens.
+    module procedure evaluate_events
+        real(wp) :: rate(lanes, self%n)
+        logical :: failed(lanes)
+        integer :: i
+
+        call self%look_closely(t, y)
+        call find_events(self%model, self%look, angles_about(self%angles, t), guard)
+        failed = self%look%unreachable .or. self%look%not_converged .or. self%look%way_status /= sample_ok
+        do i = 1, size(guard, 2)
+            where (failed) guard(:, i) = ieee_value(1.0_wp, ieee_quiet_nan)
+        end do
+        do i = 1, n_stop(self%model%scene)
+            associate (stop => self%model%scene%stop(i))
+                if (stop%is_hard) guard(:, stop%event) = guard(:, stop%event) + self%stops%yielded(:, i)
+            end associate
+        end do
+        do i = 1, n_clutch(self%model%scene)
+            where (.not. self%clutch%is_closed(:, i)) guard(:, self%model%scene%clutch(i)%event) = 1
+        end do
+        if (.not. (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch))) return
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        do i = 1, n_clutch(self%model%scene)
+            where (self%clutch%holds(:, i)) guard(:, self%model%scene%clutch(i)%event) = reserve(self%model, i, self%clutch)
+        end do
+        do i = 1, n_stop(self%model%scene)
+            associate (e => self%model%scene%stop(i)%event)
+                where (self%stops%rests(:, i)) guard(:, e) = self%stops%push(:, i)
+            end associate
+        end do
+    end procedure evaluate_events
+
+    !> Events have come: they are noted, end the run, or stops throw back, catch and let go.
+    module procedure meet_events
+        logical, dimension(lanes, n_stop(self%model%scene)) :: strikes, rested
+        logical, dimension(lanes, n_clutch(self%model%scene)) :: is_closed, has_slipped
+
+        rested = self%stops%rests
+        call self%look_closely(t, y)
+        call tell_apart(self, t, y, has_crossed, has_changed, is_over, strikes, is_closed, has_slipped)
+        has_slipped = has_slipped .and. is_closed
+        if (any(has_slipped) .or. any(is_closed .neqv. self%clutch%is_closed)) then
+            has_changed = has_changed .or. any(has_slipped .or. (is_closed .neqv. self%clutch%is_closed), dim=2)
+            call engage(self, t, y, is_closed, has_slipped)
+            is_over = is_over .or. self%is_driven_through
+        end if
+        if (any(strikes)) call forget_leaving(self, strikes)
+        if (any(strikes)) then
+            call self%meet_stops(t, y, strikes)
+            has_changed = has_changed .or. any(strikes, dim=2)
+            is_over = is_over .or. self%is_driven_through
+        end if
+        if (any(has_changed)) call renew_gaps(self, t, y, has_changed, rested)
+    end procedure meet_events
+
+    !> Each crossing by what it is one of. What is over at once is done: ends of runs, brakes that are switched, contacts that give way,
+    !> releases. What clutches and stops make of theirs comes later, of all together.
+    subroutine tell_apart(self, t, y, has_crossed, has_changed, is_over, strikes, is_closed, has_slipped)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: has_crossed(:, :)       !! (lane, n_guard)
+        logical, intent(out) :: has_changed(lanes), is_over(lanes)
+        logical, intent(out) :: strikes(:, :)          !! (lane, n_stop)
+        logical, intent(out) :: is_closed(:, :)        !! from here (lane, n_clutch)
+        logical, intent(out) :: has_slipped(:, :)      !! comes to rest, or breaks loose (lane, n_clutch)
+        integer :: lane, i
+
+        has_changed = .false.
+        is_over = .false.
+        strikes = .false.
+        is_closed = self%clutch%is_closed
+        has_slipped = .false.
+        do i = 1, self%n_guard
+            associate (event => self%model%scene%event(i))
+                do lane = 1, lanes
+                    if (.not. has_crossed(lane, i)) cycle
+                    if (event%clutch > 0) then
+                        has_slipped(lane, event%clutch) = .true.
+                        cycle
+                    else if (event%stop == 0) then
+                        is_over(lane) = is_over(lane) .or. (event%ends_run .and. self%may_end)
+                        if (event%ends_run .and. self%may_end) self%final_event(lane) = i
+                        call note(merge(kind_end, kind_crossing, event%ends_run))
+                        call switch_brakes(self%model, lane, i, t(lane), self%motors, has_changed(lane))
+                        call switch_clutches(self%model%scene, lane, i, t(lane), self%clutch, is_closed)
+                    else if (.not. self%model%scene%stop(event%stop)%is_hard) then
+                        call note(merge(kind_contact, kind_release, self%guard_side(lane, i) > 0))
+                        has_changed(lane) = .true.
+                    else if (self%stops%rests(lane, event%stop)) then
+                        call note(kind_release)
+                        call leave_stop(lane, event%stop, self%stops, self%guard_side(lane, i), self%guard_scale(lane, i))
+                        has_changed(lane) = .true.
+                        cycle
+                    else
+                        strikes(lane, event%stop) = .true.
+                        cycle
+                    end if
+                    self%guard_side(lane, i) = -self%guard_side(lane, i)
+                end do
+            end associate
+        end do
+
+    contains
+
+        subroutine note(kind)
+            integer, intent(in) :: kind
+            type(event_entry) :: entry
+
+            entry%kind = kind
+            entry%direction = nint(-self%guard_side(lane, i))
+            call note_entry(self, t, y, lane, i, entry)
+        end subroutine note
+    end subroutine tell_apart
+
+    !> What is on its way out was thrown back a moment ago: rounding has its gap still closed.
+    subroutine forget_leaving(self, strikes)
+        class(forward_system), intent(in) :: self
+        logical, intent(inout) :: strikes(:, :)        !! (lane, n_stop)
+        real(wp), parameter :: rounded = 1.0e-12_wp    !! of the fastest impact: that is no speed
+        real(wp) :: away(lanes, size(strikes, 2))
+        integer :: i
+
+        away = away_from_stops(self%model, self%look, level_velocity)
+        do i = 1, size(strikes, 2)
+            strikes(:, i) = strikes(:, i) .and. .not. away(:, i) > rounded*self%stops%fastest(:, i)
+        end do
+    end subroutine forget_leaving
+
+    !> An entry of the log, in the user's coordinates. Lanes that nobody asks for have none.
+    module procedure note_entry
+        real(wp), allocatable :: ignored(:)
+
+        if (lane > self%n_told) return
+        entry%lane = lane
+        entry%t = t(lane)
+        entry%event = event
+        call coordinates_of(y, entry%q, entry%qd)
+        entry%qd_after = entry%qd
+        if (present(y_after)) call coordinates_of(y_after, ignored, entry%qd_after)
+        call add_entry(self%log, entry)
+
+    contains
+
+        subroutine coordinates_of(state, q, qd)
+            real(wp), intent(in) :: state(:, :)
+            real(wp), allocatable, intent(out) :: q(:), qd(:)
+            real(wp), dimension(lanes, self%model%n_q) :: lane_q, lane_qd, lane_qdd
+            integer :: k
+
+            call self%look_closely(t, state)
+            call read_coordinates(self%model, self%layout, t, state, self%turns, self%look, lane_q, lane_qd, lane_qdd)
+            q = lane_q(lane, :)
+            qd = lane_qd(lane, :)
+            if (.not. associated(self%own)) return
+            do k = 1, size(q)
+                if (self%model%scene%coordinate(k)%for_joint > 0) &
+                    call coordinate_now(self%own, self%model, self%look, k, q(k), qd(k))
+            end do
+        end subroutine coordinates_of
+    end procedure note_entry
+end submodule linkdyn_forward_events

@@ -1,0 +1,270 @@
+!> What end stops do where joint variables strike them: impulses, rest, release (`linkdyn_impacts` has the laws).
+submodule (linkdyn_forward_system) linkdyn_forward_stops
+    use linkdyn_clutch_states, only: set_guard
+    use linkdyn_contact_forces, only: solve_contacts, solve_held
+    use linkdyn_event_angles, only: angles_about
+    use linkdyn_event_log, only: kind_release, kind_impact, kind_rest, kind_slip
+    use linkdyn_held_variables, only: n_held, away_from_stops, slips, push_coordinates, still_rates
+    use linkdyn_impacts, only: find_impacts, find_resting
+    use linkdyn_measures, only: find_events
+    use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_stop_states, only: hard_gaps, begin_gaps, rest_at_stop, leave_stop
+    implicit none (type, external)
+
+contains
+
+    !> Joint variables strike stops. All whose gaps are closed there take part, those that rest as well (`linkdyn_impacts`). What
+    !> has no speed left then rests, if it is pressed against its stop.
+    module procedure meet_stops
+        real(wp), dimension(lanes, n_stop(self%model%scene)) :: before, impulse, after, change
+        real(wp) :: response(lanes, n_stop(self%model%scene), n_stop(self%model%scene))
+        real(wp) :: of_coordinates(lanes, self%model%n_q, n_stop(self%model%scene))
+        real(wp) :: rate(lanes, self%n), y_before(lanes, self%n), loss(lanes)
+        logical, dimension(lanes, n_stop(self%model%scene)) :: touches, has_struck, is_closed, rested, rests
+        logical :: failed(lanes), is_struck(lanes)
+        integer :: i, lane
+
+        is_struck = any(strikes, dim=2)
+        rested = self%stops%rests
+        y_before = y
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call self%look_closely(t, y)
+        before = away_from_stops(self%model, self%look, level_velocity)
+        call find_touching(self, t, strikes, touches)
+        call find_stop_responses(self, t, y, touches, response, of_coordinates)
+        call throw_back()
+        call push_coordinates(self%layout, touches, impulse, of_coordinates, y)
+        y(:, self%layout%supplied) = y(:, self%layout%supplied) - loss
+        call loosen_clutches(self, t, y, y_before, is_struck)
+        if (holds_anywhere(self%clutch)) call still_rates(self%model, self%layout, self%clutch%holds, y)
+        call self%look_closely(t, y)
+        after = away_from_stops(self%model, self%look, level_velocity)
+        do i = 1, size(before, 2)
+            where (strikes(:, i) .and. after(:, i) < before(:, i)/2 .and. before(:, i) < 0)
+                self%is_driven_through = .true.
+                self%final_event = self%model%scene%stop(i)%event
+            end where
+        end do
+        call choose_resting(self, t, y, is_struck, touches, after, response, is_closed, rests)
+        call take_last_speed()
+        call change_rests(self, is_struck, touches, rested, rests)
+        call tell()
+        call renew_gaps(self, t, y, is_struck, rested)
+
+    contains
+
+        !> Impulses, lane by lane.
+        subroutine throw_back()
+            after = before
+            impulse = 0
+            loss = 0
+            has_struck = .false.
+            is_closed = .false.
+            do lane = 1, lanes
+                if (.not. is_struck(lane)) cycle
+                call find_impacts(response(lane, :, :), self%model%scene%stop%restitution, touches(lane, :), strikes(lane, :), &
+                                  self%stops%fastest(lane, :), self%stops%hardest(lane), after(lane, :), impulse(lane, :), &
+                                  has_struck(lane, :), is_closed(lane, :), loss(lane))
+            end do
+        end subroutine throw_back
+
+        !> What comes to rest has no speed, to the last digit.
+        subroutine take_last_speed()
+            do lane = 1, lanes
+                is_closed(lane, :) = rests(lane, :) .and. is_struck(lane)
+            end do
+            call solve_contacts(response, is_closed, -after, change)
+            call push_coordinates(self%layout, touches, change, of_coordinates, y)
+            impulse = impulse + change
+            if (holds_anywhere(self%clutch)) call still_rates(self%model, self%layout, self%clutch%holds, y)
+            y(:, self%layout%supplied) = y(:, self%layout%supplied) + sum(change*after, dim=2)/2
+            loss = loss - sum(change*after, dim=2)/2
+        end subroutine take_last_speed
+
+        subroutine tell()
+            do i = 1, size(before, 2)
+                do lane = 1, lanes
+                    if (.not. is_struck(lane)) cycle
+                    if (has_struck(lane, i) .or. (rests(lane, i) .and. .not. rested(lane, i))) &
+                        call note(merge(kind_rest, kind_impact, rests(lane, i)))
+                    if (rested(lane, i) .and. .not. (rests(lane, i) .or. has_struck(lane, i))) call note(kind_release)
+                end do
+            end do
+        end subroutine tell
+
+        subroutine note(kind)
+            integer, intent(in) :: kind
+            type(event_entry) :: entry
+
+            entry%kind = kind
+            entry%direction = -1
+            entry%impulse = impulse(lane, i)
+            if (kind == kind_release) entry%impulse = 0
+            if (findloc(has_struck(lane, :), .true., dim=1) == i) entry%loss = loss(lane)
+            call note_entry(self, t, y_before, lane, self%model%scene%stop(i)%event, entry, y)
+        end subroutine note
+    end procedure meet_stops
+
+    !> Contacts that take part in an impact: those that strike, those that rest, and all whose gaps are closed.
+    subroutine find_touching(self, t, strikes, touches)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        logical, intent(in) :: strikes(:, :)           !! (lane, n_stop)
+        logical, intent(out) :: touches(:, :)          !! (lane, n_stop)
+        real(wp), parameter :: near = 1.0e-12_wp       !! of the widest gap so far: that is closed
+        real(wp) :: gap(lanes, size(touches, 2))
+        logical :: is_struck(lanes)
+        integer :: i
+
+        is_struck = any(strikes, dim=2)
+        call measure_gaps(self, t, gap)
+        do i = 1, size(gap, 2)
+            associate (stop => self%model%scene%stop(i))
+                touches(:, i) = is_struck .and. stop%is_hard .and. (strikes(:, i) .or. self%stops%rests(:, i) &
+                                .or. gap(:, i) + self%stops%yielded(:, i) <= near*self%guard_scale(:, stop%event))
+            end associate
+        end do
+    end subroutine find_touching
+
+    !> Joint variables come to rest at stops, or leave them.
+    subroutine change_rests(self, is_struck, touches, rested, rests)
+        class(forward_system), intent(inout) :: self
+        logical, intent(in) :: is_struck(lanes)
+        logical, intent(in), dimension(:, :) :: touches, rested, rests     !! before and from here (lane, n_stop)
+        integer :: lane, i
+
+        do i = 1, size(rests, 2)
+            do lane = 1, lanes
+                if (.not. is_struck(lane)) cycle
+                associate (e => self%model%scene%stop(i)%event)
+                    if (rests(lane, i) .and. .not. rested(lane, i)) &
+                        call rest_at_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
+                    if (.not. rests(lane, i) .and. (rested(lane, i) .or. touches(lane, i))) &
+                        call leave_stop(lane, i, self%stops, self%guard_side(lane, e), self%guard_scale(lane, e))
+                end associate
+            end do
+        end do
+    end subroutine change_rests
+
+    !> What a unit push of each stop in contact gives at stops and coordinates while clutches without capacity hold what they hold.
+    subroutine find_stop_responses(self, t, y, touches, response, of_coordinates)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
+        real(wp), intent(out) :: response(:, :, :)     !! (lane, of stop, by stop)
+        real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by stop)
+        real(wp) :: of_all(lanes, n_held(self%model), n_held(self%model))
+        real(wp) :: coordinates_by_all(lanes, self%model%n_q, n_held(self%model))
+        logical :: takes_part(lanes, n_held(self%model))
+        real(wp), allocatable :: force(:)
+        integer, allocatable :: held(:)
+        integer :: lane, i, n
+
+        n = size(touches, 2)
+        takes_part(:, :n) = touches
+        takes_part(:, n + 1:) = self%clutch%holds .and. spread(self%model%scene%clutch%is_positive, 1, lanes) &
+                                .and. spread(any(touches, dim=2), 2, n_clutch(self%model%scene))
+        call find_responses(self, t, y, takes_part, of_all, coordinates_by_all)
+        do lane = 1, lanes
+            held = pack([(i, i=n + 1, n_held(self%model))], takes_part(lane, n + 1:))
+            do i = 1, n
+                force = solve_held(of_all(lane, held, held), of_all(lane, held, i))
+                response(lane, :, i) = of_all(lane, :n, i) - matmul(of_all(lane, :n, held), force)
+                of_coordinates(lane, :, i) = coordinates_by_all(lane, :, i) - matmul(coordinates_by_all(lane, :, held), force)
+            end do
+        end do
+    end subroutine find_stop_responses
+
+    !> An impact is more than any capacity: clutches with one slip from there, if it has moved their sides apart.
+    subroutine loosen_clutches(self, t, y, y_before, is_struck)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :), y_before(:, :)
+        logical, intent(in) :: is_struck(lanes)
+        real(wp), parameter :: still = 1.0e-12_wp      !! of the hardest impact
+        real(wp), dimension(lanes, n_clutch(self%model%scene)) :: before, after
+        type(event_entry) :: entry
+        real(wp) :: least
+        integer :: lane, i
+
+        if (.not. holds_anywhere(self%clutch)) return
+        call self%look_closely(t, y_before)
+        before = slips(self%model, self%look, level_velocity)
+        call self%look_closely(t, y)
+        after = slips(self%model, self%look, level_velocity)
+        associate (of => self%clutch)
+            do i = 1, size(after, 2)
+                if (self%model%scene%clutch(i)%is_positive) cycle
+                do lane = 1, lanes
+                    if (.not. (is_struck(lane) .and. of%holds(lane, i))) cycle
+                    least = still*max(maxval(self%stops%fastest(lane, :)), of%fastest(lane, i))
+                    if (abs(after(lane, i) - before(lane, i)) <= least) cycle
+                    of%holds(lane, i) = .false.
+                    of%was_held(lane, i) = .false.
+                    of%sense(lane, i) = sign(1.0_wp, after(lane, i))
+                    of%fastest(lane, i) = max(of%fastest(lane, i), abs(after(lane, i)))
+                    associate (e => self%model%scene%clutch(i)%event)
+                        call set_guard(lane, i, of, self%guard_side(lane, e), self%guard_scale(lane, e))
+                    end associate
+                    entry = event_entry(kind=kind_slip, direction=nint(of%sense(lane, i)))
+                    call note_entry(self, t, y_before, lane, self%model%scene%clutch(i)%event, entry, y)
+                end do
+            end do
+        end associate
+    end subroutine loosen_clutches
+
+    !> Which of the contacts that have no speed rest, by the accelerations that they have without any push of those struck.
+    subroutine choose_resting(self, t, y, is_struck, touches, speed, response, is_closed, rests)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(in) :: y(:, :)
+        logical, intent(in) :: is_struck(lanes)
+        logical, intent(in) :: touches(:, :)           !! (lane, n_stop)
+        real(wp), intent(in) :: speed(:, :)            !! apart (lane, n_stop)
+        real(wp), intent(in) :: response(:, :, :)      !! (lane, of, by)
+        logical, intent(inout) :: is_closed(:, :)      !! it has no speed (lane, n_stop)
+        logical, intent(out) :: rests(:, :)            !! (lane, n_stop)
+        real(wp), dimension(lanes, n_stop(self%model%scene)) :: away, widest
+        real(wp) :: rate(lanes, self%n)
+        logical :: failed(lanes), rested(lanes, n_stop(self%model%scene))
+        integer :: lane, i
+
+        rested = self%stops%rests
+        rests = rested
+        do lane = 1, lanes
+            if (is_struck(lane)) self%stops%rests(lane, :) = .false.
+        end do
+        call self%evaluate_on_lanes(t, y, rate, failed)
+        call self%look_closely(t, y, self%workspace%acceleration)
+        away = away_from_stops(self%model, self%look, level_given)
+        self%stops%rests = rested
+        do i = 1, size(widest, 2)
+            widest(:, i) = merge(self%stops%widest(:, i), self%guard_scale(:, self%model%scene%stop(i)%event), rested(:, i))
+        end do
+        do lane = 1, lanes
+            if (is_struck(lane)) call find_resting(response(lane, :, :), touches(lane, :), speed(lane, :), away(lane, :), &
+                                                   widest(lane, :), is_closed(lane, :), rests(lane, :))
+        end do
+    end subroutine choose_resting
+
+    !> Gaps of hard stops, of states whose motion is in `look`.
+    subroutine measure_gaps(self, t, gap)
+        class(forward_system), intent(inout) :: self
+        real(wp), intent(in) :: t(lanes)
+        real(wp), intent(out) :: gap(:, :)             !! (lane, n_stop); of other stops: none is closed
+        real(wp) :: guard(lanes, self%n_guard)
+
+        call find_events(self%model, self%look, angles_about(self%angles, t), guard)
+        call hard_gaps(self%model, guard, gap)
+    end subroutine measure_gaps
+
+    !> Contacts that are closed behind what has happened begin their gaps there.
+    module procedure renew_gaps
+        real(wp) :: gap(lanes, n_stop(self%model%scene))
+
+        call self%look_closely(t, y)
+        call measure_gaps(self, t, gap)
+        call begin_gaps(self%model, gap, is_wanted, rested, self%stops)
+    end procedure renew_gaps
+end submodule linkdyn_forward_stops

@@ -1,0 +1,67 @@
+!> Coordinates that come to dead points: when the caller has to do something about one, and which steps lead too far.
+submodule (linkdyn_forward_system) linkdyn_forward_watch
+    use linkdyn_bounce_watch, only: look_at_end
+    use linkdyn_coordinate_watch, only: compare_rates, note_rates, is_well_past, is_near_dead_point, dead_coordinate
+    implicit none (type, external)
+
+contains
+
+    !> Compare the rates at an accepted state.
+    module procedure look_at
+        call unpack_state(self%model, self%layout, t, y, self%turns, self%watch%state)
+        call evaluate_assembled(self%model, t, self%assembly, self%watch%state)
+        call compare_rates(self%model, self%watch%state, self%watch)
+    end procedure look_at
+
+    !> The last stage of the step, its columns at hand, tells whether to look at the accepted state itself.
+    module procedure watch_coordinates
+        call note_rates(self%watch)
+        if (self%watch%is_compared) then
+            self%watch%ratio = self%watch%ratio_tried
+        else
+            call catch_up(self)
+            call compare_rates(self%model, self%workspace%state, self%watch)
+        end if
+        if (is_near_dead_point(self%watch) .or. dead_coordinate(self%watch, .false.) > 0) call look_and_decide(self, t, y)
+    end procedure watch_coordinates
+
+    !> Has the caller to do something about a coordinate?
+    module procedure look_and_decide
+        call self%look_at(t, y)
+        if (self%watch%may_exchange) then
+            self%wants_rest = is_near_dead_point(self%watch)
+        else
+            self%wants_rest = dead_coordinate(self%watch, .false.) > 0
+        end if
+    end procedure look_and_decide
+
+    !> Has a coordinate come past where it should be exchanged, or the mechanism been thrown back at its dead point?
+    module procedure leads_too_far
+        real(wp), allocatable :: accepted(:, :)
+
+        leads_too_far = .false.
+        if (self%bounce%is_on) then
+            call catch_up(self)
+            call look_at_end(self%model, self%workspace%state, t, self%workspace%acceleration(1, :), self%bounce, leads_too_far)
+            if (leads_too_far) return
+        end if
+        if (.not. (self%watch%is_on .and. self%watch%may_exchange)) return
+        accepted = self%watch%ratio
+        call catch_up(self)
+        call compare_rates(self%model, self%workspace%state, self%watch)
+        leads_too_far = is_well_past(self%watch, accepted)
+        self%watch%ratio_tried = self%watch%ratio
+        self%watch%is_compared = .true.
+        self%watch%ratio = accepted
+    end procedure leads_too_far
+
+    !> Motion of the state evaluated last in the workspace.
+    subroutine catch_up(self)
+        class(forward_system), intent(inout) :: self
+
+        if (.not. self%is_behind) return
+        call unpack_state(self%model, self%layout, self%t_tried, self%y_tried, self%turns, self%workspace%state)
+        call evaluate_assembled(self%model, self%t_tried, self%assembly, self%workspace%state)
+        self%is_behind = .false.
+    end subroutine catch_up
+end submodule linkdyn_forward_watch
