@@ -11,7 +11,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from test_redundancy import SPATIAL, rails, three_cranks
+from test_redundancy import SPATIAL, hinges, rails, three_cranks
+from test_redundancy_words import CORNERS, Z
 from test_trains import PLANAR as PLANAR_TRAINS
 from test_trains import SPATIAL as SPATIAL_TRAINS
 from test_trains import planets, with_wheels
@@ -33,13 +34,27 @@ def elastic(scene: dict[str, Any]) -> dict[str, Any]:
             soft = {"tangential": 3e7 * (1 + i)}
         elif scene["space"] == "planar":
             soft = {"radial": soft["radial"]} | ({"tilt": soft["tilt"]} if joint["type"] == "prismatic" else {})
-        elif joint["type"] != "prismatic":
-            del soft["torsion"]
+        else:
+            lacks = {"prismatic": {"axial"}, "revolute": {"torsion"}, "screw": {"torsion"}, "cylindrical": {"axial", "torsion"},
+                     "universal": {"torsion"}, "spherical": {"tilt", "torsion"}}
+            soft = {key: value for key, value in soft.items() if key not in lacks[joint["type"]]}
         joint["stiffness"] = soft
     return scene
 
 
+def between_corners(*kinds: str) -> dict[str, Any]:
+    """A four-bar of a plane, drawn in space, its joints of other kinds."""
+    scene = hinges(CORNERS, [Z] * 4, kinds)
+    for joint in scene["joint"]:
+        if joint["type"] == "screw":
+            joint["lead"] = 0.02
+    return scene
+
+
+KINDS = {"screws": between_corners("revolute", "screw", "cylindrical", "screw"), "universal joints": between_corners("revolute", "universal", "revolute", "universal"),
+         "ball": between_corners("revolute", "revolute", "revolute", "spherical")}
 SCENES = {
+    **KINDS, **{f"elastic {name}": elastic(scene) for name, scene in KINDS.items()},
     **{name: make() for name, make in SPATIAL.items()}, "three cranks": three_cranks(), "rails": rails("planar"), "rails in space": rails("spatial"),
     **PLANAR_TRAINS, **{f"{name} in space": scene for name, scene in SPATIAL_TRAINS.items()},
     **{f"elastic {name}": elastic(SPATIAL[name]()) for name in ("bennett", "sarrus", "spherical", "shaft", "agile_eye")},
