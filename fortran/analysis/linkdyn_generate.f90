@@ -130,9 +130,6 @@ contains
         if (size(model%scene%laws%law) > 0 .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: "//trim(model%scene%laws%law(1)%name)//" follows the state of the mechanism "// &
             "(expected forces of time, or the kernel kinematics)")
-        if (model%share%n > 0 .and. any(result_name == "reaction" .and. wish%has)) call fail(status, status_bad_input, &
-            "no code can be generated: the equations leave the reaction of joint " &
-            //quoted(model%joint(model%share%joint(1))%name)//" open (expected other results, such as driving_force)")
         if (model%scene%base%moves .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &
             "no code can be generated: the frame of the scene moves (expected a frame at rest, or the kernel kinematics)")
         if (any(payload_is_input(model)) .and. wish%kernel /= kernel_kinematics) call fail(status, status_bad_input, &

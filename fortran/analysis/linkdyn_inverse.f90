@@ -91,6 +91,13 @@ module linkdyn_inverse
         type(thread_space), pointer :: next => null()           !! idle as well
     end type thread_space
 
+    !> Where links are at samples that no record has done.
+    type :: left_places
+        real(wp), allocatable :: position(:, :, :)              !! (3, n_link, sample)
+        real(wp), allocatable :: rotation(:, :, :, :)           !! (3, 3, n_link, sample)
+        integer, allocatable :: status(:)                       !! `sample_*` (sample)
+    end type left_places
+
     !> Scratch that no thread is using: a list, changed by one thread at a time.
     type :: space_pool
         type(thread_space), pointer :: first => null()
@@ -238,16 +245,12 @@ contains
         class(margin_source), pointer :: margins
         class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
+        type(left_places) :: stand                              ! there, if these are to share reactions
         integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
         integer :: n, n_all, n_left, n_dense
         logical :: wants_rates, wants_driven, wants_world, has_stand_ins, is_on_way, shares
 
         shares = model%share%n > 0 .and. (model%share%may_gape .or. associated(results%reaction))
-        if (shares .and. .not. (associated(results%position) .and. associated(results%rotation) &
-                                           .and. associated(results%status))) then
-            call run_with_places()
-            return
-        end if
         n = size(q, 2)
         n_all = max(n, solver%n_expected)
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
@@ -289,8 +292,12 @@ contains
                 call run_by_record(model, recorded, threads, q, qd, qdd, load, solver%at_start, results, n_left, left, t)
             end if
         end if
-        if (n_left > 0) call run_on_lanes()
-        if (shares) call share()
+        if (n_left > 0) then
+            if (shares) allocate (stand%position(3, model%n_link, n_left), stand%rotation(3, 3, model%n_link, n_left), &
+                                  stand%status(n_left))
+            call run_on_lanes()
+            if (shares .and. .not. is_interrupted()) call share()
+        end if
         results%roads = road_counts(merge(n, 0, size(model%group) == 0), merge(0, n, size(model%group) == 0), n_dense)
         if (associated(results%assembly)) then
             results%assembly = reached_straight
@@ -314,45 +321,25 @@ contains
 
     contains
 
-        !> Reactions are shared by where the links are, which nobody may have asked for.
-        recursive subroutine run_with_places()
-            type(inverse_results) :: all_results
-            real(wp), allocatable, target :: position(:, :, :), rotation(:, :, :, :)
-            integer, allocatable, target :: status(:)
-
-            all_results = results
-            if (.not. associated(results%position)) then
-                allocate (position(3, model%n_link, size(q, 2)))
-                all_results%position => position
-            end if
-            if (.not. associated(results%rotation)) then
-                allocate (rotation(3, 3, model%n_link, size(q, 2)))
-                all_results%rotation => rotation
-            end if
-            if (.not. associated(results%status)) then
-                allocate (status(size(q, 2)))
-                all_results%status => status
-            end if
-            call run_prepared(model, solver, threads, q, qd, qdd, load, all_results, given_force, trail, known, own, turns, &
-                              quaternion, t, stop_force, clutch_force, contact_sense)
-            results%roads = all_results%roads
-            results%lost_sample = all_results%lost_sample
-            results%lost_in_words = all_results%lost_in_words
-        end subroutine run_with_places
-
-        !> What the equations leave open, and whether the joints fit that were released.
+        !> What the equations leave open, and whether the joints fit that were released, where no record has told: by where the
+        !> lanes have found the links.
         subroutine share()
-            integer :: sample
+            integer, allocatable :: which(:)
+            integer :: place
 
+            which = [(sample_of(place), place=1, n_left)]
             if (associated(results%reaction)) then
-                call share_reactions(model, threads, results%position, results%rotation, results%status, results%reaction)
+                call share_reactions(model, threads, stand%position, stand%rotation, stand%status, which, results%reaction)
             else
-                call share_reactions(model, threads, results%position, results%rotation, results%status)
+                call share_reactions(model, threads, stand%position, stand%rotation, stand%status, which)
             end if
-            do sample = 1, n
-                if (results%status(sample) /= sample_ok) call make_undefined(results, sample)
+            do place = 1, n_left
+                if (stand%status(place) == sample_ok) cycle
+                if (associated(results%status)) results%status(which(place)) = stand%status(place)
+                call make_undefined(results, which(place))
             end do
         end subroutine share
+
         !> Which joint holds the first sample fast that one does.
         subroutine tell_locked()
             integer :: sample
@@ -580,6 +567,7 @@ contains
                 sample = sample_of((block - 1)*lanes + lane)
                 failed = outcome(lane) /= sample_ok
                 if (associated(results%status)) results%status(sample) = outcome(lane)
+                if (shares) call note_place(workspace%state, lane, (block - 1)*lanes + lane, outcome(lane))
                 if (associated(results%driving_force)) then
                     results%driving_force(:, sample) = workspace%driving_force(lane, :)
                 end if
@@ -645,6 +633,21 @@ contains
                 if (failed) call make_undefined(results, sample)
             end do
         end subroutine scatter
+
+        !> For who shares reactions afterwards.
+        subroutine note_place(state, lane, place, outcome)
+            type(kinematic_state), intent(in) :: state
+            integer, intent(in) :: lane
+            integer, intent(in) :: place                !! of those that are left
+            integer, intent(in) :: outcome              !! one of `sample_*`
+            integer :: l
+
+            stand%status(place) = outcome
+            do l = 1, model%n_link
+                stand%position(:, l, place) = link_position(model, state, l, lane)
+                stand%rotation(:, :, l, place) = link_rotation(model, state, l, lane)
+            end do
+        end subroutine note_place
     end subroutine run_prepared
 
     ! ---------------------------------------------------------------- by a record of the scene

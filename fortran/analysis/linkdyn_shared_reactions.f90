@@ -5,6 +5,8 @@
 !> the reactions with the least x C x are taken: C the joints' compliances, by which this is the elastic energy (Menabrea,
 !> Castigliano), or one for all, by which it is the sum of squares of forces and of moments over the mechanism's size.
 !>
+!> So it is for samples of the lanes; a record shares by itself (`linkdyn_reaction_sharing`).
+!>
 !> The same look at the joints tells whether they fit at all: constraints that are redundant in theory gape if the geometry is not
 !> what makes them so. Such a sample is `unreachable`.
 module linkdyn_shared_reactions
@@ -14,8 +16,7 @@ module linkdyn_shared_reactions
     use linkdyn_gear_fit, only: gears_go_along
     use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
-    use linkdyn_model, only: model_type, holds_spin
-    use linkdyn_motion_measures, only: gapes
+    use linkdyn_model, only: model_type, holds_spin, gapes
     use linkdyn_null_space, only: find_null_space
     use linkdyn_null_space_plan, only: find_null_space_by_plan
     use linkdyn_redundancy, only: hardly_new
@@ -31,14 +32,15 @@ module linkdyn_shared_reactions
 
 contains
 
-    !> Share the reactions of a batch, and flag samples whose joints gape.
-    subroutine share_reactions(model, threads, position, rotation, status, reaction)
+    !> Share the reactions of some samples of a batch, and flag those whose joints gape.
+    subroutine share_reactions(model, threads, position, rotation, status, sample, reaction)
         type(model_type), intent(in) :: model
         integer, intent(in) :: threads                  !! at most
         real(wp), intent(in) :: position(:, :, :)       !! origins of the links [m] (3, n_link, n)
         real(wp), intent(in) :: rotation(:, :, :, :)    !! their axes (3, 3, n_link, n)
         integer, intent(inout) :: status(:)             !! (n)
-        real(wp), intent(inout), optional :: reaction(:, :, :)    !! world axes [N, N m] (n_component, n_joint, n)
+        integer, intent(in) :: sample(:)                !! which of the batch these are (n)
+        real(wp), intent(inout), optional :: reaction(:, :, :)    !! of the batch, world axes [N, N m] (n_component, n_joint, all)
         integer :: first
 
         call hold_blas_threads()
@@ -68,7 +70,7 @@ contains
                 loop%position(:, 1:) = position(:, model%share%link, i)/loop%size
                 loop%rotation(:, :, 1:) = rotation(:, :, model%share%link, i)
                 if (present(reaction)) then
-                    call share_sample(model, loop, workspace, status(i), reaction(:, :, i))
+                    call share_sample(model, loop, workspace, status(i), reaction(:, :, sample(i)))
                 else
                     call share_sample(model, loop, workspace, status(i))
                 end if

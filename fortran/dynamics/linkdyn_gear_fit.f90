@@ -6,8 +6,7 @@ module linkdyn_gear_fit
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_model, only: model_type, is_released, scene_size
-    use linkdyn_motion_measures, only: gapes
+    use linkdyn_model, only: model_type, is_released, scene_size, gapes
     use linkdyn_status, only: status_type, fail, status_bad_input
     use linkdyn_text, only: to_text, quoted
     implicit none (type, external)

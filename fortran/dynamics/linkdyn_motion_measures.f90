@@ -9,7 +9,7 @@ module linkdyn_motion_measures
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of, is_released, scene_size
+    use linkdyn_model, only: model_type, orientation_of, is_released, scene_size, gapes
     use linkdyn_newton_euler, only: inertia_times
     use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
     use linkdyn_planar_point, only: carried
@@ -21,10 +21,7 @@ module linkdyn_motion_measures
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: measure_energy, measure_closure, released_fit, gapes, add_columns
-
-    !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
-    real(wp), parameter :: gapes = 1.0e-6_wp
+    public :: measure_energy, measure_closure, released_fit, add_columns
 
 contains
 

@@ -37,6 +37,8 @@ module linkdyn_trace
         type(value), allocatable :: place(:, :)            !! of links in groups closed by iteration (place_size, link)
         type(acting_type), allocatable :: acting(:)        !! what is known to act: loads, springs, friction
         type(contact_motion), allocatable :: contact(:)    !! not there: nothing rubs
+        type(value), allocatable :: shared(:, :)           !! what reactions are that the equations leave open, beside those of the
+                                                           !! released mechanism (6, joint); not there: nothing
     end type traced_type
 
 contains

@@ -10,7 +10,7 @@ module linkdyn_gear_gap
     use linkdyn_model, only: model_type, gear_type
     implicit none (type, external)
     private
-    public :: gear_gap
+    public :: gear_gap, least_turn, sums_all_places
 
     real(wp), parameter :: no_turn = 1.0e-3_wp     !! part of the largest weight: smaller steps reach every place
 
@@ -23,28 +23,22 @@ contains
         real(wp), intent(in) :: position(:, :)         !! origins of the moving links [m] (3, n_link)
         real(wp), intent(in) :: rotation(:, :, :)      !! their axes (3, 3, n_link)
         real(wp) :: gap
-        real(wp) :: weight, turn, largest
+        real(wp) :: weight, turn
         integer :: j
 
+        gap = 0
+        if (sums_all_places(model, gear)) return
         gap = -gear%total
-        turn = 0
-        largest = 0
         do j = 1, model%n_joint
             associate (joint => model%joint(j))
                 if (all(joint%told_kind /= [joint_revolute, joint_prismatic])) cycle
                 weight = gear%weight(joint%first_variable + 1)
                 if (weight == 0) cycle
                 gap = gap + weight*variable_of(j)
-                if (joint%told_kind == joint_prismatic) cycle
-                largest = max(largest, abs(weight))
-                turn = common_part(turn, abs(weight), no_turn*largest)
             end associate
         end do
-        if (turn <= no_turn*largest .and. largest > 0) then
-            gap = 0
-        else if (turn > 0) then
-            gap = gap - anint(gap/(two_pi*turn))*two_pi*turn
-        end if
+        turn = least_turn(model, gear)
+        if (turn > 0) gap = gap - anint(gap/(two_pi*turn))*two_pi*turn
 
     contains
 
@@ -72,6 +66,45 @@ contains
             end associate
         end function variable_of
     end function gear_gap
+
+    !> Of which number what whole turns of the wheels' joints add to the sum is a multiple [m/rad]; 0: nothing turns.
+    pure real(wp) function least_turn(model, gear) result(turn)
+        type(model_type), intent(in) :: model
+        type(gear_type), intent(in) :: gear
+        real(wp) :: largest
+
+        call look_at_turns(model, gear, turn, largest)
+    end function least_turn
+
+    !> Do whole turns add so many different amounts that every sum is as good?
+    pure logical function sums_all_places(model, gear)
+        type(model_type), intent(in) :: model
+        type(gear_type), intent(in) :: gear
+        real(wp) :: turn, largest
+
+        call look_at_turns(model, gear, turn, largest)
+        sums_all_places = turn <= no_turn*largest .and. largest > 0
+    end function sums_all_places
+
+    pure subroutine look_at_turns(model, gear, turn, largest)
+        type(model_type), intent(in) :: model
+        type(gear_type), intent(in) :: gear
+        real(wp), intent(out) :: turn, largest         !! the largest weight of an angle
+        integer :: j
+
+        turn = 0
+        largest = 0
+        do j = 1, model%n_joint
+            associate (joint => model%joint(j))
+                if (joint%told_kind /= joint_revolute) cycle
+                associate (weight => gear%weight(joint%first_variable + 1))
+                    if (weight == 0) cycle
+                    largest = max(largest, abs(weight))
+                    turn = common_part(turn, abs(weight), no_turn*largest)
+                end associate
+            end associate
+        end do
+    end subroutine look_at_turns
 
     !> The largest number of which both are multiples (Euclid); what is below the least counts as none.
     pure function common_part(a, b, least) result(part)

@@ -14,10 +14,13 @@ module linkdyn_model
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
     public :: gives_attitude, attitude_angles, number_attitudes
-    public :: holds_spin, is_released, shared_reactions
+    public :: holds_spin, is_released, shared_reactions, gapes
     public :: is_dyad, dyad_names, orientation_of, side_of, link_freedom, place_size, has_assemblies
     public :: is_length, is_screw, repeats, scene_size, counts_turns, most_turned, closes_by_gears
     public :: leads_within, drives_share, counts_for_another
+
+    !> How far a joint may be open where others hold it [mechanism's sizes, rad]: parts are made less exactly, loops close to 1e-12.
+    real(wp), parameter :: gapes = 1.0e-6_wp
 
     ! ---- steps of the kinematic program, in the order in which the planner looks for them
     integer, parameter :: step_pose = 1      !! a link whose pose is given by coordinates

@@ -3,7 +3,7 @@
 module linkdyn_controller_kernel
     use linkdyn_catalogue, only: result_qdd
     use linkdyn_closing_programs, only: turning_each, trace_group_step, list_group_step
-    use linkdyn_force_program, only: trace_forces, list_forces
+    use linkdyn_force_program, only: trace_forces, trace_redundancy, list_forces
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, n_block
     use linkdyn_interpreter, only: interpret
     use linkdyn_kernel, only: kernel_type, compile_kernel
@@ -40,6 +40,7 @@ contains
         call open_record(record, sample%n)
         if (any(wanted == result_qdd)) then
             call trace_accelerations(model, request, sample, traced)
+            call trace_redundancy(wanted, traced)
         else
             call trace_forces(model, request, wanted, sample, traced)
         end if

@@ -1,17 +1,18 @@
 !> The program of inverse dynamics: from a motion and loads to driving forces, reactions and what else is wanted, with all
 !> eliminations inside.
 module linkdyn_force_program
-    use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction, result_contact_force
+    use linkdyn_catalogue, only: quantity_values, needs_equations, result_reaction, result_contact_force, result_margin
     use linkdyn_inputs, only: trace_request, sample_set
     use linkdyn_layout, only: sparse_layout
     use linkdyn_model, only: model_type
+    use linkdyn_reaction_sharing, only: watch_fit, share_reactions
     use linkdyn_record, only: record_type, open_record, close_record
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, are_among, &
         alarm_of, reach_of
     implicit none (type, external)
     private
-    public :: make_force_program, trace_forces, list_forces, out_alarm, out_reach
+    public :: make_force_program, trace_forces, trace_redundancy, list_forces, out_alarm, out_reach
 
     ! ---- outputs beside the results of the catalogue
     integer, parameter :: out_alarm = 101      !! beyond one, rounding may have grown; not a number if anything was none
@@ -48,10 +49,27 @@ contains
         type(traced_type), intent(inout) :: traced
 
         call trace_motion(model, request, sample, traced, merged=.false.)
-        if (.not. any(needs_equations(wanted))) return
-        call trace_equations(request, sparse_layout(model), traced)
-        call solve_equations(traced, is_last=wanted_last(traced, wanted))
+        if (any(needs_equations(wanted))) then
+            call trace_equations(request, sparse_layout(model), traced)
+            call solve_equations(traced, is_last=wanted_last(traced, wanted))
+        end if
+        call trace_redundancy(wanted, traced)
     end subroutine trace_forces
+
+    !> Of an over-constrained mechanism: do its joints fit, and what are the reactions that its equations have left open?
+    subroutine trace_redundancy(wanted, traced)
+        integer, intent(in) :: wanted(:)           !! `result_*`
+        type(traced_type), intent(inout) :: traced
+        logical :: shares
+
+        associate (share => traced%mechanism%model%share)
+            shares = share%n > 0 .and. any(wanted == result_reaction)
+            if (shares .or. (share%may_gape .and. all(wanted /= result_margin))) call watch_fit(traced%mechanism)
+        end associate
+        if (.not. shares) return
+        allocate (traced%shared(6, traced%mechanism%model%n_joint))
+        call share_reactions(traced%mechanism, traced%unknowns, traced%system, traced%shared)
+    end subroutine trace_redundancy
 
     !> What is wanted of a traced scene, and what says whether it counts.
     subroutine list_forces(wanted, traced, out)

@@ -11,7 +11,7 @@ module linkdyn_catalogue
     use linkdyn_power_balance, only: power_imbalance
     use linkdyn_system, only: solved
     use linkdyn_trace, only: traced_type
-    use linkdyn_value, only: value
+    use linkdyn_value, only: value, operator(+)
     implicit none (type, external)
     private
     public :: quantity_values, needs_equations
@@ -127,6 +127,7 @@ contains
             case (result_reaction)
                 do i = 1, model%n_joint
                     r = reaction_of(mechanism, traced%unknowns, traced%system, i)
+                    if (allocated(traced%shared)) r = r + traced%shared(:, i)
                     if (model%is_planar) then
                         v = [v, r([1, 2, 6])]
                     else

@@ -4,10 +4,14 @@
 !> numbers are large enough at every representative sample. A column without such a pivot, as a crank that turns all the
 !> way round gives, is cleared by turning two of its rows into each other. Each pivot that varies is watched: the system's
 !> `alarm` grows beyond one where a pivot has become so small that rounding may have grown with it.
+!>
+!> Columns may stay free, of rows that do not determine them: what the others then are for a one in each, and nothing on the
+!> right, are the states that the rows allow.
 module linkdyn_elimination
     use linkdyn_kinds, only: wp
     use linkdyn_record, only: record_type, open_record_of_thread
-    use linkdyn_value, only: value, one, is_zero, is_one, is_constant, reciprocal, constant, operator(+), operator(-), operator(*)
+    use linkdyn_value, only: value, zero, one, is_zero, is_one, is_constant, reciprocal, constant, &
+        operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
     public :: sparse_row, elimination_type, eliminate
@@ -30,6 +34,9 @@ module linkdyn_elimination
     !> What came of it.
     type :: elimination_type
         type(value), allocatable :: solution(:)        !! (column)
+        type(value), allocatable :: state(:, :)        !! (column, free column)
+        type(value), allocatable :: rest(:)            !! what rows say of free columns alone, by their largest entry: zero, if they
+                                                       !! follow from the others
         type(value), allocatable :: watched(:)         !! values whose magnitudes must stay below one
         type(value) :: determinant                     !! its sign is that of the matrix', or the opposite at every sample
         logical :: is_complete = .false.               !! false: no pivots were found; there is no solution
@@ -69,22 +76,25 @@ module linkdyn_elimination
 
 contains
 
-    !> Solve for all columns.
-    subroutine eliminate(row, n_column, is_last, elimination)
-        type(sparse_row), intent(inout) :: row(:)      !! as many as columns; used up
+    !> Solve for all columns, or for all that are not free.
+    subroutine eliminate(row, n_column, is_last, elimination, is_free)
+        type(sparse_row), intent(inout) :: row(:)      !! as many as columns to be solved for, or more that follow; used up
         integer, intent(in) :: n_column
         logical, intent(in) :: is_last(:)              !! (column) to be solved for after the others
         type(elimination_type), intent(out) :: elimination
+        logical, intent(in), optional :: is_free(:)    !! (column) for these there are states, no solution; absent: none
         type(work_type) :: work
         type(pivot_step), allocatable :: step(:)
         type(candidate) :: pivot
-        integer :: n_step, n_turned, u
-        logical :: found
+        integer :: n_step, n_turned, u, i
+        logical :: found, is_used(size(row))
 
         call begin(row, n_column, work)
-        allocate (step(n_column), elimination%watched(0))
+        if (present(is_free)) work%is_open = .not. is_free
+        allocate (step(count(work%is_open)), elimination%watched(0))
         elimination%determinant = one()
-        do n_step = 1, n_column
+        is_used = .false.
+        do n_step = 1, size(step)
             n_turned = 0
             do
                 call choose_pivot(work, is_last, u, pivot)
@@ -102,8 +112,18 @@ contains
             end do
             elimination%determinant = elimination%determinant*entry_of(work%row(pivot%row), u)
             call apply_pivot(work, u, pivot%row, step(n_step), elimination%watched)
+            is_used(pivot%row) = .true.
         end do
-        call substitute_back(step, n_column, elimination%solution)
+        if (present(is_free)) then
+            call find_states(step, is_free, elimination%state)
+            allocate (elimination%rest(0))
+            do i = 1, size(work%row)
+                if (is_used(i)) cycle
+                elimination%rest = [elimination%rest, constant(work%scale(i))*work%row(i)%entry(:work%row(i)%n)]
+            end do
+        else
+            call substitute_back(step, n_column, elimination%solution)
+        end if
         elimination%is_complete = .true.
     end subroutine eliminate
 
@@ -363,6 +383,7 @@ contains
                 work%is_stale(new%column(k)) = .true.
             end do
             call find_scale(work, i)
+            if (work%scale(i) > 1/no_pivot) work%scale(i) = 1     ! of scaled rows nothing is left but rounding
         end subroutine replace
     end subroutine turn_pair
 
@@ -473,6 +494,31 @@ contains
             solution(step(s)%column) = x
         end do
     end subroutine substitute_back
+
+    !> A one in each free column by itself, and what follows of the others.
+    subroutine find_states(step, is_free, state)
+        type(pivot_step), intent(in) :: step(:)
+        logical, intent(in) :: is_free(:)              !! (column)
+        type(value), allocatable, intent(out) :: state(:, :)    !! (column, free column)
+        type(value) :: x
+        integer :: f, u, s, k
+
+        allocate (state(size(is_free), count(is_free)), source=zero())
+        f = 0
+        do u = 1, size(is_free)
+            if (.not. is_free(u)) cycle
+            f = f + 1
+            state(u, f) = one()
+            do s = size(step), 1, -1
+                x = zero()
+                do k = 1, step(s)%row%n
+                    x = x - step(s)%row%entry(k)*state(step(s)%row%column(k), f)
+                end do
+                if (.not. step(s)%is_scaled) x = x*step(s)%inverse
+                state(step(s)%column, f) = x
+            end do
+        end do
+    end subroutine find_states
 
     ! ---------------------------------------------------------------- rows and lists
 

@@ -11,7 +11,7 @@ module linkdyn_system
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
-    public :: system_type, unknown, require, solve, solved, find_places
+    public :: system_type, unknown, require, solve, solved, find_places, list_rows
 
     !> Equations of one open record.
     type :: system_type
@@ -89,14 +89,8 @@ contains
         type(sparse_row) :: row(system%n_equation)
         type(elimination_type) :: elimination
         logical :: last(system%n_unknown)
-        type(record_type), pointer :: record
-        integer :: i
 
-        record => open_record_of_thread()
-        call find_places(system)
-        do i = 1, system%n_equation
-            row(i) = row_of(system%equation(i), system%place, record)
-        end do
+        call list_rows(system, row)
         last = .false.
         if (present(is_last)) last = is_last
         call eliminate(row, system%n_unknown, last, elimination)
@@ -111,6 +105,20 @@ contains
         call move_alloc(elimination%watched, system%watched)
         system%determinant = elimination%determinant
     end subroutine solve
+
+    !> The equations as rows of its unknowns.
+    subroutine list_rows(system, row)
+        type(system_type), intent(inout) :: system
+        type(sparse_row), intent(out) :: row(:)        !! (equation)
+        type(record_type), pointer :: record
+        integer :: i
+
+        record => open_record_of_thread()
+        call find_places(system)
+        do i = 1, system%n_equation
+            row(i) = row_of(system%equation(i), system%place, record)
+        end do
+    end subroutine list_rows
 
     !> Which unknowns of the record are the system's.
     subroutine find_places(system)

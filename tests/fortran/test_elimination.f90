@@ -5,7 +5,9 @@ module test_elimination
     use linkdyn_interpreter, only: interpret
     use linkdyn_kernel, only: kernel_type, compile_kernel, count_of
     use linkdyn_kinds, only: wp
+    use linkdyn_least_squares, only: find_least
     use linkdyn_mix, only: counter_uniform
+    use linkdyn_null_states, only: null_states, find_null_states
     use linkdyn_record, only: record_type, open_record, close_record, new_input
     use linkdyn_system, only: system_type, unknown, require, solve, solved
     use linkdyn_testing, only: test_error, unit_test, new_test, check, check_close
@@ -29,7 +31,10 @@ contains
                  new_test("representative samples that are singular are given up", test_singular_samples), &
                  new_test("a system that is singular everywhere is not solved", test_singular_system), &
                  new_test("unknowns of another system stay in the solution", test_foreign_unknowns), &
-                 new_test("products of unknowns are noticed", test_not_linear)]
+                 new_test("products of unknowns are noticed", test_not_linear), &
+                 new_test("states that equations leave open", test_states), &
+                 new_test("equations that follow from others here, not there", test_rest), &
+                 new_test("least squares to the last digits", test_least_squares)]
     end subroutine collect_elimination
 
     real(wp) function number(i, k)
@@ -292,4 +297,117 @@ contains
         call close_record(record)
         call check(error, .not. system%is_solved, "x x is refused")
     end subroutine test_not_linear
+
+    !> Six equations, one of them the sum of two, for nine unknowns: what is found of another sample solves its equations.
+    subroutine test_states(error)
+        type(test_error), intent(inout) :: error
+        integer, parameter :: n_sample = 5, n = 9, m = 5, n_state = n - m
+        type(record_type), target :: record
+        type(system_type) :: system
+        type(null_states) :: states
+        type(value) :: x(n), entry(m, n)
+        type(kernel_type) :: kernel
+        real(wp) :: matrix(m, n), got(n*n_state), state(n, n_state)
+        integer :: i, j, s
+
+        call open_record(record, n_sample)
+        do j = 1, n
+            x(j) = unknown(system)
+        end do
+        do j = 1, n
+            do i = 1, m
+                entry(i, j) = new_input([(number(100*s, i + m*(j - 1)), s=1, n_sample)])
+            end do
+        end do
+        do i = 1, m
+            call require(system, sum_of(entry(i, :), x))
+        end do
+        call require(system, sum_of(entry(1, :), x) + sum_of(entry(3, :), x))
+        call find_null_states(system, n_state, [(j == 2 .or. j == 7, j=1, n)], [(1.0_wp, j=1, n)], &
+                              [(.true., s=1, n_sample)], states)
+        call check(error, states%is_found, "there are pivots")
+        if (.not. states%is_found) then
+            call close_record(record)
+            return
+        end if
+        call check(error, states%is_free(2) .and. states%is_free(7), "those that are to be free are")
+        call compile_kernel(record, [states%state], .true., kernel)
+        call close_record(record)
+        matrix = reshape([(number(99, i), i=1, m*n)], [m, n])
+        call interpret(kernel, [matrix], got)
+        state = reshape(got, [n, n_state])
+        call check_close(error, matmul(matrix, state), 0*matmul(matrix, state), 1.0e3_wp*eps*maxval(abs(state)), "A N = 0")
+        do j = 1, n_state
+            i = findloc([(states%is_free(i) .and. count(states%is_free(:i)) == j, i=1, n)], .true., dim=1)
+            call check_close(error, state(i, :), [(merge(1.0_wp, 0.0_wp, s == j), s=1, n_state)], 0.0_wp, &
+                             "a one in each free unknown")
+        end do
+    end subroutine test_states
+
+    !> At the samples an equation follows from the others; where it does not, what is watched says so.
+    subroutine test_rest(error)
+        type(test_error), intent(inout) :: error
+        type(record_type), target :: record
+        type(system_type) :: system
+        type(null_states) :: states
+        type(value) :: x(3), a, b
+        type(kernel_type) :: kernel
+        real(wp), allocatable :: got(:)
+
+        call open_record(record, 2)
+        x = [unknown(system), unknown(system), unknown(system)]
+        a = new_input([0.3_wp, 0.7_wp])
+        b = new_input([0.6_wp, 1.4_wp])
+        call require(system, x(1) + a*x(2) + 0.5_wp*x(3))
+        call require(system, x(1) - x(3))
+        call require(system, 2.0_wp*x(1) + b*x(2) + x(3))
+        call find_null_states(system, 1, [.false., .false., .false.], [1.0_wp, 1.0_wp, 1.0_wp], [.true., .true.], states)
+        call compile_kernel(record, states%watched, .true., kernel)
+        call close_record(record)
+        call check(error, states%is_found, "one equation follows")
+        allocate (got(size(states%watched)))
+        call interpret(kernel, [0.4_wp, 0.8_wp], got)
+        call check(error, all(abs(got) < 1), "it does elsewhere, too")
+        call interpret(kernel, [0.4_wp, 0.8_wp + 1.0e-4_wp], got)
+        call check(error, any(abs(got) > 1), "and here it does not")
+    end subroutine test_rest
+
+    !> Columns nearly along each other: without the correction thousands of roundings are lost.
+    subroutine test_least_squares(error)
+        type(test_error), intent(inout) :: error
+        type(record_type), target :: record
+        type(value) :: n(3, 2), start(3), z(2)
+        type(value), allocatable :: watched(:)
+        type(kernel_type) :: kernel
+        real(wp), parameter :: apart = 2.0e-3_wp, x(3) = [1.0_wp, 0.3_wp, -0.7_wp]
+        real(wp) :: got(2), wanted(2)
+        integer :: i
+
+        call open_record(record, 1)
+        allocate (watched(0))
+        n = zero()
+        n(1, :) = new_input([1.0_wp])
+        n(2, 1) = new_input([apart])
+        n(3, 2) = n(2, 1)
+        start = [(new_input([x(i)]), i=1, 3)]
+        call find_least(n, [2.0_wp, 2.0_wp, 2.0_wp], start, z, watched)
+        call compile_kernel(record, z, .true., kernel)
+        call close_record(record)
+        call interpret(kernel, [1.0_wp, apart, x], got)
+        ! of equations with 1 + d d on the diagonal and a one beside it
+        wanted = [-x(1) - apart*x(2) - (x(2) - x(3))/apart, -x(1) - apart*x(3) + (x(2) - x(3))/apart]/(2 + apart**2)
+        call check_close(error, got, wanted, 1.0e3_wp*eps*maxval(abs(wanted)), "least squares")
+        call check(error, size(watched) == 1, "what is left of the second column is watched")
+    end subroutine test_least_squares
+
+    function sum_of(a, x) result(total)
+        type(value), intent(in) :: a(:), x(:)
+        type(value) :: total
+        integer :: k
+
+        total = zero()
+        do k = 1, size(a)
+            total = total + a(k)*x(k)
+        end do
+    end function sum_of
 end module test_elimination

@@ -63,6 +63,7 @@ contains
                  new_test("legs in any axes", test_legs), new_test("a leg that is not straight", test_bent_leg), &
                  new_test("dead points", test_dead_points), new_test("groups closed by iteration", test_iterated), &
                  new_test("cams", test_cams), &
+                 new_test("over-constrained", test_over_constrained), &
                  new_test("a frame that moves", test_moving_frame), new_test("shared drives", test_shared_drives), &
                  new_test("dead points of groups", test_dead_groups), new_test("recorded steps", test_recorded_steps), &
                  new_test("samples that are no numbers", test_no_numbers), new_test("what is left out", test_left_out), &
@@ -312,6 +313,25 @@ contains
             call compare_roads(error, trim(iterated(i))//" about its start", model, batch, accuracy=accuracy)
         end do
     end subroutine test_iterated
+
+    !> Reactions that the equations leave open; all samples are the record's.
+    subroutine test_over_constrained(error)
+        type(test_error), intent(inout) :: error
+        character(len=*), parameter :: shared(2) = [character(len=9) :: "agile_eye", "tripteron"]
+        type(model_type) :: model
+        type(batch_type) :: batch
+        integer :: i
+
+        do i = 1, size(shared)
+            call load_model(error, "examples/"//trim(shared(i))//"/scene", model)
+            if (allocated(error%message)) return
+            call check(error, model%share%n > 0, trim(shared(i))//": the equations leave something open")
+            call follow_motion(model, batch)
+            call compare_roads(error, trim(shared(i))//" in order", model, batch, in_order=.true.)
+            call move_at_random(model, 140, 0.01_wp, batch)
+            call compare_roads(error, trim(shared(i))//" about its start", model, batch)
+        end do
+    end subroutine test_over_constrained
 
     !> Followers of all kinds on curves of both kinds: where they are touched, and all that follows from it.
     subroutine test_cams(error)

@@ -118,7 +118,7 @@ def scene_of(name: str) -> linkdyn.Scene:
 
 
 INVERSE = ["stewart_tsai", "stewart_drilling", "fourbar", "watt_i", "stephenson_iii", "sixbar_slider/scene_inclined.toml", "andrews",
-           "rcsp_start", "fivebar_parallel", "arm", "air_bearing_stage", "../tests/scenes/screw_and_weld.toml"]
+           "rcsp_start", "fivebar_parallel", "arm", "air_bearing_stage", "../tests/scenes/screw_and_weld.toml", "planetary_gearbox"]
 
 
 @pytest.mark.accuracy
@@ -158,7 +158,7 @@ def compiled_labels(compiled: Compiled, kind: str) -> list[str]:
 
 
 @pytest.mark.accuracy
-@pytest.mark.parametrize("name", ["stewart_tsai", "fourbar", "rcsp_start", "andrews", "arm", "air_bearing_stage",
+@pytest.mark.parametrize("name", ["stewart_tsai", "fourbar", "rcsp_start", "andrews", "arm", "air_bearing_stage", "planetary_gearbox",
                                   "../tests/scenes/screw_and_weld.toml"])
 def test_forward_undoes_inverse(name: str, tmp_path: Path) -> None:
     """Accelerations by driving forces are those for which inverse dynamics, another elimination, asks for these forces."""
@@ -221,9 +221,9 @@ def test_kinematics(name: str, tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------------ loops closed by iteration
 @pytest.mark.accuracy
 @pytest.mark.parametrize("name", ["excavator", "boom_by_stroke", "hexaglide", "rsur", "scissor_by_stroke", "screw_loop", "fivebar_by_gears", "fivebar_by_gears_3d",
-                                  "wheel_by_coupler", "../../examples/tripod/scene"])
+                                  "wheel_by_coupler", "../../examples/tripod/scene", "../../examples/agile_eye/scene"])
 def test_iteration_along_a_motion(name: str, tmp_path: Path) -> None:
-    """Excavators, platforms on slides, spatial four-bars, loops closed by gears: from call to call in steps of a controller, all forces as the engine's."""
+    """Excavators, platforms on slides, spatial four-bars, loops closed by gears, three legs more than needed: from call to call in steps of a controller, all forces as the engine's."""
     scene = load(f"../tests/scenes/{name}.toml")
     compiled = Compiled(scene.generate(want="all", name="kernel"), tmp_path)
     time = scene.description["time"]
