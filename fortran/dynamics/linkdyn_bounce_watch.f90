@@ -13,19 +13,20 @@ module linkdyn_bounce_watch
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_led_mechanism, only: follows_assembly
-    use linkdyn_model, only: model_type, is_released
+    use linkdyn_model, only: model_type, is_released, orientation_of
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_scene, only: coordinate_joint
+    use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
     public :: bounce_watch, prepare_bounce_watch, look_at_end, note_start
 
-    !> Rates and accelerations of hinges and slides at an instant.
+    !> Rates and accelerations at an instant: of hinges and slides, then, in space, of links' turns.
     type :: motion_type
         real(wp) :: t = 0                           !! [s]
         logical :: has_accelerations = .false.
-        real(wp), allocatable :: rate(:)            !! [rad/s, m/s] (joint)
-        real(wp), allocatable :: acceleration(:)    !! [rad/s2, m/s2] (joint)
+        real(wp), allocatable :: rate(:, :)         !! [rad/s, m/s] (3, measured); of a joint the first component
+        real(wp), allocatable :: acceleration(:, :) !! [rad/s2, m/s2] (3, measured)
     end type motion_type
 
     type :: bounce_watch
@@ -33,6 +34,7 @@ module linkdyn_bounce_watch
         logical :: is_ahead = .false.               !! a step that went further than the last accepted state has bounced
         real(wp), private :: t_bounced = 0          !! its end [s]
         integer, allocatable, private :: joint(:)   !! with one axis
+        integer, allocatable, private :: link(:)    !! that turn in space
         type(motion_type), private :: start         !! of the step
         type(motion_type), private :: end           !! of the step tried last
     end type bounce_watch
@@ -43,12 +45,15 @@ contains
         type(model_type), intent(in) :: model
         logical, intent(in) :: is_free(:)           !! coordinates that are not driven (n_q)
         type(bounce_watch), intent(out) :: watch
-        integer :: j
+        integer :: i, j, n
 
         watch%joint = pack([(j, j=1, model%n_joint)], [(is_measured(j), j=1, model%n_joint)])
-        allocate (watch%start%rate(size(watch%joint)), watch%start%acceleration(size(watch%joint)), source=0.0_wp)
+        watch%link = pack([(i, i=1, model%n_link)], .not. model%is_planar)
+        n = size(watch%joint) + size(watch%link)
+        allocate (watch%start%rate(3, n), watch%start%acceleration(3, n), source=0.0_wp)
         watch%end = watch%start
-        watch%is_on = follows_assembly(model) .and. size(watch%joint) > 0 .and. any(is_free .and. .not. may_be_exchanged())
+        watch%is_on = follows_assembly(model) .and. n > 0 &
+                      .and. (any(is_free .and. .not. may_be_exchanged()) .or. (any(is_free) .and. has_joints_of_several_axes()))
 
     contains
 
@@ -60,6 +65,13 @@ contains
                               .and. .not. any([on_leg(joint%link(1)), on_leg(joint%link(2))])
             end associate
         end function is_measured
+
+        pure logical function has_joints_of_several_axes()
+            integer :: j
+
+            has_joints_of_several_axes = .not. (model%is_planar &
+                                                .or. all([(has_one_axis(model%joint(j)%kind), j=1, model%n_joint)]))
+        end function has_joints_of_several_axes
 
         pure logical function on_leg(link)
             integer, intent(in) :: link
@@ -88,18 +100,14 @@ contains
         real(wp), intent(in) :: qdd(:)              !! accelerations of the coordinates that the state lacks (n_q)
         type(bounce_watch), intent(inout) :: watch
         logical, intent(out) :: has_bounced         !! on the way there
-        integer :: i, k
+        integer :: k
 
         watch%end%t = t
         watch%end%has_accelerations = .true.
-        do i = 1, size(watch%joint)
-            associate (j => watch%joint(i))
-                watch%end%rate(i) = rate_at(model, state, j, level_velocity)
-                watch%end%acceleration(i) = rate_at(model, state, j, level_given)
-                do k = 1, model%n_q
-                    watch%end%acceleration(i) = watch%end%acceleration(i) + rate_at(model, state, j, k)*qdd(k)
-                end do
-            end associate
+        watch%end%rate = rates_at(model, state, watch, level_velocity)
+        watch%end%acceleration = rates_at(model, state, watch, level_given)
+        do k = 1, model%n_q
+            watch%end%acceleration = watch%end%acceleration + rates_at(model, state, watch, k)*qdd(k)
         end do
         has_bounced = is_thrown_back(watch)
         if (.not. has_bounced) return
@@ -113,47 +121,65 @@ contains
         type(kinematic_state), intent(in) :: state
         real(wp), intent(in) :: t                   !! [s]
         type(bounce_watch), intent(inout) :: watch
-        integer :: i
 
         if (watch%end%has_accelerations .and. watch%end%t == t) then
             watch%start = watch%end
         else
             watch%start%t = t
             watch%start%has_accelerations = .false.
-            watch%start%rate = [(rate_at(model, state, watch%joint(i), level_velocity), i=1, size(watch%joint))]
+            watch%start%rate = rates_at(model, state, watch, level_velocity)
         end if
         watch%end%has_accelerations = .false.
         watch%is_ahead = watch%is_ahead .and. t < watch%t_bounced
     end subroutine note_start
 
-    !> Has a joint changed the sense in which it moves, or lost its speed, and no acceleration made it?
+    !> Has a joint or link changed the sense in which it moves, or lost its speed, and no acceleration made it?
     pure logical function is_thrown_back(watch)
         type(bounce_watch), intent(in) :: watch
         real(wp), parameter :: many = 8             !! times what constant accelerations would make
-        real(wp), parameter :: large = 0.5_wp       !! part of a rate that resolved steps do not lose unseen
+        real(wp), parameter :: large = 0.02_wp      !! part of a rate that resolved steps do not lose unseen
         real(wp), parameter :: seen = 1.0e-6_wp     !! part of the largest rate that is no rounding
-        real(wp), dimension(size(watch%joint)) :: change, acceleration, explained
+        real(wp), dimension(size(watch%start%rate, 2)) :: was, is, change, acceleration
         real(wp) :: least
 
         associate (before => watch%start, now => watch%end)
-            least = seen*max(maxval(abs(before%rate)), maxval(abs(now%rate)))
+            was = norm2(before%rate, dim=1)
+            is = norm2(now%rate, dim=1)
+            change = norm2(now%rate - before%rate, dim=1)
+            least = seen*max(maxval(was), maxval(is))
             ! the larger one may come of rounding near the dead point
-            acceleration = abs(now%acceleration)
-            if (before%has_accelerations) acceleration = min(acceleration, abs(before%acceleration))
-            explained = many*(now%t - before%t)*acceleration
-            change = abs(now%rate - before%rate)
-            is_thrown_back = any(change > max(least, large*max(abs(before%rate), abs(now%rate)), explained))
+            acceleration = norm2(now%acceleration, dim=1)
+            if (before%has_accelerations) acceleration = min(acceleration, norm2(before%acceleration, dim=1))
+            is_thrown_back = any(change > max(least, large*max(was, is), many*(now%t - before%t)*acceleration))
         end associate
     end function is_thrown_back
 
-    real(wp) function rate_at(model, state, j, level)
+    !> What is measured of the velocity, of the acceleration that is given, or of a column.
+    function rates_at(model, state, watch, level) result(rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: j, level
+        type(bounce_watch), intent(in) :: watch
+        integer, intent(in) :: level
+        real(wp) :: rate(3, size(watch%joint) + size(watch%link))
         integer, parameter :: the_one = 1           !! variable of a joint with one axis
-        real(wp) :: rate(lanes)
+        real(wp) :: of_joint(lanes)
+        type(vec3) :: turn
+        integer :: i
 
-        rate = joint_rate(model, state, j, the_one, level)
-        rate_at = rate(1)
-    end function rate_at
+        rate = 0
+        do i = 1, size(watch%joint)
+            of_joint = joint_rate(model, state, watch%joint(i), the_one, level)
+            rate(1, i) = of_joint(1)
+        end do
+        do i = 1, size(watch%link)
+            associate (o => orientation_of(model, watch%link(i)))
+                if (level == level_velocity) then
+                    turn = state%omega(o)
+                else
+                    turn = state%alpha(level, o)
+                end if
+            end associate
+            rate(:, size(watch%joint) + i) = [turn%x(1), turn%y(1), turn%z(1)]
+        end do
+    end function rates_at
 end module linkdyn_bounce_watch

@@ -124,6 +124,8 @@ module linkdyn_units
     character(len=2), parameter :: prefixes(*) = [character(len=2) :: "n", "u", "m", "c", "d", "da", "h", "k", "M", "G"]
     integer, parameter :: prefix_power(*) = [-9, -6, -3, -2, -1, 1, 2, 3, 6, 9]
 
+    character(len=*), parameter :: letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ%", digits = "0123456789"
+
     !> A unit on its way: text still to read, and what has been read.
     type :: unit_reading
         integer :: next = 1                        !! position in the text
@@ -131,6 +133,7 @@ module linkdyn_units
         integer :: power(n_dimension) = 0
         logical :: is_good = .true.
         character(len=32) :: culprit = ""          !! the name that is no unit
+        logical :: in_formula = .false.            !! a minus behind a unit may take something off
     end type unit_reading
 
 contains
@@ -308,6 +311,7 @@ contains
         type(unit_reading) :: reading
 
         reading%next = next
+        reading%in_formula = .true.
         call read_factor(text, reading, 0)
         factor = reading%factor
         power = reading%power
@@ -355,7 +359,6 @@ contains
         character(len=*), intent(in) :: text
         type(unit_reading), intent(inout) :: reading
         integer, intent(in) :: depth
-        character(len=*), parameter :: letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ%"
         integer :: first, exponent
 
         first = reading%next
@@ -383,11 +386,34 @@ contains
             call look_up(text(first:reading%next - 1), reading)
         end if
         if (.not. reading%is_good) return
+        if (reading%in_formula) then
+            if (is_minus(text, reading%next)) return
+        end if
         call read_exponent(text, reading%next, exponent, reading%is_good)
         if (.not. reading%is_good) reading%culprit = text(first:)
         reading%factor = reading%factor**exponent
         reading%power = reading%power*exponent
     end subroutine read_factor
+
+    !> Does a minus at a place of a formula take off what follows, "1 m-2 m"? It is an exponent's if a digit alone follows: "9.81 m s-2".
+    pure logical function is_minus(text, place)
+        character(len=*), intent(in) :: text
+        integer, intent(in) :: place
+        integer :: behind
+
+        is_minus = .false.
+        if (place > len(text)) return
+        if (text(place:place) /= "-") return
+        is_minus = .true.
+        if (place == len(text)) return
+        if (index("123456789", text(place + 1:place + 1)) == 0) return
+        behind = place + 2
+        call skip_blanks(text, behind)
+        is_minus = .false.
+        if (behind > len(text)) return
+        is_minus = index(letters//"(", text(behind:behind)) > 0
+        if (behind == place + 2) is_minus = is_minus .or. index(digits//".", text(behind:behind)) > 0
+    end function is_minus
 
     !> "^2", "^-1", "2", or nothing (1).
     pure subroutine read_exponent(text, next, exponent, is_good)

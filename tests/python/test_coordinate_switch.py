@@ -546,3 +546,29 @@ def test_the_tip_of_a_five_bar_by_its_cranks() -> None:
     scene["event"] = [{"name": "stretched", "when": "sin(elbow)"}]
     run = linkdyn.Scene(scene).forward(0.4, **TIGHT)
     assert run.event_time.values[0] == pytest.approx(0.281655, abs=1e-6)
+
+
+@pytest.mark.parametrize("tolerance", [1e-9, 1e-11])
+@pytest.mark.parametrize("method", ["rk8pd", "rkf45", "gbs", "seulex"])
+@pytest.mark.parametrize(("name", "end", "other"), [
+    ("guide_turns_back", 0.176308, {"joint": "J2", "variable": "angle2"}),
+    ("planar_joint_by_x", 0.061319, {"joint": "J0", "variable": "angle"}),
+])  # fmt: skip
+def test_what_has_no_stand_in_stops(name: str, end: float, other: dict[str, str], method: str, tolerance: float) -> None:
+    """All that could stand in for the coordinate turns back with it, or nothing could. The same mechanism led by another joint variable
+    goes on: until the stop both are one."""
+    t = np.linspace(0.0, 0.6, 13)
+    file = SCENES / f"{name}.toml"
+    scene = tomllib.loads(file.read_text())
+    start = linkdyn.load(file).forward(t=[0, 1e-9]).isel(sample=0).sel(variable=f"{other['joint']}.{other['variable']}")
+    scene["coordinate"][0] = {**other, "start": {"position": float(start.joint_variable), "velocity": float(start.joint_rate)}}
+    goes_on = linkdyn.Scene(scene).forward(t=t, **TIGHT)
+    assert (goes_on.status.values == 0).all()
+    try:
+        run = linkdyn.load(file).forward(t=t, method=method, rtol=tolerance, atol=tolerance)
+    except linkdyn.UnavailableError as error:
+        pytest.skip(f"a build without {method}: {error}")
+    good = run.status.values == 0
+    assert (good == (t < end)).all()
+    assert np.abs(run.joint_variable - goes_on.joint_variable).values[good].max() < 100 * tolerance
+    assert float(run.attrs["stopped"].split("t = ")[1].split(" s")[0]) == pytest.approx(end, abs=2e-6)

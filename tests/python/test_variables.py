@@ -255,6 +255,17 @@ def test_arithmetic_needs_no_variables():
     assert changed.description["variables"] == []
 
 
+@pytest.mark.parametrize(("text", "value"), [
+    ("2 m-0.5 m", 1.5), ("if(1 m-2 m, 5 m, 6 m)", 6.0), ("3 m-10%*2 m", 2.8), ("3 m-.5 m", 2.5), ("9 m s^-1*1 s-2 m", 7.0),
+    ("9 m^3 m-2", 9.0), ("5 m s-1*2 s", 10.0),
+])  # fmt: skip
+def test_a_minus_behind_a_unit_takes_off(text, value):
+    """Unless a digit alone follows: that is an exponent."""
+    scene = written_out()
+    scene["link"][1]["cog"] = [text, 0]
+    assert linkdyn.Scene(scene).description["links"][2]["cog"][0] == pytest.approx(value, rel=1e-15)
+
+
 # ---- what follows a change
 
 
