@@ -301,8 +301,9 @@ def test_an_angle_that_is_no_coordinate_is_held_without_creep():
     assert np.abs(angle - angle[0]).max() < 200 * 1e-9
     loose = scene.forward(t=np.linspace(0, 20, 201), rtol=1e-5, atol=1e-5).joint_variable.sel(variable="C.angle").values
     assert np.abs(loose - loose[0]).max() < 200 * 1e-5
+    # Each step may make or lose the tolerance's part of what there is.
     total = (run.kinetic_energy + run.potential_energy).values
-    assert np.abs(total - total[0]).max() < 1e-7
+    assert np.abs(total - total[0]).max() < run.attrs["steps"] * 1e-9 * total[0]
 
 
 def test_several_that_depend_on_each_other():
