@@ -30,7 +30,7 @@ RESERVED = [
      ["core/linkdyn_code.f90", "core/linkdyn_interrupt.f90", "core/linkdyn_mix.f90", "core/linkdyn_sign.f90", "core/linkdyn_threads.f90",
       "kinds/linkdyn_multiply_add_real64.f90", "record/linkdyn_block_real64.f90", "record/linkdyn_record.f90",
       "io/linkdyn_child.f90", "io/linkdyn_file_lock.f90", "io/linkdyn_path.f90",
-      "io/linkdyn_toml.f90", "io/linkdyn_input.f90", "io/linkdyn_spool.f90", "io/linkdyn_output_file.f90", "lanes/linkdyn_slots.f90",
+      "io/linkdyn_toml.f90", "io/linkdyn_input.f90", "io/linkdyn_spool.f90", "io/linkdyn_output_file.f90",
       "integrate/linkdyn_ode_gsl.f90", "api/*.f90"]),
     ("real kinds", r"\b(?:real32|real64|real128|double\s+precision)\b|\d[de][+-]?\d+(?!_wp|\d)\b",
      ["kinds/*.f90", "io/linkdyn_netcdf*.f90", "io/linkdyn_scene_links.f90",                  # a file's numbers are real64

@@ -7,8 +7,11 @@
 program bench_inverse
     use, intrinsic :: iso_fortran_env, only: int64, output_unit, error_unit
     use linkdyn_builder, only: build_model
+    use linkdyn_equation_kernels, only: answer_kernels, need_matrix, need_solving
+    use linkdyn_equations, only: equations_type, build_equations, free_equations, solver_elimination
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared, &
         solver_name, solver_reduced
+    use linkdyn_kernel, only: kernel_type, count_of
     use linkdyn_kinds, only: wp, wp_name
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
@@ -88,11 +91,36 @@ contains
         do i = 1, n_pass
             best = min(best, seconds_of(model, planned, q, qd, qdd, load, results, n_repeat)/n_repeat)
         end do
-        flops = 2*planned%equations%plan%n_term + planned%equations%plan%n_scale + planned%equations%plan%n_reciprocal
+        flops = 0
+        if (solver == solver_elimination) flops = elimination_flops(model, wants_reactions)
         write (output_unit, "(a,',',a,',',a,',',f0.4,',',i0,',',i0)") file, trim(solver_name(solver)), &
             trim(merge("all          ", "driving_force", wants_reactions)), 1.0e6_wp*best/n_pose, flops, results%roads%dense
         call planned%free()
     end subroutine measure_solver
+
+    !> Flops of the elimination alone: of the kernel that writes the equations down and solves them, less those of the one that
+    !> writes them down.
+    integer function elimination_flops(model, wants_reactions) result(n)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: wants_reactions
+        type(equations_type) :: equations
+        type(answer_kernels), pointer :: answers
+        type(status_type) :: status
+
+        call build_equations(model, solver_elimination, wants_reactions, equations, status)
+        call need_matrix(model, equations%kernels)
+        call need_solving(model, [integer ::], equations%kernels, answers)
+        n = flops_of(answers%solving%program%kernel) - flops_of(equations%kernels%matrix%program%kernel)
+        call free_equations(equations)
+    end function elimination_flops
+
+    !> A product with a sum counts as two.
+    integer function flops_of(kernel) result(n)
+        type(kernel_type), intent(in) :: kernel
+
+        n = count_of(kernel, "") + count_of(kernel, "multiply_add") + count_of(kernel, "multiply_subtract") &
+            + count_of(kernel, "subtract_product")
+    end function flops_of
 
     !> Wall time of some passes over the batch.
     real(wp) function seconds_of(model, planned, q, qd, qdd, load, results, n_repeat)

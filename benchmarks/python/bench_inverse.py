@@ -82,11 +82,11 @@ def measure(program: Path, n_run: int) -> tuple[dict[str, str], list[dict]]:
     return {"peak": peak, "lanes": lanes}, list(best.values())
 
 
-def solve_flops(solver: str, of_plan: int) -> int:
+def solve_flops(solver: str, of_elimination: int) -> int:
     """Flops of solving the equations of a Stewart platform, kinematics and assembly not counted."""
     n = 6 if solver == "reduced" else 78
     if solver == "elimination":
-        return of_plan
+        return of_elimination
     if solver == "lapack":      # LU and two triangular solves, without equilibration, refinement and condition number
         return round(2 * n**3 / 3 + 2 * n**2)
     return sum(2 * (n - 1) * (n + 1 - k) for k in range(1, n + 1))     # Gauss-Jordan, one right-hand side

@@ -5,7 +5,7 @@ module linkdyn_clutch_friction
     use linkdyn_contact, only: sliding_coefficient, lever_of
     use linkdyn_drives, only: law_on_lanes
     use linkdyn_equations, only: equations_type, equation_workspace
-    use linkdyn_joint_friction, only: pressing_forces
+    use linkdyn_friction_state, only: pressing_forces
     use linkdyn_joint_rates, only: joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes

@@ -2,162 +2,201 @@
 !>
 !> The condition number is that of the lecture's equations: world axes, moments about the centres of mass, as
 !> `linkdyn explain --matrix` prints them; each row divided by its largest entry, then each column, so that
-!> neither units nor the sizes of links count. It comes from an elimination plan of its own, whose pivots and
-!> multipliers serve any right-hand side.
+!> neither units nor the sizes of links count. It comes from kernels that solve them for any right-hand side (`linkdyn_inverse_matrix`).
 module linkdyn_condition
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
-    use linkdyn_acceleration_columns, only: assemble_accelerations
-    use linkdyn_assembly, only: assemble_matrix
-    use linkdyn_condition_estimate, only: estimate_space, prepare_estimate, estimate_inverse_norm
+    use linkdyn_condition_estimate, only: linear_solver, estimate_inverse_norm
     use linkdyn_constants, only: golden
     use linkdyn_dense, only: dense_workspace, solve_dense, solve_scaled
-    use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_factor_plan
-    use linkdyn_elimination_run, only: run_plan, load_constants
+    use linkdyn_equation_kernels, only: equation_kernels, make_kernels, free_kernels, need_matrix
+    use linkdyn_equation_programs, only: equation_choice, fill_matrix, has_columns, as_lecture
+    use linkdyn_equations, only: unknown_choice
     use linkdyn_equilibration, only: measure_entries
-    use linkdyn_equations, only: equations_type, unknown_choice, build_equations, sample_system, fill_lane_matrix, solver_lapack
+    use linkdyn_force_program, only: out_alarm
+    use linkdyn_inputs, only: sample_set, in_found, in_unknown, in_transposed
+    use linkdyn_inverse_matrix, only: make_inverse_matrix
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_linear_record, only: linear_record, solve_recorded, transposed
+    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, first_output, &
+        free_lane_program, free_lane_space
     use linkdyn_model, only: model_type
-    use linkdyn_slots, only: slot_store, make_slots
-    use linkdyn_status, only: status_type
+    use linkdyn_representatives, only: representative_motions
     implicit none (type, external)
     private
-    public :: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond, singular_vectors, &
-        is_posed
+    public :: condition_type, condition_space, make_condition, free_condition, prepare_condition, eliminate_block, find_rcond, &
+        singular_vectors, is_posed
 
     integer, parameter :: n_iteration = 6     !! for singular vectors
 
-    !> The equations and their elimination: constant, shared by all threads.
+    !> The equations and their solution: constant, shared by all threads.
     type :: condition_type
-        type(equations_type) :: equations
-        type(elimination_plan) :: plan
-        type(linear_record) :: solve, solve_transposed
-        integer, allocatable :: row(:), column(:), entry(:)     !! of the nonzeros: place, and slot of the value
+        integer :: n = 0                                        !! equations
+        type(equation_kernels), pointer :: kernels => null()    !! the matrix
+        type(lane_program) :: pose, solve, solve_transposed     !! not made: no pivots serve
     end type condition_type
+
+    !> Solutions on a block of lanes.
+    type, extends(linear_solver) :: lane_inverse
+        type(condition_type), pointer :: condition => null()
+        type(kinematic_state), pointer :: state => null()       !! of the poses, during a call
+        type(lane_numbers) :: numbers
+        type(lane_space) :: of_solve, of_transposed
+        logical :: is_loaded(2) = .false.                       !! what these take of the pose
+    contains
+        procedure :: solve => solve_on_lanes
+    end type lane_inverse
 
     !> Scratch of one thread.
     type :: condition_space
-        type(slot_store) :: slot
-        type(estimate_space) :: estimate
-        type(slot_store) :: row_size, column_size           !! largest entries (lane, n)
-        real(wp) :: norm(lanes) = 0                         !! of the scaled equations
-        real(wp) :: alarm(lanes) = 0                        !! of the elimination
-        real(wp), allocatable :: matrix(:, :), right(:)             !! of a lane that the plan cannot serve
+        type(lane_inverse) :: inverse
+        type(lane_space) :: of_matrix, of_pose
+        real(wp), allocatable :: entry(:, :)                    !! of the nonzeros (lane, nonzero)
+        real(wp), allocatable :: row_size(:, :), column_size(:, :)  !! largest entries (lane, n)
+        real(wp) :: norm(lanes) = 0                             !! of the scaled equations
+        real(wp) :: alarm(lanes) = 0                            !! of the elimination
+        real(wp), allocatable :: matrix(:, :), right(:)         !! of a lane that the kernels cannot serve
         type(dense_workspace) :: dense
     contains
-        procedure :: free => free_condition
+        procedure :: free => free_space
     end type condition_space
 
 contains
 
-    !> Equations for the same unknowns, and their elimination.
-    subroutine make_condition(model, unknown, condition, status)
+    !> Equations for the same unknowns, and their solution.
+    subroutine make_condition(model, unknown, condition)
         type(model_type), intent(in) :: model
         type(unknown_choice), intent(in) :: unknown
         type(condition_type), intent(out) :: condition
-        type(status_type), intent(inout) :: status
-        type(sparse_system) :: system
-        integer :: k
+        type(equation_choice) :: choice
+        type(sample_set) :: sample
 
-        call build_equations(model, solver_lapack, .true., condition%equations, status, unknown)
-        if (.not. status%is_ok()) return
-        call sample_system(model, condition%equations, system)
-        if (size(system%value, 1) > 0) call make_factor_plan(system, condition%plan, condition%solve)
-        if (condition%plan%is_complete) then
-            condition%solve_transposed = transposed(condition%solve)
-        else
-            condition%plan%n_slot = condition%equations%formulation%n_slot
-            condition%plan%constant = [real(wp) ::]
-            condition%plan%constant_slot = [integer ::]
-        end if
-        condition%row = system%row
-        condition%column = system%column
-        condition%entry = system%slot
-        ! Constants stand behind everything else, once each.
-        do k = 1, size(system%slot)
-            if (system%slot(k) == 0) condition%entry(k) = slot_of(condition%equations%formulation%entry(k)%value)
-        end do
-
-    contains
-
-        !> Slot of a constant.
-        integer function slot_of(value)
-            real(wp), intent(in) :: value
-            integer :: place
-
-            associate (plan => condition%plan)
-                place = findloc(plan%constant, value, dim=1)
-                if (place == 0) then
-                    plan%n_slot = plan%n_slot + 1
-                    plan%constant = [plan%constant, value]
-                    plan%constant_slot = [plan%constant_slot, plan%n_slot]
-                    place = size(plan%constant)
-                end if
-                slot_of = plan%constant_slot(place)
-            end associate
-        end function slot_of
+        choice%way = as_lecture
+        choice%drive_is_unknown = unknown%drive
+        choice%acceleration_is_unknown = unknown%acceleration
+        call make_kernels(choice, .true., .false., condition%kernels)
+        condition%kernels%wants_right = .false.
+        call need_matrix(model, condition%kernels)
+        condition%n = condition%kernels%form%n
+        call representative_motions(model, has_columns(model, choice), sample)
+        if (sample%n == 0) return
+        call make_inverse_matrix(model, choice, sample, condition%pose%program, condition%solve%program, &
+                                 condition%solve_transposed%program)
+        if (.not. condition%pose%program%is_made) return
+        call prepare_lanes(model, has_columns(model, choice), condition%pose)
+        call prepare_lanes(model, has_columns(model, choice), condition%solve)
+        call prepare_lanes(model, has_columns(model, choice), condition%solve_transposed)
     end subroutine make_condition
+
+    !> Nobody may be using it.
+    subroutine free_condition(condition)
+        type(condition_type), intent(inout) :: condition
+
+        call free_kernels(condition%kernels)
+        call free_lane_program(condition%pose)
+        call free_lane_program(condition%solve)
+        call free_lane_program(condition%solve_transposed)
+    end subroutine free_condition
 
     !> Make room for one thread.
     subroutine prepare_condition(condition, space)
-        type(condition_type), intent(in) :: condition
+        type(condition_type), intent(in), target :: condition
         type(condition_space), intent(out) :: space
 
-        associate (n => condition%equations%formulation%n_unknown)
-            call make_slots(n, space%row_size)
-            call make_slots(n, space%column_size)
+        associate (n => condition%n)
+            allocate (space%entry(lanes, size(condition%kernels%form%row)), space%row_size(lanes, n), space%column_size(lanes, n))
+            space%inverse%condition => condition
+            if (.not. condition%pose%program%is_made) return
+            associate (of => space%inverse%numbers%of, n_pose => first_output(condition%pose, out_alarm) - 1)
+                allocate (of(in_found)%x(lanes, n_pose), of(in_unknown)%x(lanes, n), of(in_transposed)%x(lanes, n))
+            end associate
         end associate
-        call make_slots(condition%plan%n_slot, space%slot)
-        call load_constants(condition%plan, space%slot%value)
-        if (condition%plan%is_complete) call prepare_estimate(condition%solve, condition%solve_transposed, space%estimate)
     end subroutine prepare_condition
 
-    subroutine free_condition(self)
+    subroutine free_space(self)
         class(condition_space), intent(inout) :: self
 
-        call self%slot%free()
-        call self%row_size%free()
-        call self%column_size%free()
-        call self%estimate%free()
-    end subroutine free_condition
+        call free_lane_space(self%of_matrix)
+        call free_lane_space(self%of_pose)
+        call free_lane_space(self%inverse%of_solve)
+        call free_lane_space(self%inverse%of_transposed)
+    end subroutine free_space
 
-    !> Assemble the equations at the poses in `state` and eliminate.
-    subroutine eliminate_block(model, condition, state, space)
-        type(model_type), intent(in) :: model
+    !> The equations at the poses in `state`, and what their solution takes of these.
+    subroutine eliminate_block(condition, state, space)
         type(condition_type), intent(in) :: condition
         type(kinematic_state), intent(in) :: state
         type(condition_space), intent(inout) :: space
+        integer :: k
 
-        associate (equations => condition%equations, slot => space%slot%value)
-            call assemble_matrix(model, equations%formulation, state, slot)
-            call assemble_accelerations(model, equations%formulation, equations%accelerations, state, slot)
-            call measure_entries(equations%formulation%n_unknown, condition%row, condition%column, condition%entry, slot, &
-                                 space%row_size%value, space%column_size%value, space%norm)
+        call run_on_lanes(condition%kernels%matrix, lanes, state, space%inverse%numbers, space%of_matrix)
+        associate (form => condition%kernels%form, found => space%of_matrix%found, numbers => space%inverse%numbers)
+            do k = 1, size(form%row)
+                if (form%output(k) > 0) then
+                    space%entry(:, k) = found(:, form%output(k))
+                else
+                    space%entry(:, k) = form%constant(k)
+                end if
+            end do
+            call measure_entries(condition%n, form%row, form%column, [(k, k=1, size(form%row))], space%entry, &
+                                 space%row_size, space%column_size, space%norm)
             space%alarm = huge(1.0_wp)
-            if (condition%plan%is_complete) call run_plan(condition%plan, slot, space%alarm)
+            if (.not. condition%pose%program%is_made) return
+            call run_on_lanes(condition%pose, lanes, state, numbers, space%of_pose)
+            space%alarm = space%of_pose%found(:, first_output(condition%pose, out_alarm))
+            numbers%of(in_found)%x = space%of_pose%found(:, :size(numbers%of(in_found)%x, 2))
+            space%inverse%is_loaded = .false.
         end associate
     end subroutine eliminate_block
 
-    !> Reciprocal condition number of the equations eliminated, in the 1-norm; NaN where there is no pose.
+    !> One solution at the poses of the block.
+    subroutine solve_on_lanes(self, is_transposed, x)
+        class(lane_inverse), intent(inout) :: self
+        logical, intent(in) :: is_transposed
+        real(wp), intent(inout) :: x(:, :)                  !! (lane, n)
+
+        if (is_transposed) then
+            call run(self%condition%solve_transposed, 2, in_transposed, self%of_transposed)
+        else
+            call run(self%condition%solve, 1, in_unknown, self%of_solve)
+        end if
+
+    contains
+
+        subroutine run(lane, i, block, space)
+            type(lane_program), intent(in) :: lane
+            integer, intent(in) :: i, block
+            type(lane_space), intent(inout) :: space
+
+            self%numbers%of(block)%x = x
+            if (self%is_loaded(i)) then
+                call run_on_lanes(lane, lanes, self%state, self%numbers, space, only_block=block)
+            else
+                call run_on_lanes(lane, lanes, self%state, self%numbers, space)
+            end if
+            self%is_loaded(i) = .true.
+            x = space%found
+        end subroutine run
+    end subroutine solve_on_lanes
+
+    !> Reciprocal condition number of the equations, in the 1-norm; NaN where there is no pose.
     subroutine find_rcond(condition, state, space, rcond)
         type(condition_type), intent(in) :: condition
-        type(kinematic_state), intent(in) :: state
+        type(kinematic_state), intent(in), target :: state
         type(condition_space), intent(inout) :: space
         real(wp), intent(out) :: rcond(lanes)
         integer :: lane
 
-        if (condition%plan%is_complete) then
-            call estimate_inverse_norm(condition%solve, condition%solve_transposed, space%slot%value, space%column_size%value, &
-                                       space%row_size%value, space%estimate, rcond)
+        space%inverse%state => state
+        if (condition%pose%program%is_made) then
+            call estimate_inverse_norm(condition%n, space%inverse, space%column_size, space%row_size, rcond)
             rcond = 1/(space%norm*rcond)
         end if
         do lane = 1, lanes
             if (.not. is_posed(state, lane)) then
                 rcond(lane) = ieee_value(1.0_wp, ieee_quiet_nan)
             else if (.not. (space%alarm(lane) <= 1 .and. ieee_is_finite(rcond(lane)))) then
-                call take_lane(condition%equations, lane, space, rcond(lane))
+                call take_lane(condition, lane, space, rcond(lane))
             end if
         end do
     end subroutine find_rcond
@@ -166,63 +205,60 @@ contains
     !> are scaled back, so that left^T A right is sigma with the equations' own entries.
     subroutine singular_vectors(condition, state, space, left, right, sigma)
         type(condition_type), intent(in) :: condition
-        type(kinematic_state), intent(in) :: state
+        type(kinematic_state), intent(in), target :: state
         type(condition_space), intent(inout) :: space
-        real(wp), intent(out), dimension(lanes, condition%equations%formulation%n_unknown) :: left, right
+        real(wp), intent(out), dimension(lanes, condition%n) :: left, right
         real(wp), intent(out) :: sigma(lanes)
-        integer :: k, lane, n
+        integer :: k, lane
 
-        n = condition%equations%formulation%n_unknown
-        associate (row_size => space%row_size%value, column_size => space%column_size%value, slot => space%slot%value)
-            if (condition%plan%is_complete) call iterate_on_lanes(condition, slot, row_size, column_size, &
-                                                                  space%estimate%work%value, left, right)
-            do lane = 1, lanes
-                if (space%alarm(lane) <= 1 .or. .not. is_posed(state, lane)) cycle
-                call iterate_on_lane(condition%equations, lane, space, left(lane, :), right(lane, :))
-            end do
-            left = left/row_size
-            right = right/column_size
-            sigma = 0
-            do k = 1, size(condition%entry)
-                sigma = sigma + slot(:, condition%entry(k))*(left(:, condition%row(k))*right(:, condition%column(k)))
+        space%inverse%state => state
+        if (condition%pose%program%is_made) call iterate_on_lanes(condition%n, space, left, right)
+        do lane = 1, lanes
+            if (space%alarm(lane) <= 1 .or. .not. is_posed(state, lane)) cycle
+            call iterate_on_lane(condition, lane, space, left(lane, :), right(lane, :))
+        end do
+        left = left/space%row_size
+        right = right/space%column_size
+        sigma = 0
+        associate (form => condition%kernels%form)
+            do k = 1, size(form%row)
+                sigma = sigma + space%entry(:, k)*(left(:, form%row(k))*right(:, form%column(k)))
             end do
         end associate
     end subroutine singular_vectors
 
     !> Inverse iteration: the value sought is amplified against the next one by the square of their ratio each time.
-    subroutine iterate_on_lanes(condition, slot, row_size, column_size, work, left, right)
-        type(condition_type), intent(in) :: condition
-        real(wp), intent(in) :: slot(lanes, *)
-        real(wp), intent(in), dimension(lanes, condition%solve%n) :: row_size, column_size
-        real(wp), intent(inout) :: work(lanes, *)
-        real(wp), intent(out), dimension(lanes, condition%solve%n) :: left, right
+    subroutine iterate_on_lanes(n, space, left, right)
+        integer, intent(in) :: n
+        type(condition_space), intent(inout) :: space
+        real(wp), intent(out), dimension(lanes, n) :: left, right
         integer :: i, k
 
-        do k = 1, condition%solve%n
+        do k = 1, n
             left(:, k) = spread_start(k)
         end do
         do i = 1, n_iteration
-            right = row_size*left
-            call solve_recorded(condition%solve, slot, work, right)
-            right = column_size*right
-            call normalize(condition%solve%n, right)
-            left = column_size*right
-            call solve_recorded(condition%solve_transposed, slot, work, left)
-            left = row_size*left
-            call normalize(condition%solve%n, left)
+            right = space%row_size*left
+            call space%inverse%solve(.false., right)
+            right = space%column_size*right
+            call normalize(n, right)
+            left = space%column_size*right
+            call space%inverse%solve(.true., left)
+            left = space%row_size*left
+            call normalize(n, left)
         end do
     end subroutine iterate_on_lanes
 
     !> The same for one lane with dense factors.
-    subroutine iterate_on_lane(equations, lane, space, left, right)
-        type(equations_type), intent(in) :: equations
+    subroutine iterate_on_lane(condition, lane, space, left, right)
+        type(condition_type), intent(in) :: condition
         integer, intent(in) :: lane
         type(condition_space), intent(inout) :: space
         real(wp), intent(out) :: left(:), right(:)
         real(wp) :: x(size(left)), rcond
         integer :: i, k
 
-        call take_lane(equations, lane, space, rcond)
+        call take_lane(condition, lane, space, rcond)
         x = [(spread_start(k), k=1, size(x))]
         do i = 1, n_iteration
             call solve_scaled(space%dense, .false., x)
@@ -266,18 +302,16 @@ contains
     end subroutine normalize
 
     !> One lane by the dense solver.
-    subroutine take_lane(equations, lane, space, rcond)
-        type(equations_type), intent(in) :: equations
+    subroutine take_lane(condition, lane, space, rcond)
+        type(condition_type), intent(in) :: condition
         integer, intent(in) :: lane
         type(condition_space), intent(inout) :: space
         real(wp), intent(out) :: rcond
         real(wp) :: error_bound
         logical :: is_singular
 
-        associate (n => equations%formulation%n_unknown)
-            if (.not. allocated(space%matrix)) allocate (space%matrix(n, n), space%right(n))
-        end associate
-        call fill_lane_matrix(equations%formulation, space%slot%value, lane, space%matrix)
+        if (.not. allocated(space%matrix)) allocate (space%matrix(condition%n, condition%n), space%right(condition%n))
+        call fill_matrix(condition%kernels%form, space%of_matrix%found(lane, :), space%matrix)
         space%right = 0
         rcond = ieee_value(1.0_wp, ieee_quiet_nan)
         if (all(ieee_is_finite(space%matrix))) &

@@ -1,50 +1,38 @@
-!> The equations of motion on one block of lanes and their solvers, all fed by the one assembler.
+!> The equations of motion on one block of lanes and their solvers.
 !>
 !> Per freedom either a driving force or the acceleration of a coordinate is unknown: inverse dynamics asks for all
 !> driving forces, forward dynamics for all accelerations, and any mix is solved alike.
 !>
-!> `gauss-jordan`: the lecture's dense method on the lecture's equations; `gauss-jordan-plain`: without pivoting, rows put in
-!> order once, for comparison only. `lapack`: dense with equilibration and
-!> refinement on the same equations. `elimination`: the planned sparse elimination, the default. `reduced`: virtual
-!> work, as many equations as coordinates, no reactions.
+!> Kernels write the equations down (`linkdyn_equation_programs`), of links that move as the lanes' kinematics has found; here they
+!> are solved. `gauss-jordan`: the lecture's dense method on the lecture's equations; `gauss-jordan-plain`: without pivoting, rows
+!> put in order once, for comparison only. `lapack`: dense with equilibration and refinement on the same equations. `elimination`:
+!> by a kernel, with pivots that serve the scene; where one fails, on a lane, the same equations are solved densely. `reduced`:
+!> virtual work, as many equations as coordinates, no reactions.
 module linkdyn_equations
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
-    use linkdyn_acceleration_columns, only: acceleration_columns, append_accelerations, drop_drives, mark_applied, &
-        assemble_accelerations
-    use linkdyn_applied_wrenches, only: clear_applied, apply_drive, apply_springs, apply_load_laws
-    use linkdyn_base_forces, only: apply_base
-    use linkdyn_payload_forces, only: find_payloads
-    use linkdyn_assembly, only: assemble_matrix, assemble_right
-    use linkdyn_assembly_trail, only: sample_assembly, make_room, keep_lane
+    use linkdyn_catalogue, only: result_driving_force, result_qdd
     use linkdyn_cholesky, only: solve_cholesky
-    use linkdyn_contact, only: contact_type, has_settled, most_rounds
-    use linkdyn_constants, only: golden
+    use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_press
     use linkdyn_dense, only: dense_workspace, solve_dense
     use linkdyn_dyad_map, only: is_surely_certain
-    use linkdyn_elimination_plan, only: elimination_plan, sparse_system, make_plan
-    use linkdyn_elimination_run, only: run_plan, load_constants
-    use linkdyn_formulation, only: formulation_type, build_formulation, style_lecture, style_sparse
+    use linkdyn_equation_kernels, only: equation_kernels, answer_kernels, make_kernels, free_kernels, need_solving, need_answers, &
+        need_sliding, slides_or_pulls
+    use linkdyn_equation_programs, only: equation_choice, fill_matrix, has_columns, as_lecture, sparsely, by_work, nothing_else, &
+        out_solution, out_press, out_square, out_transmitted
+    use linkdyn_force_program, only: out_alarm, out_reach
     use linkdyn_friction_balance, only: balance_friction
+    use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, pressing_forces
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
-    use linkdyn_joint_friction, only: friction_space, prepare_friction, view_contacts, press_contacts, pressing_forces, &
-        apply_friction
-    use linkdyn_joint_rates, only: actuator_columns, work_columns
+    use linkdyn_given_numbers, only: prepare_numbers, take_numbers
+    use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
+    use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
-    use linkdyn_led_mechanism, only: evaluate_kinematics, measure_margins, n_map
-    use linkdyn_mass_matrix, only: mass_matrix
-    use linkdyn_measures, only: find_laws
-    use linkdyn_model, only: model_type, is_dyad, has_rotors, gives_attitude, attitude_angles, drives_share
-    use linkdyn_motion, only: evaluate_motion
+    use linkdyn_lane_programs, only: lane_numbers, lane_space, run_on_lanes, first_output, free_lane_space
+    use linkdyn_led_mechanism, only: evaluate_kinematics
+    use linkdyn_model, only: model_type, is_dyad, drives_share
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_planar_pass, only: uncertainty_of_dyad
-    use linkdyn_reactions, only: solution_type, unknown, collect_reactions
-    use linkdyn_rotors, only: apply_rotors, add_rotor_mass, rotor_accelerations
-    use linkdyn_row_order, only: order_rows
-    use linkdyn_scene, only: n_stop, has_hard_stops, n_clutch, share_refused
-    use linkdyn_shared_drives, only: share_drives
-    use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, sample_locked
     use linkdyn_text, only: to_text
@@ -52,18 +40,17 @@ module linkdyn_equations
     use linkdyn_uncertainty, only: largest_uncertainty
     implicit none (type, external)
     private
-    public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, &
-        build_no_equations
-    public :: prepare_workspace, solve_block, solve_equations, sample_system, choose_poses, fill_lane_matrix
+    public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, build_no_equations, &
+        build_given_equations, free_equations
+    public :: prepare_workspace, want_of, solve_block, solve_equations, found_of, renew_equations
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
     integer, parameter :: solver_gauss_jordan = 1, solver_lapack = 2, solver_elimination = 3, solver_reduced = 4
     integer, parameter :: solver_gauss_jordan_plain = 5
+    integer, parameter :: solver_none = 0                !! nothing is unknown
     character(len=18), parameter :: solver_name(5) = &
         [character(len=18) :: "gauss-jordan", "lapack", "elimination", "reduced", "gauss-jordan-plain"]
-
-    integer, parameter :: n_wanted_pose = 32    !! that stand for the scene
 
     !> What is unknown; the rest is given.
     type :: unknown_choice
@@ -71,49 +58,50 @@ module linkdyn_equations
         logical, allocatable :: drive(:)                !! driving forces (n_actuator)
     end type unknown_choice
 
-    !> Equations ready to be solved: constant, shared by all threads.
+    !> Equations ready to be solved: shared by all threads, constant but for kernels that are made when they are wanted.
     type :: equations_type
         integer :: solver = solver_elimination
         logical :: wants_reactions = .true.
         logical :: needs_world = .false.                !! angular rates in world axes of all links
-        logical :: needs_columns = .false.              !! acceleration columns, though no equation needs them
+        logical :: needs_columns = .false.              !! how motions change with the coordinates
         logical :: are_solved = .true.                  !! false: there are none, only the links' motion is wanted
-        logical, allocatable :: rotor_acts(:)           !! (motor) its rotor has inertia, and its driving force is given
         integer, allocatable :: lossy(:)                !! motors whose torque is given and whose transmission loses some of it
         type(contact_type), allocatable :: rub(:)       !! contacts of joints, then these transmissions
-        logical :: shares_drives = .false.              !! there are more drives than freedoms: these come first, then the reactions
+        integer, allocatable :: answer(:)               !! what is asked of the unknowns in any case: `result_*`, `out_*`
         type(unknown_choice) :: unknown
-        type(formulation_type) :: formulation
-        type(acceleration_columns) :: accelerations
-        type(elimination_plan) :: plan
-        integer, allocatable :: place(:)                !! of each row in the matrix of the plain method (n_row)
+        type(equation_kernels), pointer :: kernels => null()
     end type equations_type
 
     !> Scratch and results of one block, one per thread.
     type :: equation_workspace
         type(kinematic_state) :: state
-        type(slot_store) :: slot
         integer :: n_used = lanes                       !! lanes that anyone looks at: others are not handed to the dense solver
         logical :: checks_accuracy = .true.             !! false: a sample near a dead point is taken as it comes
         logical :: checks_input = .true.                !! false: motion and loads are known to be finite
         real(wp), allocatable :: load(:, :, :)          !! (lane, 6, n_load)
-        real(wp), allocatable :: matrix(:, :, :)        !! dense solvers: (lane, row, column)
+        type(lane_numbers) :: numbers                   !! what the kernels take beside the motion
+        real(wp), allocatable :: matrix(:, :, :)        !! solvers on lanes: (lane, row, column)
         real(wp), allocatable :: right(:, :, :)         !! (lane, row, 1)
         real(wp), allocatable :: lane_matrix(:, :), lane_right(:)
         type(dense_workspace) :: dense
         ! ---- RESULTS
-        type(solution_type) :: solution                 !! points into the slots
         real(wp), allocatable :: driving_force(:, :)    !! (lane, n_actuator), in where given
+        real(wp), allocatable :: transmitted(:, :)      !! the same without what rotors take (lane, n_actuator)
         real(wp), allocatable :: motor_force(:, :)      !! in: what lossy motors give at their joint variables (lane, n_actuator)
         real(wp), allocatable :: driving_rate(:, :)     !! in: rates of these (lane, n_actuator)
         real(wp), allocatable :: acceleration(:, :)     !! of the coordinates: what is given, plus what is solved for (lane, n_q)
-        real(wp), allocatable :: rotor_acceleration(:, :)   !! of driven joint variables, 0 without inertia there (lane, n_motor)
         integer :: status(lanes) = sample_ok
         real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
-        logical :: fell_back(lanes) = .false.           !! the plan handed the lane to the dense solver
-        type(friction_space) :: friction
+        logical :: fell_back(lanes) = .false.           !! the pivots of the kernel have failed on the lane
+        type(friction_state) :: friction
         real(wp), allocatable :: sense(:, :)            !! of joint variables with lossy motors: +1, -1 (lane, lossy motor)
+        ! ---- KERNELS and their slots
+        type(answer_kernels), pointer, private :: solving => null(), answers => null()
+        type(lane_space), private :: of_matrix, of_solving, of_sliding, of_answers
+        integer, allocatable, private :: wanted(:)      !! results beside these, `result_*`, `out_*`
+        logical, private :: has_sliding = .false.
+        logical, private :: is_left(lanes) = .false.    !! by the elimination
     contains
         procedure :: free
     end type equation_workspace
@@ -148,7 +136,7 @@ contains
         unknown%drive = .true.
     end function find_drives
 
-    !> Choose the formulation and, for the elimination, make the plan. Nothing said of the unknowns: inverse dynamics.
+    !> Choose what the kernels have to find. Nothing said of the unknowns: inverse dynamics.
     subroutine build_equations(model, solver, wants_reactions, equations, status, unknown, has_motor_laws)
         type(model_type), intent(in) :: model
         integer, intent(in) :: solver
@@ -157,22 +145,18 @@ contains
         type(status_type), intent(inout) :: status
         type(unknown_choice), intent(in), optional :: unknown
         logical, intent(in), optional :: has_motor_laws    !! given forces come from the scene's laws, also those at motors; absent: false
+        type(equation_choice) :: choice
 
         equations%solver = solver
         equations%unknown = find_drives(model)
         if (present(unknown)) equations%unknown = unknown
-        if (.not. present(unknown)) call share_among_drives(model, equations)
-        equations%rotor_acts = model%motor%inertia > 0 .and. .not. equations%unknown%drive(model%motor%actuator) &
-                               .and. .not. equations%shares_drives
         allocate (equations%lossy(0))
         if (present(has_motor_laws)) then
             if (has_motor_laws) equations%lossy = lossy_motors(model, .not. equations%unknown%drive)
         end if
         equations%rub = [model%contact, contacts_of_motors(model, equations%lossy)]
         equations%wants_reactions = wants_reactions .or. size(model%contact) > 0      ! which friction comes from
-        equations%needs_world = size(model%scene%spring) > 0 .or. size(model%scene%laws%law) > 0 .or. size(model%contact) > 0 &
-                                .or. equations%shares_drives .or. has_rotors(model) &
-                                .or. (solver == solver_reduced .and. .not. all(model%leg%is_carried))
+        equations%needs_world = size(model%scene%laws%law) > 0 .or. size(model%contact) > 0
         if (solver == solver_reduced .and. wants_reactions) then
             call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")
             return
@@ -181,30 +165,68 @@ contains
                       //trim(model%joint(model%contact(1)%joint)%name)//"' comes from (expected another solver)")
             return
         end if
-        call build_formulation(model, merge(style_sparse, style_lecture, solver == solver_elimination), &
-                               equations%formulation)
-        call drop_drives(model, .not. equations%unknown%drive, equations%formulation)
-        call mark_applied(model, .not. equations%unknown%drive, equations%formulation)
-        call append_accelerations(model, equations%unknown%acceleration, equations%rotor_acts, equations%formulation, &
-                                  equations%accelerations)
-        if (equations%formulation%n_unknown /= model%n_row) then
-            call refuse_count(model, equations%unknown, model%n_row - equations%formulation%n_unknown, status)
-            return
-        end if
-        if (solver == solver_elimination) call plan_elimination(model, equations)
-        if (solver == solver_gauss_jordan_plain) call put_in_order(model, equations)
+        associate (u => equations%unknown)
+            if (.not. all(u%drive .and. drives_share(model)) .or. any(u%acceleration)) then
+                if (count(u%drive) + count(u%acceleration) /= model%n_q) then
+                    call refuse_count(model, u, model%n_q - count(u%drive) - count(u%acceleration), status)
+                    return
+                end if
+            end if
+            select case (solver)
+            case (solver_elimination)
+                choice%way = sparsely
+            case (solver_reduced)
+                choice%way = by_work
+            case default
+                choice%way = as_lecture
+            end select
+            choice%drive_is_unknown = u%drive
+            choice%acceleration_is_unknown = u%acceleration
+        end associate
+        equations%needs_columns = has_columns(model, choice)
+        equations%answer = [result_driving_force, out_transmitted, result_qdd]
+        if (size(model%contact) > 0) equations%answer = [equations%answer, out_press]
+        call make_kernels(choice, equations%wants_reactions, solver == solver_gauss_jordan_plain, equations%kernels)
     end subroutine build_equations
 
-    !> More drives than freedoms: with driving forces that are known, reactions and accelerations are found, these as given.
-    pure subroutine share_among_drives(model, equations)
+    !> The numbers of the model have changed: kernels have to be made anew.
+    subroutine renew_equations(equations, workspace)
+        type(equations_type), intent(inout) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        type(equation_kernels), pointer :: kernels
+
+        call workspace%free()
+        call make_kernels(equations%kernels%choice, equations%kernels%wants_reactions, equations%kernels%wants_order, kernels)
+        call free_kernels(equations%kernels)
+        equations%kernels => kernels
+    end subroutine renew_equations
+
+    !> No unknowns: motion and driving forces are given, and results follow, such as the balance of power.
+    subroutine build_given_equations(model, equations)
         type(model_type), intent(in) :: model
+        type(equations_type), intent(out) :: equations
+        type(equation_choice) :: choice
+
+        equations%solver = solver_none
+        equations%unknown%acceleration = spread(.false., 1, model%n_q)
+        equations%unknown%drive = spread(.false., 1, model%n_actuator)
+        allocate (equations%lossy(0), equations%rub(0))
+        equations%wants_reactions = .false.
+        equations%needs_world = size(model%scene%laws%law) > 0
+        equations%answer = [result_driving_force, out_transmitted, result_qdd]
+        choice%way = nothing_else
+        choice%drive_is_unknown = equations%unknown%drive
+        choice%acceleration_is_unknown = equations%unknown%acceleration
+        equations%needs_columns = has_columns(model, choice)
+        call make_kernels(choice, .false., .false., equations%kernels)
+    end subroutine build_given_equations
+
+    !> Give the kernels back. Nobody may be using them.
+    subroutine free_equations(equations)
         type(equations_type), intent(inout) :: equations
 
-        equations%shares_drives = drives_share(model)
-        if (.not. equations%shares_drives) return
-        equations%unknown%drive = .false.
-        equations%unknown%acceleration = .true.
-    end subroutine share_among_drives
+        call free_kernels(equations%kernels)
+    end subroutine free_equations
 
     !> No equations: where the links are and how they move, which takes no actuators.
     subroutine build_no_equations(model, equations)
@@ -234,223 +256,6 @@ contains
         end if
     end subroutine refuse_count
 
-    !> Columns of the kinematics that the equations need.
-    pure integer function n_column_of(model, equations)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
-
-        n_column_of = 0
-        if (equations%solver == solver_reduced .or. any(equations%unknown%acceleration) .or. equations%needs_columns) &
-            n_column_of = model%n_q
-    end function n_column_of
-
-    ! ---------------------------------------------------------------- the plan
-
-    !> Values at representative poses, then the plan.
-    subroutine plan_elimination(model, equations)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(inout) :: equations
-        type(sparse_system) :: system
-
-        call sample_system(model, equations, system)
-        if (size(system%value, 1) == 0) return
-        associate (formulation => equations%formulation)
-            system%is_wanted = equations%wants_reactions
-            system%is_wanted(pack(formulation%drive_column, formulation%drive_column > 0)) = .true.
-            system%is_wanted(pack(equations%accelerations%column, equations%accelerations%column > 0)) = .true.
-        end associate
-        call make_plan(system, equations%plan)
-    end subroutine plan_elimination
-
-    !> An order of rows that serves the representative poses.
-    subroutine put_in_order(model, equations)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(inout) :: equations
-        type(sparse_system) :: system
-
-        call sample_system(model, equations, system)
-        equations%place = order_rows(system)
-    end subroutine put_in_order
-
-    !> The equations with values at representative poses; all unknowns are wanted.
-    subroutine sample_system(model, equations, system)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
-        type(sparse_system), intent(out) :: system
-        type(kinematic_state) :: state
-        type(slot_store) :: slot
-        real(wp) :: value(lanes, size(equations%formulation%entry))
-        real(wp), allocatable :: good(:, :)
-        integer :: block, lane, k, n_good, attempt
-        logical :: is_clear(lanes)
-
-        call prepare_kinematics(model, n_column_of(model, equations), state)
-        call make_slots(equations%formulation%n_slot + 1, slot)
-        allocate (good(n_wanted_pose, size(value, 2)))
-        n_good = 0
-        do attempt = 1, 2
-            call collect(must_be_clear=attempt == 1)
-            if (n_good > 0) exit
-        end do
-        call slot%free()
-        associate (formulation => equations%formulation)
-            system%n = formulation%n_unknown
-            system%row = formulation%entry%row
-            system%column = formulation%entry%column
-            system%slot = formulation%entry%slot
-            system%value = good(:n_good, :)
-            system%right_slot = [(merge(formulation%n_slot + k, 0, formulation%row_has_right(k)), k=1, model%n_row)]
-            system%is_wanted = spread(.true., 1, system%n)
-        end associate
-
-    contains
-
-        subroutine collect(must_be_clear)
-            logical, intent(in) :: must_be_clear
-
-            do block = 1, 8*n_wanted_pose/lanes + 8
-                call representative_poses(model, block, state)
-                call evaluate_kinematics(model, state)
-                call assemble_matrix(model, equations%formulation, state, slot%value)
-                call assemble_accelerations(model, equations%formulation, equations%accelerations, state, slot%value)
-                do k = 1, size(value, 2)
-                    associate (entry => equations%formulation%entry(k))
-                        value(:, k) = entry%value
-                        if (entry%slot > 0) value(:, k) = slot%value(:, entry%slot)
-                    end associate
-                end do
-                is_clear = .not. state%unreachable
-                if (must_be_clear) is_clear = is_clear .and. stands_clear(model, state)
-                do lane = 1, lanes
-                    if (.not. (is_clear(lane) .and. all(ieee_is_finite(value(lane, :))))) cycle
-                    n_good = n_good + 1
-                    good(n_good, :) = value(lane, :)
-                    if (n_good == n_wanted_pose) return
-                end do
-            end do
-        end subroutine collect
-    end subroutine sample_system
-
-    !> Are all dyads away from their change points, and attitudes from the poles of their angles? A pose beside one stands for
-    !> nothing but itself: no pivot that is good elsewhere is good there, least of all where several dyads come to theirs at once.
-    function stands_clear(model, state) result(is_clear)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        logical :: is_clear(lanes)
-        real(wp), parameter :: least_sine = 0.1_wp     !! of the angle between the rods of a dyad, or two axes of angles: a digit
-        real(wp), dimension(lanes, n_map(model)) :: margin, drift
-        integer :: i
-
-        call measure_margins(model, state, margin, drift)
-        is_clear = all(abs(margin(:, :model%n_branch)) >= least_sine, dim=2)
-        do i = 1, size(model%step)
-            if (.not. gives_attitude(model, model%step(i))) cycle
-            associate (angle => attitude_angles(model%step(i)))
-                is_clear = is_clear .and. abs(cos(state%q(:, angle(2)))) >= least_sine
-            end associate
-        end do
-    end function stands_clear
-
-    !> Poses that stand for the scene, at which all loops close; of a batch's own, if none of the others does.
-    subroutine choose_poses(model, batch, pose, assembly, stand)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: batch(:, :)                     !! (n_q, n)
-        real(wp), allocatable, intent(out) :: pose(:, :)        !! (n_q, at most n_wanted_pose)
-        type(sample_assembly), intent(out) :: assembly          !! there
-        real(wp), intent(out) :: stand(:, :, 0:)                !! axes and origins of the links at the first (3, 4, 0:n_link)
-        type(kinematic_state) :: state
-        integer :: block, first, lane, attempt
-
-        allocate (pose(model%n_q, 0))
-        call make_room(model, n_wanted_pose, assembly)
-        stand = spread(reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], &
-                               [3, 4]), 3, 1 + model%n_link)
-        call prepare_kinematics(model, 0, state)
-        do attempt = 1, 2
-            do block = 1, 8*n_wanted_pose/lanes + 8
-                call representative_poses(model, block, state)
-                call add_poses(must_be_clear=attempt == 1)
-                if (size(pose, 2) == n_wanted_pose) return
-            end do
-            if (size(pose, 2) > 0) return
-        end do
-        do block = 1, 8*n_wanted_pose/lanes + 8
-            first = 1 + (block - 1)*lanes
-            if (first > size(batch, 2)) exit
-            state%q = transpose(batch(:, [(min(first + lane, size(batch, 2)), lane=0, lanes - 1)]))
-            call add_poses(must_be_clear=.false.)
-            if (size(pose, 2) == n_wanted_pose) return
-        end do
-
-    contains
-
-        subroutine add_poses(must_be_clear)
-            logical, intent(in) :: must_be_clear
-            logical :: is_clear(lanes)
-            integer :: lane
-
-            call evaluate_kinematics(model, state)
-            is_clear = .not. (state%unreachable .or. state%not_converged .or. state%singular)
-            if (must_be_clear) is_clear = is_clear .and. stands_clear(model, state)
-            do lane = 1, lanes
-                if (.not. is_clear(lane)) cycle
-                if (size(pose, 2) == n_wanted_pose) return
-                if (size(pose, 2) == 0) call note_stand(lane)
-                pose = reshape([pose, state%q(lane, :)], [model%n_q, size(pose, 2) + 1])
-                call keep_lane(model, state, lane, size(pose, 2), assembly)
-            end do
-        end subroutine add_poses
-
-        subroutine note_stand(lane)
-            integer, intent(in) :: lane
-            integer :: i
-
-            do i = 1, model%n_link
-                stand(:, :3, i) = link_rotation(model, state, i, lane)
-                stand(:, 4, i) = link_position(model, state, i, lane)
-            end do
-        end subroutine note_stand
-    end subroutine choose_poses
-
-    !> A block of poses that stand for the scene: its motion, and for every other pose a step away from it, so that
-    !> no entry is small merely because the motion is special.
-    subroutine representative_poses(model, block, state)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: block
-        type(kinematic_state), intent(inout) :: state
-        real(wp), parameter :: turn_step = 0.4_wp, length_step = 0.1_wp               !! [rad], [part of the scene's size]
-        real(wp) :: q(model%n_q, 1), qd(model%n_q, 1), qdd(model%n_q, 1), load(6, model%n_load, 1), t(1), step, number
-        integer :: lane, k
-
-        do lane = 1, lanes
-            number = real((block - 1)*lanes + lane, wp)
-            t = model%scene%time%first + modulo(number*golden, 1.0_wp)*(model%scene%time%last - model%scene%time%first)
-            call evaluate_motion(model, t, q, qd, qdd, load)
-            do k = 1, model%n_q
-                state%q(lane, k) = q(k, 1)
-                if (modulo((block - 1)*lanes + lane, 2) == 1) cycle
-                step = turn_step
-                if (model%scene%coordinate(k)%unit == "m") step = length_step*scene_size(model)
-                state%q(lane, k) = q(k, 1) + step*(2*modulo(number*golden*(k + 1) + 0.37_wp*k, 1.0_wp) - 1)
-            end do
-        end do
-        state%qd = 0
-        state%qdd = 0
-    end subroutine representative_poses
-
-    !> A length typical of the scene: the largest distance of a marker from the origin of its link.
-    pure real(wp) function scene_size(model)
-        type(model_type), intent(in) :: model
-        integer :: j, side
-
-        scene_size = 0
-        do j = 1, model%n_joint
-            do side = 1, 2
-                scene_size = max(scene_size, norm2(model%joint(j)%point(:, side)))
-            end do
-        end do
-    end function scene_size
-
     ! ---------------------------------------------------------------- one block
 
     !> Make room for one thread.
@@ -458,91 +263,41 @@ contains
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(out) :: workspace
-        integer :: n
 
-        n = equations%formulation%n_unknown
-        call prepare_kinematics(model, n_column_of(model, equations), workspace%state)
-        workspace%state%has_applied = equations%are_solved .and. &
-                                      (size(model%scene%spring) + size(model%belt) + size(model%scene%laws%law) > 0 &
-                                       .or. model%scene%base%moves .or. has_hard_stops(model%scene) .or. n_clutch(model%scene) > 0 &
-                                       .or. size(model%contact) > 0 &
-                                       .or. .not. all(equations%unknown%drive))
+        call prepare_kinematics(model, merge(model%n_q, 0, equations%needs_columns), workspace%state)
         workspace%state%world_rates = equations%needs_world
-        workspace%state%carries_legs = equations%solver == solver_reduced .and. .not. has_rotors(model)
-        if (equations%are_solved) call place_solution(model, equations, workspace)
         allocate (workspace%load(lanes, 6, model%n_load), workspace%driving_force(lanes, model%n_actuator), &
-                  workspace%acceleration(lanes, model%n_q), workspace%rotor_acceleration(lanes, size(model%motor)))
-        workspace%rotor_acceleration = 0
-        workspace%driving_force = 0
-        workspace%load = 0
+                  workspace%transmitted(lanes, model%n_actuator), workspace%acceleration(lanes, model%n_q), source=0.0_wp)
+        allocate (workspace%wanted(0))
         if (.not. equations%are_solved) return
-        if (size(equations%rub) > 0) call prepare_friction(model, size(equations%rub), workspace%friction)
-        allocate (workspace%sense(lanes, size(equations%lossy)), workspace%motor_force(lanes, model%n_actuator), &
-                  workspace%driving_rate(lanes, model%n_actuator))
-        workspace%sense = 1
-        workspace%motor_force = 0
-        workspace%driving_rate = 0
-        select case (equations%solver)
-        case (solver_gauss_jordan, solver_gauss_jordan_plain)
-            allocate (workspace%matrix(lanes, n, n), workspace%right(lanes, n, 1))
-        case (solver_lapack)
-            call prepare_dense(n, workspace)
-        case (solver_reduced)
-            allocate (workspace%matrix(lanes, model%n_q, model%n_q), workspace%right(lanes, model%n_q, 1))
-        end select
+        call prepare_numbers(model, workspace%numbers)
+        call prepare_friction(size(equations%rub), workspace%friction)
+        allocate (workspace%sense(lanes, size(equations%lossy)), source=1.0_wp)
+        allocate (workspace%motor_force(lanes, model%n_actuator), workspace%driving_rate(lanes, model%n_actuator), source=0.0_wp)
     end subroutine prepare_workspace
 
-    !> Room for dense solution; the elimination asks for it when the first lane falls back, since large systems have none
-    !> to spare.
-    subroutine prepare_dense(n, workspace)
-        integer, intent(in) :: n
+    !> What is asked of the unknowns from now on, beside driving forces and accelerations: ask `found_of` for it.
+    subroutine want_of(workspace, wanted)
         type(equation_workspace), intent(inout) :: workspace
+        integer, intent(in) :: wanted(:)                !! `result_*`, `out_*`
 
-        allocate (workspace%lane_matrix(n, n), workspace%lane_right(n))
-        call workspace%dense%prepare(n)
-    end subroutine prepare_dense
-
-    !> Slots for entries, right-hand sides, the plan's intermediate values; the unknowns stand where the plan leaves
-    !> them, or behind everything else.
-    subroutine place_solution(model, equations, workspace)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
-        type(equation_workspace), intent(inout) :: workspace
-        integer :: n, n_given, k
-
-        n = equations%formulation%n_unknown
-        n_given = equations%formulation%n_slot + model%n_row
-        if (equations%plan%is_complete) then
-            call make_slots(max(n_given, equations%plan%n_slot), workspace%slot)
-            call load_constants(equations%plan, workspace%slot%value)
-            workspace%solution%slot = equations%plan%solution_slot
-            workspace%solution%sign = equations%plan%solution_sign
-        else
-            call make_slots(n_given + n, workspace%slot)
-            workspace%solution%slot = [(n_given + k, k=1, n)]
-            workspace%solution%sign = [(1.0_wp, k=1, n)]
+        if (size(workspace%wanted) == size(wanted)) then
+            if (all(workspace%wanted == wanted)) return
         end if
-        workspace%solution%value => workspace%slot%value
-    end subroutine place_solution
+        call workspace%free()
+        workspace%wanted = wanted
+    end subroutine want_of
 
     subroutine free(self)
         class(equation_workspace), intent(inout) :: self
 
-        self%solution%value => null()
-        call self%slot%free()
+        call free_lane_space(self%of_matrix)
+        call free_lane_space(self%of_solving)
+        call free_lane_space(self%of_sliding)
+        call free_lane_space(self%of_answers)
+        nullify (self%solving, self%answers)
+        self%has_sliding = .false.
     end subroutine free
-
-    !> Store the dense solution of one lane.
-    subroutine store_lane(solution, lane, x)
-        type(solution_type), intent(inout) :: solution
-        integer, intent(in) :: lane
-        real(wp), intent(in) :: x(:)
-        integer :: k
-
-        do k = 1, size(x)
-            if (solution%slot(k) > 0) solution%value(lane, solution%slot(k)) = solution%sign(k)*x(k)
-        end do
-    end subroutine store_lane
 
     !> Kinematics, assembly and solution of the block whose coordinates and loads are in the workspace.
     subroutine solve_block(model, equations, workspace)
@@ -586,101 +341,99 @@ contains
         end do
     end subroutine judge_motion
 
-    !> Assembly and solution where the kinematics is up to date. Driving forces that are found are those with what the rotors take.
+    !> Solution where the kinematics is up to date. Driving forces that are found are those with what the rotors take.
     subroutine solve_equations(model, equations, workspace)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
-        type(equation_workspace), intent(inout) :: workspace
-        integer :: i
-
-        call find_unknowns(model, equations, workspace)
-        if (.not. has_rotors(model)) return
-        call rotor_accelerations(model, workspace%state, workspace%acceleration - workspace%state%qdd, workspace%rotor_acceleration)
-        do i = 1, size(model%motor)
-            associate (a => model%motor(i)%actuator)
-                if (.not. equations%rotor_acts(i)) workspace%driving_force(:, a) = workspace%driving_force(:, a) &
-                    + model%motor(i)%inertia*workspace%rotor_acceleration(:, i)
-            end associate
-        end do
-    end subroutine solve_equations
-
-    subroutine find_unknowns(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
 
         call judge_motion(model, workspace)
-        call find_payloads(model, workspace%state)
-        if (workspace%state%has_applied) then
-            if (size(equations%rub) > 0) call begin_friction(model, equations, workspace)
-            call apply_known_forces(model, equations, workspace)
-            where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
-        end if
-        if (equations%shares_drives) then
-            call drive_together(model, workspace)
-            workspace%acceleration = workspace%state%qdd
-            if (equations%solver == solver_reduced .or. .not. equations%wants_reactions) return
-        end if
+        call take_numbers(model, workspace%state, workspace%load, workspace%numbers)
+        call begin_friction(model, equations, workspace)
+        where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
         call solve_forces(model, equations, workspace)
         if (size(equations%rub) > 0) call settle_friction(model, equations, workspace)
         if (equations%solver /= solver_reduced) return
         call flag_not_finite(workspace%driving_force, workspace%status)
         call flag_not_finite(workspace%acceleration, workspace%status)
-    end subroutine find_unknowns
+    end subroutine solve_equations
 
-    !> Assembly and solution with the forces applied to the links.
+    !> Unknowns with the friction that is there, and what follows of them.
     subroutine solve_forces(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        integer :: k
 
-        workspace%acceleration = workspace%state%qdd
-        if (equations%solver == solver_reduced) then
-            call solve_reduced(model, equations%unknown, equations%rotor_acts, workspace)
-            return
+        call apply_losses(model, equations%lossy, workspace%sense, workspace%friction, workspace%motor_force, &
+                          workspace%driving_force)
+        workspace%numbers%of(in_effort)%x = workspace%driving_force
+        workspace%numbers%of(in_friction)%x = workspace%friction%amount(:, :size(model%contact))
+        if (equations%solver == solver_elimination) then
+            call solve_by_kernel(model, equations, workspace)
+        else
+            workspace%is_left = .true.
         end if
-        associate (formulation => equations%formulation)
-            call assemble_matrix(model, formulation, workspace%state, workspace%slot%value)
-            call assemble_accelerations(model, formulation, equations%accelerations, workspace%state, workspace%slot%value)
-            call assemble_right(model, formulation, workspace%state, workspace%load, formulation%n_slot, workspace%slot%value)
-            select case (equations%solver)
-            case (solver_gauss_jordan)
-                call solve_by_gauss_jordan(model, formulation, [(k, k=1, model%n_row)], .true., workspace)
-            case (solver_gauss_jordan_plain)
-                call solve_by_gauss_jordan(model, formulation, equations%place, .false., workspace)
-            case (solver_lapack)
-                do k = 1, workspace%n_used
-                    if (workspace%status(k) == sample_ok) call solve_lane(model, formulation, workspace, k)
-                end do
-            case default
-                call solve_by_plan(model, equations, workspace)
-            end select
-            do k = 1, model%n_actuator
-                if (equations%unknown%drive(k)) &
-                    workspace%driving_force(:, k) = unknown(workspace%solution, formulation%drive_column(k))
-            end do
-            if (equations%shares_drives) return            ! accelerations are those given
-            do k = 1, model%n_q
-                if (.not. equations%unknown%acceleration(k)) cycle
-                workspace%acceleration(:, k) = workspace%acceleration(:, k) &
-                                               + unknown(workspace%solution, equations%accelerations%column(k))
-            end do
+        if (any(workspace%is_left)) call solve_with_pivots(model, equations, workspace)
+        workspace%driving_force = found_of(workspace, result_driving_force, model%n_actuator)
+        workspace%transmitted = found_of(workspace, out_transmitted, model%n_actuator)
+        workspace%acceleration = found_of(workspace, result_qdd, model%n_q)
+        if (size(model%contact) == 0) return
+        associate (n => size(model%contact))
+            workspace%friction%press(:, :, :n) = reshape(found_of(workspace, out_press, n_press*n), [lanes, n_press, n])
         end associate
     end subroutine solve_forces
 
+    !> Values of a result of the block that is solved: one of those wanted.
+    function found_of(workspace, id, n) result(values)
+        type(equation_workspace), intent(in) :: workspace
+        integer, intent(in) :: id                       !! `result_*`, `out_*`
+        integer, intent(in) :: n                        !! values a sample
+        real(wp) :: values(lanes, n)
+        integer :: first, k
+
+        if (.not. all(workspace%is_left)) then
+            first = first_output(workspace%solving%solving, id)
+            values = workspace%of_solving%found(:, first:first + n - 1)
+        end if
+        if (.not. any(workspace%is_left)) return
+        first = first_output(workspace%answers%answers, id)
+        do k = 1, n
+            where (workspace%is_left) values(:, k) = workspace%of_answers%found(:, first + k - 1)
+        end do
+    end function found_of
+
+    !> What is asked of the unknowns.
+    pure function wanted_of(equations, workspace) result(wanted)
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(in) :: workspace
+        integer, allocatable :: wanted(:)
+
+        wanted = [equations%answer, workspace%wanted]
+    end function wanted_of
+
     ! ---------------------------------------------------------------- friction
 
-    !> How contacts slide and drives turn; none of them rubs yet but for what is viscous.
+    !> How contacts slide and drives turn, and whether springs have a direction. Nothing rubs yet but for what is viscous.
     subroutine begin_friction(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
+        integer :: first
 
-        if (size(model%contact) > 0) call view_contacts(model, workspace%state, workspace%friction)
-        call begin_losses(model, equations%lossy, workspace%driving_rate, workspace%friction, workspace%sense)
         workspace%friction%amount = 0
         workspace%state%holding = 0
+        call begin_losses(model, equations%lossy, workspace%driving_rate, workspace%friction, workspace%sense)
+        if (.not. slides_or_pulls(model)) return
+        if (.not. workspace%has_sliding) call need_sliding(model, equations%kernels)
+        workspace%has_sliding = .true.
+        workspace%numbers%of(in_sense)%x = workspace%friction%sense(:, :size(model%contact))
+        call run_on_lanes(equations%kernels%sliding, workspace%n_used, workspace%state, workspace%numbers, workspace%of_sliding)
+        associate (lane => equations%kernels%sliding, found => workspace%of_sliding%found)
+            first = first_output(lane, out_square)
+            call find_factors(model%contact, found(:, first:first + size(model%contact) - 1), workspace%friction)
+            first = first_output(lane, out_reach)
+            workspace%state%undefined = workspace%state%undefined .or. .not. found(:, first) > 0
+        end associate
     end subroutine begin_friction
 
     !> Friction that fits the reactions which it changes. Most mechanisms are rubbed little: what friction makes of the reactions
@@ -702,20 +455,20 @@ contains
         change_before = 1                              ! from no friction to some
         do n = 1, merge(most_rounds, 0, size(model%contact) > 0)
             do i = 1, size(equations%rub)
-                where (.not. is_settled) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force_before(:, i)
+                where (.not. is_settled) workspace%friction%amount(:, i) = workspace%friction%factor(:, i)*force_before(:, i)
             end do
             call spare_lanes_follow()
-            call solve_again(model, equations, workspace)
+            call solve_forces(model, equations, workspace)
             call find_pressing_forces(model, equations, workspace, force)
             change = maxval(abs(force - force_before), dim=2)/max(maxval(force, dim=2), tiny(1.0_wp))
             has_come = .not. is_settled .and. has_settled(change, change_before)
             do i = 1, size(equations%rub)
-                where (has_come) workspace%friction%amount(:, i) = workspace%friction%at(i)%factor*force(:, i)
+                where (has_come) workspace%friction%amount(:, i) = workspace%friction%factor(:, i)*force(:, i)
             end do
             is_settled = is_settled .or. has_come
             if (all(is_settled)) then
                 call spare_lanes_follow()
-                call solve_again(model, equations, workspace)
+                call solve_forces(model, equations, workspace)
                 return
             end if
             force_before = force
@@ -723,14 +476,14 @@ contains
         end do
         call continue_friction(model, equations, workspace, is_settled)
         call spare_lanes_follow()
-        call solve_again(model, equations, workspace)
+        call solve_forces(model, equations, workspace)
         call find_pressing_forces(model, equations, workspace, force)
         do i = 1, size(equations%rub)
             do lane = 1, workspace%n_used
                 if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
-                associate (found => workspace%friction%at(i)%factor(lane)*force(lane, i))
+                associate (found => workspace%friction%factor(lane, i)*force(lane, i))
                     if (.not. abs(found - workspace%friction%amount(lane, i)) <= misfit*max(found, &
-                        workspace%friction%at(i)%factor(lane)*maxval(force(lane, :)))) workspace%status(lane) = sample_not_converged
+                        workspace%friction%factor(lane, i)*maxval(force(lane, :)))) workspace%status(lane) = sample_not_converged
                 end associate
             end do
         end do
@@ -749,32 +502,13 @@ contains
         end subroutine spare_lanes_follow
     end subroutine settle_friction
 
-    !> Solve with the present friction.
-    subroutine solve_again(model, equations, workspace)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
-        type(equation_workspace), intent(inout) :: workspace
-
-        call apply_known_forces(model, equations, workspace)
-        call solve_forces(model, equations, workspace)
-    end subroutine solve_again
-
     subroutine find_pressing_forces(model, equations, workspace, force)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
         real(wp), intent(out) :: force(:, :)           !! (lane, contact) [N]
 
-        if (size(model%contact) > 0) then
-            call collect_reactions(model, equations%formulation, workspace%state, workspace%solution, workspace%friction%reaction)
-            call press_contacts(model, workspace%friction)
-        end if
-        if (size(equations%lossy) > 0) then
-            call rotor_accelerations(model, workspace%state, workspace%acceleration - workspace%state%qdd, &
-                                     workspace%rotor_acceleration)
-            call press_losses(model, equations%lossy, workspace%sense, workspace%driving_force, workspace%rotor_acceleration, &
-                              workspace%friction)
-        end if
+        call press_losses(model, equations%lossy, workspace%sense, workspace%transmitted, workspace%friction)
         call pressing_forces(equations%rub, workspace%friction, force)
     end subroutine find_pressing_forces
 
@@ -787,25 +521,24 @@ contains
         real(wp), dimension(lanes, size(equations%rub)) :: settled, force
         real(wp), dimension(lanes) :: largest, one
         real(wp), allocatable :: press(:, :, :), slope(:, :, :, :)
-        real(wp) :: factor(size(equations%rub))
-        integer :: i, k, lane
+        integer :: k, lane
 
         associate (n => size(equations%rub), friction => workspace%friction)
             settled = friction%amount
             allocate (slope(lanes, size(friction%press, 2), n, n))
             if (any(abs(settled) > 0)) then
                 friction%amount = 0
-                call solve_again(model, equations, workspace)
+                call solve_forces(model, equations, workspace)
             end if
             call find_pressing_forces(model, equations, workspace, force)
             press = friction%press
             largest = maxval(force, dim=2)
             do k = 1, n
                 ! about as much as it will be, for the digits' sake
-                one = friction%at(k)%factor*largest
+                one = friction%factor(:, k)*largest
                 friction%amount = 0
                 friction%amount(:, k) = one
-                call solve_again(model, equations, workspace)
+                call solve_forces(model, equations, workspace)
                 call find_pressing_forces(model, equations, workspace, force)
                 do lane = 1, lanes
                     slope(lane, :, :, k) = (friction%press(lane, :, :) - press(lane, :, :))/max(one(lane), tiny(1.0_wp))
@@ -814,9 +547,8 @@ contains
             friction%amount = settled
             do lane = 1, workspace%n_used
                 if (is_settled(lane) .or. workspace%status(lane) /= sample_ok) cycle
-                factor = [(friction%at(i)%factor(lane), i=1, n)]
-                call balance_friction(equations%rub, factor, press(lane, :, :), slope(lane, :, :, :), friction%amount(lane, :), &
-                                      workspace%state%holding(lane))
+                call balance_friction(equations%rub, friction%factor(lane, :), press(lane, :, :), slope(lane, :, :, :), &
+                                      friction%amount(lane, :), workspace%state%holding(lane))
                 if (workspace%state%holding(lane) == 0) cycle
                 workspace%status(lane) = sample_locked
                 associate (holding => workspace%state%holding(lane), n_contact => size(model%contact))
@@ -825,75 +557,6 @@ contains
             end do
         end associate
     end subroutine continue_friction
-
-    !> Springs, laws over the state and given driving forces become wrenches on the links.
-    subroutine apply_known_forces(model, equations, workspace)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
-        type(equation_workspace), intent(inout) :: workspace
-        integer :: i
-
-        call clear_applied(model, workspace%state)
-        call find_laws(model, workspace%state)
-        call apply_springs(model, workspace%state)
-        call apply_load_laws(model, workspace%state)
-        call apply_base(model, workspace%state)
-        do i = 1, n_stop(model%scene)
-            associate (stop => model%scene%stop(i))
-                if (stop%is_hard) call apply_drive(model, stop%joint, stop%variable, &
-                                                   -stop%side*workspace%state%stop_force(:, i), workspace%state)
-            end associate
-        end do
-        call apply_clutches(model, workspace%state)
-        if (size(model%contact) > 0) call apply_friction(model, workspace%friction, workspace%state)
-        if (equations%shares_drives) return                ! nobody knows yet what drives apply
-        if (any(equations%rotor_acts)) call apply_rotors(model, equations%rotor_acts, workspace%state)
-        call apply_losses(model, equations%lossy, workspace%sense, workspace%friction, workspace%motor_force, &
-                          workspace%driving_force)
-        do i = 1, model%n_actuator
-            if (.not. equations%unknown%drive(i)) call apply_actuator(model, i, workspace)
-        end do
-    end subroutine apply_known_forces
-
-    !> What clutches pass on: at their first joint variable, and over the ratio back at the second.
-    subroutine apply_clutches(model, state)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(inout) :: state
-        integer :: i
-
-        do i = 1, n_clutch(model%scene)
-            associate (clutch => model%scene%clutch(i), force => state%clutch_force(:, i))
-                call apply_drive(model, clutch%joint(1), clutch%variable(1), force, state)
-                if (clutch%n_side == 2) &
-                    call apply_drive(model, clutch%joint(2), clutch%variable(2), -clutch%ratio*force, state)
-            end associate
-        end do
-    end subroutine apply_clutches
-
-    subroutine apply_actuator(model, i, workspace)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: i
-        type(equation_workspace), intent(inout) :: workspace
-
-        associate (spec => model%scene%actuator(i))
-            call apply_drive(model, spec%joint, spec%variable, workspace%driving_force(:, i), workspace%state)
-        end associate
-    end subroutine apply_actuator
-
-    !> What drives apply that share the work.
-    subroutine drive_together(model, workspace)
-        type(model_type), intent(in) :: model
-        type(equation_workspace), intent(inout) :: workspace
-        logical :: is_singular(lanes)
-        integer :: i
-
-        call share_drives(model, workspace%state, workspace%load, workspace%driving_force, is_singular)
-        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
-        call flag_not_finite(workspace%driving_force, workspace%status)
-        do i = 1, model%n_actuator
-            call apply_actuator(model, i, workspace)
-        end do
-    end subroutine drive_together
 
     !> A sample whose motion or forces have lost their digits to a dead point or a change point is as good as singular,
     !> whatever the solver.
@@ -925,155 +588,150 @@ contains
         where (status == sample_ok .and. .not. total <= huge(1.0_wp)) status = sample_unreachable
     end subroutine flag_not_finite
 
-    subroutine solve_by_plan(model, equations, workspace)
+    ! ---------------------------------------------------------------- solvers
+
+    !> The kernel's own elimination; lanes on which a pivot fails are left.
+    subroutine solve_by_kernel(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        real(wp) :: alarm(lanes)
-        integer :: lane
+        integer :: first
 
-        alarm = huge(1.0_wp)
-        if (equations%plan%is_complete) call run_plan(equations%plan, workspace%slot%value, alarm)
-        if (all(alarm <= 1)) return
-        do lane = 1, workspace%n_used
+        if (.not. associated(workspace%solving)) &
+            call need_solving(model, wanted_of(equations, workspace), equations%kernels, workspace%solving)
+        workspace%is_left = .true.
+        associate (lane => workspace%solving%solving, which => workspace%solving%solved_for)
+            if (.not. lane%program%is_made) return
+            call run_on_lanes(lane, workspace%n_used, workspace%state, workspace%numbers, workspace%of_solving)
+            first = first_output(lane, out_solution)
+            workspace%numbers%of(in_unknown)%x(:, which) = workspace%of_solving%found(:, first:first + size(which) - 1)
             ! Written so that a NaN counts as an alarm.
-            if (alarm(lane) <= 1 .or. workspace%status(lane) /= sample_ok) cycle
-            call solve_lane(model, equations%formulation, workspace, lane)
-            workspace%fell_back(lane) = .true.
-        end do
-    end subroutine solve_by_plan
+            workspace%is_left = .not. workspace%of_solving%found(:, first_output(lane, out_alarm)) <= 1 &
+                                .and. workspace%status == sample_ok
+        end associate
+    end subroutine solve_by_kernel
 
-    !> One lane by the dense solver, from the same slots.
-    subroutine solve_lane(model, formulation, workspace, lane)
+    !> Lanes that are left, from matrix and right-hand sides.
+    subroutine solve_with_pivots(model, equations, workspace)
         type(model_type), intent(in) :: model
-        type(formulation_type), intent(in) :: formulation
+        type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        integer, intent(in) :: lane
+
+        if (.not. associated(workspace%answers)) &
+            call need_answers(model, wanted_of(equations, workspace), equations%kernels, workspace%answers)
+        if (equations%solver /= solver_none) &
+            call run_on_lanes(equations%kernels%matrix, workspace%n_used, workspace%state, workspace%numbers, workspace%of_matrix)
+        select case (equations%solver)
+        case (solver_none)
+        case (solver_gauss_jordan, solver_gauss_jordan_plain)
+            call solve_by_gauss_jordan(equations, workspace)
+        case (solver_reduced)
+            call solve_reduced(equations, workspace)
+        case default
+            call solve_densely(equations, workspace)
+        end select
+        if (equations%solver == solver_elimination) workspace%fell_back = workspace%fell_back .or. workspace%is_left
+        call run_on_lanes(workspace%answers%answers, workspace%n_used, workspace%state, workspace%numbers, workspace%of_answers)
+    end subroutine solve_with_pivots
+
+    !> Lane by lane by LAPACK or what stands for it.
+    subroutine solve_densely(equations, workspace)
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        integer :: lane, k
         logical :: is_singular
-        integer :: k
 
-        if (.not. allocated(workspace%lane_matrix)) call prepare_dense(formulation%n_unknown, workspace)
-        call fill_lane_matrix(formulation, workspace%slot%value, lane, workspace%lane_matrix)
-        workspace%lane_right = 0
-        do k = 1, model%n_row
-            if (formulation%row_has_right(k)) &
-                workspace%lane_right(k) = workspace%slot%value(lane, formulation%n_slot + k)
-        end do
-        if (.not. all(ieee_is_finite(workspace%lane_matrix)) .or. .not. all(ieee_is_finite(workspace%lane_right))) then
-            workspace%status(lane) = sample_unreachable
-            return
-        end if
-        call solve_dense(workspace%dense, workspace%lane_matrix, workspace%lane_right, workspace%rcond(lane), &
-                         workspace%error(lane), is_singular)
-        if (is_singular) workspace%status(lane) = sample_singular
-        call store_lane(workspace%solution, lane, workspace%lane_right)
-    end subroutine solve_lane
-
-    !> The matrix of one lane, from its slots.
-    pure subroutine fill_lane_matrix(formulation, slot, lane, matrix)
-        type(formulation_type), intent(in) :: formulation
-        real(wp), intent(in) :: slot(lanes, *)
-        integer, intent(in) :: lane
-        real(wp), intent(out) :: matrix(:, :)
-        integer :: k
-
-        matrix = 0
-        do k = 1, size(formulation%entry)
-            associate (entry => formulation%entry(k))
-                matrix(entry%row, entry%column) = entry%value
-                if (entry%slot > 0) matrix(entry%row, entry%column) = slot(lane, entry%slot)
-            end associate
-        end do
-    end subroutine fill_lane_matrix
-
-    subroutine solve_by_gauss_jordan(model, formulation, place, pivoting, workspace)
-        type(model_type), intent(in) :: model
-        type(formulation_type), intent(in) :: formulation
-        integer, intent(in) :: place(:)                 !! of each row in the matrix
-        logical, intent(in) :: pivoting
-        type(equation_workspace), intent(inout) :: workspace
-        logical :: is_singular(lanes)
-        integer :: k
-
-        workspace%matrix = 0
-        do k = 1, size(formulation%entry)
-            associate (entry => formulation%entry(k))
-                if (entry%slot == 0) then
-                    workspace%matrix(:, place(entry%row), entry%column) = entry%value
-                else
-                    workspace%matrix(:, place(entry%row), entry%column) = workspace%slot%value(:, entry%slot)
+        associate (form => equations%kernels%form, found => workspace%of_matrix%found)
+            if (.not. allocated(workspace%lane_matrix)) then   ! large systems have none to spare
+                allocate (workspace%lane_matrix(form%n, form%n), workspace%lane_right(form%n))
+                call workspace%dense%prepare(form%n)
+            end if
+            do lane = 1, workspace%n_used
+                if (.not. workspace%is_left(lane) .or. workspace%status(lane) /= sample_ok) cycle
+                call fill_matrix(form, found(lane, :), workspace%lane_matrix)
+                workspace%lane_right = 0
+                do k = 1, form%n
+                    if (form%right(k) > 0) workspace%lane_right(k) = found(lane, form%right(k))
+                end do
+                if (.not. all(ieee_is_finite(workspace%lane_matrix)) .or. .not. all(ieee_is_finite(workspace%lane_right))) then
+                    workspace%status(lane) = sample_unreachable
+                    cycle
                 end if
-            end associate
-        end do
-        workspace%right = 0
-        do k = 1, model%n_row
-            if (formulation%row_has_right(k)) workspace%right(:, place(k), 1) = &
-                workspace%slot%value(:, formulation%n_slot + k)
-        end do
-        call solve_gauss_jordan(formulation%n_unknown, 1, workspace%matrix, workspace%right, workspace%growth, is_singular, &
-                                pivoting=pivoting)
-        do k = 1, formulation%n_unknown
-            workspace%slot%value(:, workspace%solution%slot(k)) = workspace%right(:, k, 1)
-        end do
-        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
-    end subroutine solve_by_gauss_jordan
+                call solve_dense(workspace%dense, workspace%lane_matrix, workspace%lane_right, workspace%rcond(lane), &
+                                 workspace%error(lane), is_singular)
+                if (is_singular) workspace%status(lane) = sample_singular
+                workspace%numbers%of(in_unknown)%x(lane, :form%n) = workspace%lane_right
+            end do
+        end associate
+    end subroutine solve_densely
 
-    !> Virtual work, one equation per coordinate: (actuators' Jacobian)^T unknown driving forces - mass matrix * unknown
-    !> accelerations = work of given inertia, gravity, loads and given driving forces.
-    subroutine solve_reduced(model, unknown, rotor_acts, workspace)
-        type(model_type), intent(in) :: model
-        type(unknown_choice), intent(in) :: unknown
-        logical, intent(in) :: rotor_acts(:)               !! (motor)
+    !> Matrix and right-hand sides of all lanes side by side.
+    subroutine fill_lanes(equations, workspace, place)
+        type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
-        real(wp) :: jacobian(lanes, model%n_actuator, model%n_q), mass(lanes, model%n_q, model%n_q)
-        logical :: is_singular(lanes)
-        integer :: i, n
+        logical, intent(in) :: place                    !! rows in the order that needs no pivots
+        integer :: k, row
 
-        call work_columns(model, workspace%state, workspace%load, workspace%right(:, :, 1))
-        if (any(unknown%acceleration)) then
-            call mass_matrix(model, workspace%state, mass)
-            call add_rotor_mass(model, rotor_acts, workspace%state, mass)
-        end if
-        if (all(unknown%acceleration)) then
-            workspace%right = -workspace%right
-            call solve_cholesky(model%n_q, mass, workspace%right(:, :, 1), is_singular)
-            workspace%acceleration = workspace%acceleration + workspace%right(:, :, 1)
-        else
-            call actuator_columns(model, workspace%state, jacobian)
-            n = 0
-            do i = 1, model%n_actuator
-                if (unknown%drive(i)) call add_column(jacobian(:, i, :))
+        associate (form => equations%kernels%form, found => workspace%of_matrix%found)
+            if (.not. allocated(workspace%matrix)) &
+                allocate (workspace%matrix(lanes, form%n, form%n), workspace%right(lanes, form%n, 1))
+            workspace%matrix = 0
+            do k = 1, size(form%row)
+                row = placed(form%row(k))
+                if (form%output(k) == 0) then
+                    workspace%matrix(:, row, form%column(k)) = form%constant(k)
+                else
+                    workspace%matrix(:, row, form%column(k)) = found(:, form%output(k))
+                end if
             end do
-            do i = 1, model%n_q
-                if (unknown%acceleration(i)) call add_column(-mass(:, :, i))
+            workspace%right = 0
+            do k = 1, form%n
+                if (form%right(k) > 0) workspace%right(:, placed(k), 1) = found(:, form%right(k))
             end do
-            call solve_gauss_jordan(model%n_q, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
-            n = 0
-            do i = 1, model%n_actuator
-                if (unknown%drive(i)) call take_solution(workspace%driving_force(:, i))
-            end do
-            do i = 1, model%n_q
-                if (.not. unknown%acceleration(i)) cycle
-                call take_solution(workspace%acceleration(:, i))
-                workspace%acceleration(:, i) = workspace%acceleration(:, i) + workspace%state%qdd(:, i)
-            end do
-        end if
-        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+        end associate
 
     contains
 
-        subroutine add_column(column)
-            real(wp), intent(in) :: column(lanes, model%n_q)
+        pure integer function placed(row)
+            integer, intent(in) :: row
 
-            n = n + 1
-            workspace%matrix(:, :, n) = column
-        end subroutine add_column
+            placed = row
+            if (place) placed = equations%kernels%place(row)
+        end function placed
+    end subroutine fill_lanes
 
-        subroutine take_solution(value)
-            real(wp), intent(out) :: value(lanes)
+    subroutine solve_by_gauss_jordan(equations, workspace)
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        logical :: is_singular(lanes), is_plain
 
-            n = n + 1
-            value = workspace%right(:, n, 1)
-        end subroutine take_solution
+        is_plain = equations%solver == solver_gauss_jordan_plain
+        call fill_lanes(equations, workspace, is_plain)
+        associate (n => equations%kernels%form%n)
+            call solve_gauss_jordan(n, 1, workspace%matrix, workspace%right, workspace%growth, is_singular, &
+                                    pivoting=.not. is_plain)
+            workspace%numbers%of(in_unknown)%x(:, :n) = workspace%right(:, :, 1)
+        end associate
+        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
+    end subroutine solve_by_gauss_jordan
+
+    !> Virtual work. Where accelerations alone are unknown their matrix, minus the mass matrix, is symmetric.
+    subroutine solve_reduced(equations, workspace)
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+        logical :: is_singular(lanes)
+
+        call fill_lanes(equations, workspace, .false.)
+        associate (n => equations%kernels%form%n)
+            if (all(equations%unknown%acceleration)) then
+                workspace%matrix = -workspace%matrix
+                workspace%right = -workspace%right
+                call solve_cholesky(n, workspace%matrix, workspace%right(:, :, 1), is_singular)
+            else
+                call solve_gauss_jordan(n, 1, workspace%matrix, workspace%right, workspace%growth, is_singular)
+            end if
+            workspace%numbers%of(in_unknown)%x(:, :n) = workspace%right(:, :, 1)
+        end associate
+        where (is_singular .and. workspace%status == sample_ok) workspace%status = sample_singular
     end subroutine solve_reduced
 end module linkdyn_equations

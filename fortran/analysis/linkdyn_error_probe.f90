@@ -9,18 +9,20 @@
 !> **Source**: J. Vignes, *Math. Comput. Simul.* 35 (1993) 233, for the idea; there the rounding itself is random.
 module linkdyn_error_probe
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_positive_inf
-    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_block
+    use linkdyn_catalogue, only: result_reaction
+    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, free_equations, prepare_workspace, &
+        want_of, &
+        solve_block, found_of
     use linkdyn_joint_table, only: is_slide
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, place_size, gives_attitude, attitude_angles
-    use linkdyn_reactions, only: collect_reactions
     use linkdyn_scene, only: n_stop, n_clutch
     use linkdyn_similar_model, only: make_similar, coordinate_scale, drive_scale, near_one
     use linkdyn_status, only: status_type, sample_ok
     implicit none (type, external)
     private
-    public :: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
+    public :: error_probe, probe_space, make_probe, free_probe, prepare_probe_space, estimate_errors
 
     integer, parameter :: n_copy = 2
     real(wp), parameter :: scale_of(n_copy) = [1.3247179572447460_wp, 0.7548776662466927_wp]
@@ -94,6 +96,16 @@ contains
         end do
     end subroutine make_probe
 
+    !> Nobody may be using it.
+    subroutine free_probe(probe)
+        type(error_probe), intent(inout) :: probe
+        integer :: i
+
+        do i = 1, n_copy
+            call free_equations(probe%copy(i)%equations)
+        end do
+    end subroutine free_probe
+
     !> Make room for one thread.
     subroutine prepare_probe_space(probe, space)
         type(error_probe), intent(in) :: probe
@@ -139,10 +151,11 @@ contains
         do i = 1, n_copy
             associate (copy => probe%copy(i), workspace => space%workspace(i))
                 call take_inputs(copy, solved, workspace)
+                if (wants_reactions) call want_of(workspace, [result_reaction])
                 call solve_block(copy%model, copy%equations, workspace)
                 has_failed = has_failed .or. workspace%status /= sample_ok
-                if (wants_reactions) call collect_reactions(copy%model, copy%equations%formulation, workspace%state, &
-                                                            workspace%solution, space%reaction(:, :, :, i))
+                if (.not. wants_reactions) cycle
+                space%reaction(:, :, :, i) = reshape(found_of(workspace, result_reaction, size(reaction)/lanes), shape(reaction))
             end associate
         end do
         call compare(probe, solved, reaction, wants_reactions, has_failed, space)
@@ -204,7 +217,7 @@ contains
                                                      *scale**merge(1, 2, model%scene%clutch(i)%unit == "N")
             end do
         end associate
-        if (size(model%contact) > 0) workspace%friction%sense = solved%friction%sense
+        workspace%friction%sense(:, :size(model%contact)) = solved%friction%sense(:, :size(model%contact))
     end subroutine take_pushes
 
     !> From forces to estimates.

@@ -2,9 +2,10 @@
 module linkdyn_explain
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_failure, only: reach_in_words
-    use linkdyn_equations, only: equations_type, build_equations, solver_elimination
-    use linkdyn_elimination_plan, only: elimination_plan
-    use linkdyn_explain_record, only: explain_record
+    use linkdyn_equations, only: equations_type, build_equations, free_equations, solver_elimination
+    use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_equation_kernels, only: answer_kernels, need_matrix, need_solving
+    use linkdyn_explain_record, only: explain_record, in_words
     use linkdyn_constants, only: pi
     use linkdyn_choice, only: shares_in_words, has_choice, choice_in_words
     use linkdyn_gearing, only: led_name
@@ -346,40 +347,36 @@ contains
         if (link > 0) name = trim(model%link(link)%name)
     end function name_of
 
-    !> The planned elimination: with all unknowns wanted, and with driving forces only.
+    !> The equations of motion as the elimination takes them, and what it takes; then the records of the scene.
     subroutine explain_equations(model, unit)
         type(model_type), intent(in) :: model
         integer, intent(in) :: unit
         type(equations_type) :: equations
+        type(answer_kernels), pointer :: answers
         type(status_type) :: status
 
-        write (unit, "(/,a)") "Elimination plan"
+        write (unit, "(/,a)") "Elimination"
         call build_equations(model, solver_elimination, .true., equations, status)
         if (.not. status%is_ok()) then
             write (unit, "(2x,a)") trim(status%message)
             return
         end if
-        if (.not. equations%plan%is_complete) then
-            write (unit, "(2x,a)") "none: no pivots good enough at the representative poses; every sample goes to the dense solver"
-            return
-        end if
-        write (unit, "(2x,a)") "nonzeros "//to_text(size(equations%formulation%entry))//", of these varying " &
-            //to_text(equations%formulation%n_slot)//", fill "//to_text(equations%plan%n_fill)
-        call explain_cost(equations%plan, "all unknowns", unit)
-        call build_equations(model, solver_elimination, .false., equations, status)
-        if (status%is_ok()) call explain_cost(equations%plan, "driving forces only", unit)
+        associate (kernels => equations%kernels)
+            call need_matrix(model, kernels)
+            call need_solving(model, [result_driving_force, result_reaction], kernels, answers)
+            write (unit, "(2x,a)") "nonzeros "//to_text(size(kernels%form%row))//", of these varying " &
+                //to_text(count(kernels%form%output > 0))
+            if (answers%solving%program%is_made) then
+                write (unit, "(2x,a)") "all unknowns: "//in_words(answers%solving%program%kernel)//", pivots watched: " &
+                    //to_text(answers%n_watched)
+            else
+                write (unit, "(2x,a)") "no pivots good enough at the representative poses; every sample goes to the dense solver"
+            end if
+        end associate
         write (unit, "(2x,a,i0,a)") "dense elimination would take about ", nint(2*real(model%n_row, wp)**3/3), " flops a pose"
+        call free_equations(equations)
         call explain_record(model, unit)
     end subroutine explain_equations
-
-    subroutine explain_cost(plan, what, unit)
-        type(elimination_plan), intent(in) :: plan
-        character(len=*), intent(in) :: what
-        integer, intent(in) :: unit
-
-        write (unit, "(2x,a)") what//": "//to_text(2*plan%n_term + plan%n_scale)//" flops and " &
-            //to_text(plan%n_reciprocal)//" divisions a pose"
-    end subroutine explain_cost
 
     !> What drives actuators in forward runs.
     subroutine explain_controllers(model, unit)

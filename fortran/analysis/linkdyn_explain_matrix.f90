@@ -1,21 +1,20 @@
 !> The teaching view: the system [A]{F} = b of inverse dynamics written out as on the lecture's slides, world axes and
 !> moments about the centres of mass, once in symbols and once in numbers.
 module linkdyn_explain_matrix
-    use linkdyn_acceleration_columns, only: mark_applied
-    use linkdyn_applied_wrenches, only: clear_applied, apply_springs, apply_load_laws
-    use linkdyn_base_forces, only: apply_base
-    use linkdyn_payload_forces, only: find_payloads
-    use linkdyn_assembly, only: assemble_matrix, assemble_right
-    use linkdyn_formulation, only: formulation_type, matrix_entry, build_formulation, style_lecture
+    use linkdyn_equation_programs, only: equation_choice, written_equations, matrix_form, matrix_labels, open_equations, &
+        close_equations, labels_of, make_matrix_program, fill_matrix, as_lecture
+    use linkdyn_force_system, only: unknown_note
+    use linkdyn_given_numbers, only: prepare_numbers, take_numbers
+    use linkdyn_inputs, only: sample_set
+    use linkdyn_joint_table, only: is_geared
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, free_lane_program, &
+        free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
-    use linkdyn_measures, only: find_laws
     use linkdyn_model, only: model_type
     use linkdyn_motion, only: evaluate_motion
-    use linkdyn_slots, only: slot_store, make_slots
-    use linkdyn_text, only: to_text
     implicit none (type, external)
     private
     public :: explain_matrix, explain_first_instant, write_system, system_type, build_system
@@ -60,137 +59,95 @@ contains
         type(model_type), intent(in) :: model
         real(wp), intent(in) :: q(:), qd(:), qdd(:), load(:, :)
         type(system_type), intent(out) :: system
-        type(formulation_type) :: formulation
-        type(kinematic_state) :: state
-        type(slot_store) :: slot
-        real(wp) :: lane_load(lanes, 6, model%n_load)
+        type(equation_choice) :: choice
+        type(written_equations), target :: equations
+        type(matrix_form) :: form
+        type(matrix_labels) :: labels
+        type(lane_program) :: lane
+        type(lane_space) :: space
         integer :: k
 
-        call build_formulation(model, style_lecture, formulation)
-        call mark_applied(model, spread(.false., 1, model%n_actuator), formulation)
+        choice%way = as_lecture
+        allocate (choice%drive_is_unknown(model%n_actuator), source=.true.)
+        allocate (choice%acceleration_is_unknown(model%n_q), source=.false.)
+        call open_equations(model, choice, sample_set(), equations, wants_names=.true.)
+        labels = labels_of(equations)
+        call make_matrix_program(equations, .true., form, lane%program)
+        call close_equations(equations)
+        call prepare_lanes(model, .false., lane)
+        call run_at(model, q, qd, qdd, load, lane, space)
+        system%row = labels%equation
+        system%column = labels%unknown%name
+        allocate (system%matrix(form%n, form%n), system%right(form%n), system%symbol(form%n, form%n))
+        call fill_matrix(form, space%found(1, :), system%matrix)
+        system%symbol = "."
+        do k = 1, size(form%row)
+            system%symbol(form%row(k), form%column(k)) = symbol_of(model, form%row(k), labels%unknown(form%column(k)), &
+                                                                   form%output(k) == 0, form%constant(k))
+        end do
+        system%right = 0
+        do k = 1, form%n
+            if (form%right(k) > 0) system%right(k) = space%found(1, form%right(k))
+        end do
+        call free_lane_space(space)
+        call free_lane_program(lane)
+    end subroutine build_system
+
+    !> Entries and right-hand sides of one position.
+    subroutine run_at(model, q, qd, qdd, load, lane, space)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: q(:), qd(:), qdd(:), load(:, :)
+        type(lane_program), intent(in) :: lane
+        type(lane_space), intent(inout) :: space
+        type(kinematic_state) :: state
+        type(lane_numbers) :: numbers
+
         call prepare_kinematics(model, 0, state)
-        state%has_applied = size(model%scene%spring) + size(model%belt) + size(model%scene%laws%law) > 0 .or. model%scene%base%moves
         state%world_rates = .true.
         state%q = spread(q, 1, lanes)
         state%qd = spread(qd, 1, lanes)
         state%qdd = spread(qdd, 1, lanes)
-        lane_load = spread(load, 1, lanes)
-        call make_slots(formulation%n_slot + model%n_row, slot)
-        call evaluate_kinematics(model, state)
         state%time = model%scene%time%first
-        call find_payloads(model, state)
-        if (state%has_applied) then
-            call clear_applied(model, state)
-            call find_laws(model, state)
-            call apply_springs(model, state)
-            call apply_load_laws(model, state)
-            call apply_base(model, state)
-        end if
-        call assemble_matrix(model, formulation, state, slot%value)
-        call assemble_right(model, formulation, state, lane_load, formulation%n_slot, slot%value)
-        call label_rows(model, formulation, system)
-        call label_columns(model, formulation, system)
-        allocate (system%matrix(model%n_row, formulation%n_unknown), system%right(model%n_row), &
-                  system%symbol(model%n_row, formulation%n_unknown))
-        system%matrix = 0
-        system%symbol = "."
-        do k = 1, size(formulation%entry)
-            associate (entry => formulation%entry(k))
-                system%matrix(entry%row, entry%column) = entry%value
-                if (entry%slot > 0) system%matrix(entry%row, entry%column) = slot%value(1, entry%slot)
-                system%symbol(entry%row, entry%column) = symbol_of(model, formulation, entry)
-            end associate
-        end do
-        system%right = merge(slot%value(1, formulation%n_slot + 1:formulation%n_slot + model%n_row), 0.0_wp, &
-                             formulation%row_has_right)
-        call slot%free()
-    end subroutine build_system
-
-    ! ---------------------------------------------------------------- labels
-
-    subroutine label_rows(model, formulation, system)
-        type(model_type), intent(in) :: model
-        type(formulation_type), intent(in) :: formulation
-        type(system_type), intent(inout) :: system
-        integer :: l, k
-
-        allocate (system%row(model%n_row))
-        do l = 1, model%n_link
-            do k = 1, 6
-                if (formulation%row(k) == 0) cycle
-                system%row(formulation%n_row*(l - 1) + formulation%row(k)) = trim(model%link(l)%name)//" "//component_name(k)
-            end do
-        end do
-    end subroutine label_rows
-
-    subroutine label_columns(model, formulation, system)
-        type(model_type), intent(in) :: model
-        type(formulation_type), intent(in) :: formulation
-        type(system_type), intent(inout) :: system
-        integer :: c, n_force, n_moment, joint
-
-        allocate (system%column(formulation%n_unknown))
-        joint = 0
-        do c = 1, formulation%n_unknown
-            associate (column => formulation%column(c))
-                if (column%joint /= joint) then
-                    n_force = 0
-                    n_moment = 0
-                end if
-                joint = column%joint
-                if (column%is_moment) n_moment = n_moment + 1
-                if (.not. column%is_moment) n_force = n_force + 1
-                associate (name => model%joint(joint)%name)
-                    if (column%is_drive) then
-                        system%column(c) = trim(merge("tau ", "F   ", column%is_moment))//" " &
-                                           //model%scene%actuator(findloc(formulation%drive_column, c, dim=1))%name
-                    else if (model%joint(column%joint)%gear > 0) then
-                        system%column(c) = trim(name)//" Ft"
-                    else if (column%unit_axis > 0 .and. column%orientation == 0) then
-                        system%column(c) = trim(name)//" "//component_name(column%unit_axis + merge(3, 0, column%is_moment))
-                    else if (model%is_planar) then
-                        system%column(c) = trim(name)//" "//merge("Mz", "Fn", column%is_moment)
-                    else
-                        system%column(c) = trim(name)//" "//merge("M", "F", column%is_moment) &
-                                           //to_text(merge(n_moment, n_force, column%is_moment))
-                    end if
-                end associate
-            end associate
-        end do
-    end subroutine label_columns
+        call evaluate_kinematics(model, state)
+        call prepare_numbers(model, numbers)
+        call take_numbers(model, state, spread(load, 1, lanes), numbers)
+        call run_on_lanes(lane, 1, state, numbers, space)
+    end subroutine run_at
 
     !> An entry in symbols: J the joint, G the link's centre of mass, n the direction of a force across a slide, h the slide per
     !> angle of a thread, c the moment that comes with a tooth's force.
-    function symbol_of(model, formulation, entry) result(symbol)
+    function symbol_of(model, row, unknown, is_constant, number) result(symbol)
         type(model_type), intent(in) :: model
-        type(formulation_type), intent(in) :: formulation
-        type(matrix_entry), intent(in) :: entry
+        integer, intent(in) :: row
+        type(unknown_note), intent(in) :: unknown
+        logical, intent(in) :: is_constant
+        real(wp), intent(in) :: number                   !! of a constant
         character(len=label_len) :: symbol
         logical :: is_first, is_moment_row
-        integer :: link, row, k
+        integer :: link, k
 
-        associate (column => formulation%column(entry%column), n => formulation%n_row)
-            link = (entry%row - 1)/n + 1
-            row = entry%row - n*(link - 1)
-            k = findloc(formulation%row, row, dim=1)
-            is_moment_row = k > 3
-            is_first = model%joint(column%joint)%link(1) == link
-            if (column%is_moment .neqv. is_moment_row) then
-                if (model%is_planar .and. column%unit_axis == 1 .and. column%orientation == 0) then
-                    symbol = merge("yJ-yG", "yG-yJ", is_first)
-                else if (model%is_planar .and. column%unit_axis == 2 .and. column%orientation == 0) then
-                    symbol = merge("xG-xJ", "xJ-xG", is_first)
-                else
-                    symbol = merge("-", " ", is_first)//"(J-G)xn"
-                    if (any(column%couple /= 0)) symbol = merge("-(J-G)xn+hn", " (J-G)xn-hn", is_first)
-                    if (model%joint(column%joint)%gear > 0) symbol = merge("-(J-G)xn-c", " (J-G)xn+c", is_first)
-                end if
-            else if (entry%slot == 0 .and. abs(entry%value) == 1) then
-                symbol = merge(" 1", "-1", entry%value > 0)
-            else
-                symbol = merge("-n", " n", is_first)//component_name(k)(2:2)
-            end if
+        associate (n => model%n_component)
+            link = (row - 1)/n + 1
+            k = row - n*(link - 1)
+            if (model%is_planar .and. k == 3) k = 6
         end associate
+        is_moment_row = k > 3
+        is_first = model%joint(unknown%joint)%link(1) == link
+        if (unknown%is_moment .neqv. is_moment_row) then
+            if (model%is_planar .and. unknown%axis == 1) then
+                symbol = merge("yJ-yG", "yG-yJ", is_first)
+            else if (model%is_planar .and. unknown%axis == 2) then
+                symbol = merge("xG-xJ", "xJ-xG", is_first)
+            else
+                symbol = merge("-", " ", is_first)//"(J-G)xn"
+                if (unknown%is_thread) symbol = merge("-(J-G)xn+hn", " (J-G)xn-hn", is_first)
+                if (is_geared(model%joint(unknown%joint)%kind)) symbol = merge("-(J-G)xn-c", " (J-G)xn+c", is_first)
+            end if
+        else if (is_constant .and. abs(number) == 1) then
+            symbol = merge(" 1", "-1", number > 0)
+        else
+            symbol = merge("-n", " n", is_first)//component_name(k)(2:2)
+        end if
         symbol = adjustl(symbol)
     end function symbol_of
 

@@ -3,7 +3,7 @@
 module linkdyn_explain_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_catalogue, only: result_driving_force, result_reaction
-    use linkdyn_equations, only: choose_poses, unknown_choice
+    use linkdyn_equations, only: unknown_choice
     use linkdyn_forward_record, only: forward_record, make_forward_record, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout
     use linkdyn_forward_unknowns, only: choose_unknowns
@@ -11,11 +11,12 @@ module linkdyn_explain_record
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_recorded_forces, only: recorded_forces, record_forces, free_recorded
+    use linkdyn_representatives, only: choose_poses
     use linkdyn_status, only: status_type
     use linkdyn_text, only: to_text
     implicit none (type, external)
     private
-    public :: explain_record
+    public :: explain_record, in_words
 
 contains
 
@@ -43,7 +44,7 @@ contains
             if (recorded%is_usable) then
                 write (unit, "(2x,a)") what//": "//in_words(recorded%program%kernel)
             else if (size(wanted) > 1) then
-                write (unit, "(2x,a)") "none: samples are computed by the plans above"
+                write (unit, "(2x,a)") "none: samples are computed by the equations above"
             end if
             call free_recorded(recorded)
         end subroutine explain_program

@@ -2,7 +2,6 @@
 submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_assembly_trail, only: sample_assembly
     use linkdyn_constants, only: golden
-    use linkdyn_equations, only: choose_poses
     use linkdyn_forward_record, only: make_forward_record, share_forward_record, place_states, close_states, run_states, &
         may_change_assembly, apply_record_laws
     use linkdyn_forward_state, only: fill_start
@@ -10,6 +9,7 @@ submodule (linkdyn_forward_system) linkdyn_forward_by_record
     use linkdyn_led_mechanism, only: measure_margins
     use linkdyn_motion_forces, only: record_motion_forces, share_motion_forces
     use linkdyn_motor_states, only: drive_record_by_motors
+    use linkdyn_representatives, only: choose_poses
     implicit none (type, external)
 
 contains

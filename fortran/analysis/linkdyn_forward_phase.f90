@@ -60,7 +60,7 @@ contains
                                                  phase%output%equations, status, unknown)
         if (status%is_ok() .and. options%wants_rcond .and. options%solver /= solver_lapack) then
             allocate (phase%output%condition)
-            call make_condition(phase%model, unknown, phase%output%condition, status)
+            call make_condition(phase%model, unknown, phase%output%condition)
         end if
         if (.not. status%is_ok()) return
         phase%system%own => own
@@ -145,6 +145,7 @@ contains
             call phase%system%release()
             deallocate (phase%system)
         end if
+        call phase%output%free()
         if (phase%owns_model) deallocate (phase%model)
     end subroutine release_phase
 end module linkdyn_forward_phase

@@ -8,7 +8,7 @@ module linkdyn_forward_record
     use linkdyn_contact, only: contact_type
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_drives, only: coordinate_of_actuator
-    use linkdyn_equations, only: unknown_choice, choose_poses
+    use linkdyn_equations, only: unknown_choice
     use linkdyn_forward_state, only: state_layout, fill_start
     use linkdyn_group_stride, only: close_places, predicted
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_quaternion, in_place
@@ -24,6 +24,7 @@ module linkdyn_forward_record
     use linkdyn_recorded_rates, only: recorded_rates, rate_samples, record_rates, free_rates, make_rate_samples, &
         free_rate_samples, run_rates, apply_laws
     use linkdyn_recorded_motors, only: motors_can_be_recorded, settle_losses
+    use linkdyn_representatives, only: choose_poses
     use linkdyn_scene, only: drive_spring_damper, drive_inverse, drive_constant, measure_joint
     use linkdyn_uncertainty, only: is_surely_certain
     use linkdyn_whole_turns, only: with_turns
@@ -65,9 +66,9 @@ contains
     pure integer function evaluations_before_record(model) result(n)
         type(model_type), intent(in) :: model
         integer, parameter :: evaluations_a_link = 100     !! measured: 50 (of a hundred links) to 300
-        integer, parameter :: of_legs = 300                !! which the lanes carry in few columns
+        integer, parameter :: of_legs = 30                 !! whose links all move with all coordinates: many columns for the lanes
 
-        n = merge(of_legs, evaluations_a_link, any(model%leg%is_carried))*model%n_link
+        n = merge(of_legs, evaluations_a_link, model%n_leg > 0)*model%n_link
     end function evaluations_before_record
 
     !> Trace the scene; ask `recorded%is_usable` whether that has served.

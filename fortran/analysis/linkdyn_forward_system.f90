@@ -19,17 +19,18 @@ module linkdyn_forward_system
     use linkdyn_controlled_drives, only: controlled_drives, plan_control, wants_motion, pack_control_rates, free_control
     use linkdyn_controllers, only: begin_controllers
     use linkdyn_coordinate_watch, only: coordinate_watch, forget_rates
-    use linkdyn_drives, only: evaluate_drive, needs_motion, coordinate_of_actuator
-    use linkdyn_energy_balance, only: applied_power
+    use linkdyn_drive_laws, only: compares_motion
+    use linkdyn_drives, only: coordinate_of_actuator
+    use linkdyn_equation_programs, only: out_powers
     use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, compare_surplus
-    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
-        solve_equations
+    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, renew_equations, &
+        free_equations, prepare_workspace, want_of, solve_equations, found_of
+    use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
     use linkdyn_event_angles, only: event_angles, prepare_angles, wraps_anywhere, follow_angles
     use linkdyn_event_log, only: event_log, event_entry
     use linkdyn_forward_record, only: forward_record, evaluations_before_record, free_forward_record
     use linkdyn_forward_state, only: state_layout, plan_layout, angles_of_state, unpack_state, pack_rates, counted_rates
     use linkdyn_forward_unknowns, only: choose_unknowns, fastest_solver
-    use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
@@ -40,7 +41,6 @@ module linkdyn_forward_system
     use linkdyn_motion_forces, only: motion_forces, plan_motion_forces, begin_motion_forces, go_on_from, accept_motion, &
         find_motion_forces, free_motion_forces
     use linkdyn_motor_states, only: motor_states, prepare_motors, motors_have_laws, drive_by_motors, pack_current_rates
-    use linkdyn_payload_forces, only: add_payload_power
     use linkdyn_scene, only: drive_inverse, drive_over, side_joint, n_event, n_stop, n_clutch, n_controller
     use linkdyn_status, only: status_type, sample_branch_lost, sample_ok, sample_undefined
     use linkdyn_stop_states, only: stop_states, prepare_stops, rests_anywhere
@@ -61,6 +61,7 @@ module linkdyn_forward_system
         logical, allocatable :: by_inverse(:)          !! drives `inverse` of free coordinates, whose force the scene's motion law asks
                                                        !! for (n_actuator)
         type(motion_forces) :: of_motion               !! these forces
+        type(evaluated_drives), private :: drives      !! the others, but for those that are given
         real(wp), allocatable :: given_force(:)        !! in place of drives, by whoever steps the system (n_actuator); absent: nobody
                                                        !! gives any
         type(controlled_drives) :: control
@@ -113,6 +114,7 @@ module linkdyn_forward_system
         procedure, private :: look_closely
         procedure, private :: find_given_forces
         procedure :: release
+        procedure :: renew
     end type forward_system
 
     ! How is said in the submodules. Instants t in s, states y (lane, n).
@@ -313,6 +315,7 @@ contains
         call build_equations(model, stage_solver, .false., system%equations, status, unknown, has_motor_laws=.true.)
         if (.not. status%is_ok()) return
         call prepare_workspace(model, system%equations, system%workspace)
+        call want_of(system%workspace, [out_powers])
         system%workspace%checks_accuracy = .false.     ! steps judge it, and pass such places
         call plan_layout(model, unknown%acceleration, system%layout)
         system%n = system%layout%n
@@ -363,7 +366,7 @@ contains
         do i = 1, model%n_actuator
             associate (spec => model%scene%actuator(i))
                 measures_joints = measures_joints .or. spec%drive%side /= side_joint
-                measures_joints = measures_joints .or. (needs_motion(spec%drive) .and. model%joint(spec%joint)%leg == 0 &
+                measures_joints = measures_joints .or. (compares_motion(spec%drive) .and. model%joint(spec%joint)%leg == 0 &
                                                         .and. coordinate_of_actuator(model, i) == 0)
             end associate
         end do
@@ -425,11 +428,20 @@ contains
     subroutine release(self)
         class(forward_system), intent(inout) :: self
 
-        if (associated(self%workspace%slot%value)) call self%workspace%free()
+        call self%workspace%free()
+        call free_equations(self%equations)
+        call free_drives(self%drives)
         call free_motion_forces(self%of_motion)
         call free_control(self%control)
         call free_forward_record(self%record)
     end subroutine release
+
+    !> Numbers of the model have changed, nothing else of it.
+    subroutine renew(self)
+        class(forward_system), intent(inout) :: self
+
+        call renew_equations(self%equations, self%workspace)
+    end subroutine renew
 
     ! ---------------------------------------------------------------- one evaluation
 
@@ -525,17 +537,18 @@ contains
         real(wp), intent(in) :: y(:, :)
         integer :: k
 
-        associate (workspace => self%workspace)
-            do k = 1, self%model%n_actuator
-                if (self%equations%unknown%drive(k)) cycle
-                if (allocated(self%given_force)) then
-                    workspace%driving_force(:, k) = self%given_force(k)
-                else if (self%by_inverse(k)) then
-                    workspace%driving_force(:, k) = self%of_motion%force(:, k)
-                else
-                    call evaluate_drive(self%model, k, t, workspace%state, workspace%driving_force(:, k))
-                end if
-            end do
+        associate (workspace => self%workspace, given => .not. self%equations%unknown%drive)
+            if (allocated(self%given_force)) then
+                do k = 1, self%model%n_actuator
+                    if (given(k)) workspace%driving_force(:, k) = self%given_force(k)
+                end do
+            else
+                call evaluate_drives(self%model, given .and. .not. self%by_inverse, t, self%n_used, workspace%state, self%drives, &
+                                     workspace%driving_force)
+                do k = 1, self%model%n_actuator
+                    if (given(k) .and. self%by_inverse(k)) workspace%driving_force(:, k) = self%of_motion%force(:, k)
+                end do
+            end if
             if (self%control%state%n > 0) call drive_by_controllers(self, t, y)
             if (motors_have_laws(self%model)) &
                 call drive_by_motors(self%model, self%equations, self%layout, t, y, workspace, self%motors)
@@ -588,20 +601,12 @@ contains
     subroutine find_powers(self, driving, supplied)
         class(forward_system), intent(inout) :: self
         real(wp), intent(out), dimension(lanes) :: driving, supplied    !! [W]
-        real(wp) :: speed(lanes, self%model%n_actuator)
-        integer :: i
+        real(wp) :: power(lanes, 2)
 
-        driving = 0
-        supplied = 0
-        if (.not. self%wants_work) return
-        call actuator_rates(self%model, self%workspace%state, speed)
-        call applied_power(self%model, self%workspace%state, self%workspace%load, supplied)
-        if (size(self%model%payload) > 0) call add_payload_power(self%model, self%workspace%state, &
-            self%workspace%acceleration - self%workspace%state%qdd, supplied)
-        do i = 1, self%model%n_actuator
-            driving = driving + self%workspace%driving_force(:, i)*speed(:, i)
-            if (self%equations%unknown%drive(i)) supplied = supplied + self%workspace%driving_force(:, i)*speed(:, i)
-        end do
+        power = 0
+        if (self%wants_work) power = found_of(self%workspace, out_powers, 2)
+        driving = power(:, 1)
+        supplied = power(:, 2)
     end subroutine find_powers
 
     !> Motion of states; with the accelerations of the coordinates, if they are told.

@@ -23,7 +23,8 @@ contains
         unknown%drive = model%scene%actuator%drive%kind == drive_inverse .and. .not. all(unknown%acceleration)
     end subroutine choose_unknowns
 
-    !> Virtual work where a link carries legs, which then need three columns instead of n; the planned elimination else.
+    !> Virtual work of platforms on legs, whose coordinates move all links, and where links are many and coordinates few; elimination
+    !> else.
     pure integer function fastest_solver(model, unknown) result(solver)
         type(model_type), intent(in) :: model
         type(unknown_choice), intent(in) :: unknown
@@ -32,7 +33,7 @@ contains
         solver = solver_elimination
         if (.not. all(unknown%acceleration) .or. size(model%contact) > 0) return     ! friction comes from reactions
         if (motors_have_laws(model)) return
-        ! Where a plan fails, near a change point, the dense solver of a long chain would take 100 times as long.
-        if (any(model%leg%is_carried) .or. model%n_link > many*model%n_q) solver = solver_reduced
+        ! Where pivots fail, near a change point, the dense solver of a long chain would take 100 times as long.
+        if (model%n_leg > 0 .or. model%n_link > many*model%n_q) solver = solver_reduced
     end function fastest_solver
 end module linkdyn_forward_unknowns

@@ -10,7 +10,7 @@ module linkdyn_generate
     use linkdyn_closing_programs, only: out_determinant
     use linkdyn_controller_kernel, only: make_controller_kernel, make_closing_kernel, run_kernel
     use linkdyn_drive_laws, only: follows_target, is_given
-    use linkdyn_equations, only: unknown_choice, equations_type, build_equations, choose_poses, solver_elimination
+    use linkdyn_equations, only: unknown_choice, equations_type, build_equations, free_equations, solver_elimination
     use linkdyn_forward_unknowns, only: choose_unknowns
     use linkdyn_inputs, only: trace_request, sample_set, in_q, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place
     use linkdyn_inverse, only: look_for_record
@@ -22,6 +22,7 @@ module linkdyn_generate
     use linkdyn_motion, only: evaluate_loads
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_recorded_forces, only: prepare_forces
+    use linkdyn_representatives, only: choose_poses
     use linkdyn_results, only: layout_type, wanted_type, describe_results, label_len, dim_coordinate, dim_actuator, dim_joint, &
         dim_component, dim_variable
     use linkdyn_scene, only: axes_link, drive_inverse, law_none, side_joint, n_clutch, has_hard_stops
@@ -316,6 +317,7 @@ contains
             if (status%is_ok() .and. .not. any(unknown%acceleration)) &
                 call refuse("nothing is free to move: all coordinates are driven", status)
             if (status%is_ok()) call build_equations(model, solver_elimination, .true., equations, status, unknown)
+            call free_equations(equations)
         end select
     end subroutine check_equations
 

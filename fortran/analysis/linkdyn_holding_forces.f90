@@ -2,7 +2,8 @@
 !> with the feed-forward "gravity" add.
 module linkdyn_holding_forces
     use linkdyn_carried_assembly, only: carried_assembly, evaluate_assembled
-    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, prepare_workspace, solve_equations, &
+    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, free_equations, prepare_workspace, &
+        solve_equations, &
         solver_reduced, solver_elimination
     use linkdyn_forward_state, only: state_layout, unpack_state
     use linkdyn_kinds, only: wp
@@ -63,6 +64,7 @@ contains
     subroutine free_holding_forces(holding)
         type(holding_forces), intent(inout) :: holding
 
-        if (associated(holding%workspace%slot%value)) call holding%workspace%free()
+        call holding%workspace%free()
+        call free_equations(holding%equations)
     end subroutine free_holding_forces
 end module linkdyn_holding_forces

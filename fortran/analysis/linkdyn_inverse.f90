@@ -7,44 +7,47 @@ module linkdyn_inverse
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, make_room, place_sample, &
         reached_straight, judges_like_lanes
     use linkdyn_base_motion, only: base_size, evaluate_base
-    use linkdyn_catalogue, only: result_driving_force, result_reaction
+    use linkdyn_catalogue, only: result_driving_force, result_reaction, result_contact_force, result_power_imbalance, &
+        result_friction, result_friction_power
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
-    use linkdyn_condition, only: condition_type, condition_space, make_condition, prepare_condition, eliminate_block, find_rcond
+    use linkdyn_condition, only: condition_type, condition_space, make_condition, free_condition, prepare_condition, &
+        eliminate_block, &
+        find_rcond
     use linkdyn_constants, only: golden, least_accuracy
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_belt_measures, only: measure_strands
-    use linkdyn_cam_measures, only: measure_presses, measure_pressure_angles
+    use linkdyn_cam_measures, only: measure_pressure_angles
     use linkdyn_dyad_map, only: transmission_angle
-    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, build_no_equations, &
-        prepare_workspace, solve_block, &
+    use linkdyn_equations, only: equations_type, equation_workspace, build_equations, build_no_equations, build_given_equations, &
+        free_equations, prepare_workspace, want_of, solve_block, found_of, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
-        choose_solver, choose_poses
-    use linkdyn_error_probe, only: error_probe, probe_space, make_probe, prepare_probe_space, estimate_errors
+        choose_solver
+    use linkdyn_error_probe, only: error_probe, probe_space, make_probe, free_probe, prepare_probe_space, estimate_errors
     use linkdyn_failure, only: lost_in_words, failure_at, lock_in_words
     use linkdyn_group_motion, only: group_closer
     use linkdyn_inputs, only: in_q, in_qd, in_qdd, in_load, in_branch, in_place, in_pull, in_base, &
         in_payload
     use linkdyn_interrupt, only: is_interrupted
     use linkdyn_inverse_results, only: inverse_results, part_of_results, list_results, clear_measures, make_undefined
-    use linkdyn_joint_friction, only: measure_friction
-    use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, power_imbalance, joint_rate
+    use linkdyn_joint_rates, only: measure_joints, measure_variable, actuator_rates, joint_rate
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_load_laws, only: evaluate_load_laws
     use linkdyn_lock, only: hold_lock, release_lock, hold_texts, release_texts, hold_records, release_records
-    use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies, gives_attitude, attitude_angles
-    use linkdyn_motion_measures, only: measure_energy, measure_closure, add_columns
+    use linkdyn_model, only: model_type, step_pose, is_dyad, has_assemblies, gives_attitude, attitude_angles, &
+        drives_share
+    use linkdyn_motion_measures, only: measure_energy, measure_closure
     use linkdyn_planar_motion, only: level_given
     use linkdyn_planar_pass, only: map_placed
-    use linkdyn_payload_forces, only: find_payloads, add_payload_energy
+    use linkdyn_payload_measures, only: find_payloads, add_payload_energy
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
-    use linkdyn_reactions, only: collect_reactions
     use linkdyn_recorded_forces, only: recorded_forces, record_shelf, record_forces, run_recorded
     use linkdyn_margin_source, only: margin_source
     use linkdyn_recorded_margins, only: recorded_margins, of_margins
+    use linkdyn_representatives, only: choose_poses
     use linkdyn_roads, only: road_counts
     use linkdyn_samples, only: sample_arrays, result_list, set_block
     use linkdyn_singularity, only: singularity_space, prepare_singularity, find_singularity_distance
@@ -107,7 +110,7 @@ module linkdyn_inverse
     type :: inverse_solver
         type(equations_type) :: equations
         type(error_probe), allocatable :: probe                 !! there if errors are wanted
-        type(condition_type), allocatable :: condition          !! there if the condition number or the distance is
+        type(condition_type), pointer :: condition => null()    !! there if the condition number or the distance is
         logical :: wants_distance = .false.
         integer :: n_expected = 0                               !! samples of all batches together; 0: not known
         type(record_shelf), pointer :: records => null()        !! there if the scene may be recorded
@@ -144,19 +147,19 @@ contains
         solver%wants_distance = options%wants_distance
         if (options%wants_distance) solver%equations%needs_columns = .true.
         if (status%is_ok() .and. (options%wants_distance .or. (options%wants_rcond .and. options%solver /= solver_lapack))) then
-            if (solver%equations%shares_drives) then
+            if (drives_share(model)) then
                 call fail(status, status_bad_input, "actuator "//quoted(model%scene%actuator(model%n_actuator)%name) &
                           //": there are more actuators than coordinates, which leaves no square matrix, no condition number and " &
                           //"no distance to a singular position")
                 return
             end if
             allocate (solver%condition)
-            call make_condition(model, solver%equations%unknown, solver%condition, status)
+            call make_condition(model, solver%equations%unknown, solver%condition)
         end if
         if (.not. status%is_ok()) return
         if (has_assemblies(model)) call make_room(model, 1, solver%at_start)
         allocate (solver%pool)
-        if (options%by_record .and. options%solver == solver_elimination .and. .not. (options%wants_errors &
+        if (options%by_record .and. any(options%solver == [solver_elimination, solver_reduced]) .and. .not. (options%wants_errors &
             .or. options%wants_rcond .or. options%wants_distance)) then
             allocate (solver%records)
             if (size(model%group) > 0) allocate (solver%closing)
@@ -168,6 +171,12 @@ contains
         class(inverse_solver), intent(inout) :: self
         type(thread_space), pointer :: space
 
+        call free_equations(self%equations)
+        if (allocated(self%probe)) call free_probe(self%probe)
+        if (associated(self%condition)) then
+            call free_condition(self%condition)
+            deallocate (self%condition)
+        end if
         if (associated(self%records)) then
             call self%records%free()
             deallocate (self%records)
@@ -246,6 +255,7 @@ contains
         class(group_closer), pointer :: closer
         integer, allocatable :: left(:)                         ! samples that no record has done; absent: all
         type(left_places) :: stand                              ! there, if these are to share reactions
+        integer, allocatable :: wanted(:)                       ! of the forces: `result_*`
         integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
         integer :: n, n_all, n_left, n_dense
         logical :: wants_rates, wants_driven, wants_world, has_stand_ins, is_on_way, shares
@@ -255,6 +265,7 @@ contains
         n_all = max(n, solver%n_expected)
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_driven = associated(results%driving_position) .or. associated(results%driving_speed)
+        wanted = wanted_forces(results)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
         wants_world = wants_rates .or. wants_driven .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
                       .or. has_stand_ins .or. solver%wants_distance
@@ -263,7 +274,7 @@ contains
         nullify (recorded, margins, closer)
         if (associated(solver%closing) .and. n_all >= worth_closing .and. .not. (present(known) .or. present(quaternion))) &
             call need_closer(model, solver, q, closer)
-        if (associated(solver%records) .and. is_worth_recording(model, n_all) .and. .not. &
+        if (associated(solver%records) .and. is_worth_recording(model, solver, n_all) .and. .not. &
             (has_stand_ins .or. present(known) .or. present(quaternion) .or. present(given_force))) then
             call need_record(model, solver, results, q, recorded)
             if (is_on_way) call need_margins(model, solver, q, by_record%record)
@@ -437,23 +448,23 @@ contains
             real(wp), dimension(lanes) :: imbalance, kinetic, potential, gap, distance
             real(wp), dimension(lanes, model%n_actuator) :: driven, driven_rate
             real(wp), allocatable :: of_own(:, :)
-            logical :: wants_reaction
 
             workspace%state%time = 0
             call gather(block, workspace)
             workspace%fell_back = .false.
+            call want_of(workspace, wanted)
             call solve_block(model, solver%equations, workspace)
-            wants_reaction = associated(results%reaction) .or. associated(results%contact_force)
-            if (wants_reaction) &
-                call collect_reactions(model, solver%equations%formulation, workspace%state, workspace%solution, reaction)
-            if (associated(results%friction) .or. associated(results%friction_power)) &
-                call measure_friction(model, workspace%friction, workspace%state%clutch_force, friction, friction_power)
+            if (associated(results%reaction)) &
+                reaction = reshape(found_of(workspace, result_reaction, size(reaction)/lanes), shape(reaction))
+            if (associated(results%friction)) &
+                friction = reshape(found_of(workspace, result_friction, size(friction)/lanes), shape(friction))
+            if (associated(results%friction_power)) friction_power = found_of(workspace, result_friction_power, model%n_joint)
             if (allocated(solver%probe)) then
                 call estimate_errors(solver%probe, workspace, reaction, associated(results%reaction), probe)
                 workspace%error = probe%worst
             end if
-            if (allocated(solver%condition)) then
-                call eliminate_block(model, solver%condition, workspace%state, condition)
+            if (associated(solver%condition)) then
+                call eliminate_block(solver%condition, workspace%state, condition)
                 if (associated(results%rcond)) call find_rcond(solver%condition, workspace%state, condition, workspace%rcond)
                 if (associated(results%singularity_distance)) call find_singularity_distance( &
                     model, solver%condition, workspace%state, condition, singularity, distance)
@@ -470,7 +481,7 @@ contains
                 allocate (of_own(lanes, model%n_q))
                 call tell_accelerations(model, workspace, of_own)
             end if
-            if (associated(results%power_imbalance)) call balance_power(model, solver%equations, workspace, imbalance)
+            if (associated(results%power_imbalance)) imbalance = reshape(found_of(workspace, result_power_imbalance, 1), [lanes])
             if (associated(results%acceleration)) call turn_to_rpy(model, solver%equations, workspace)
             if (has_stand_ins) workspace%acceleration = of_own
             call scatter(block, workspace, reaction, friction, friction_power, variable, rate, driven, driven_rate, probe, &
@@ -535,7 +546,7 @@ contains
                     end do
                 end if
             end if
-            if (associated(results%contact_force)) call measure_presses(model, workspace%state, reaction, press)
+            if (associated(results%contact_force)) press = found_of(workspace, result_contact_force, model%n_cam)
             if (associated(results%pressure_angle)) call measure_pressure_angles(model, workspace%state, pressure)
             do i = 1, merge(size(model%belt), 0, associated(results%strand_force))
                 call measure_strands(model, i, workspace%state, strand(:, 2*i - 1:2*i))
@@ -572,8 +583,7 @@ contains
                     results%driving_force(:, sample) = workspace%driving_force(lane, :)
                 end if
                 if (associated(results%transmission_force)) then
-                    results%transmission_force(:, sample) = workspace%driving_force(lane, model%motor%actuator) &
-                        - model%motor%inertia*workspace%rotor_acceleration(lane, :)
+                    results%transmission_force(:, sample) = workspace%transmitted(lane, model%motor%actuator)
                 end if
                 if (associated(results%reaction)) then
                     results%reaction(:, :, sample) = reaction(lane, :, :)
@@ -650,17 +660,30 @@ contains
         end subroutine note_place
     end subroutine run_prepared
 
+    !> What is asked of the forces beside driving forces and accelerations.
+    pure function wanted_forces(results) result(wanted)
+        type(inverse_results), intent(in) :: results
+        integer, allocatable :: wanted(:)                      !! `result_*`
+
+        wanted = pack([result_reaction, result_contact_force, result_power_imbalance, result_friction, result_friction_power], &
+                      [associated(results%reaction), associated(results%contact_force), associated(results%power_imbalance), &
+                       associated(results%friction), associated(results%friction_power)])
+    end function wanted_forces
+
     ! ---------------------------------------------------------------- by a record of the scene
 
     !> A record takes some milliseconds to make, and as much for every further thirty links or so: of large mechanisms it is
     !> made for large batches only. Groups closed by iteration have to be led to its representative poses, each from the start.
-    pure logical function is_worth_recording(model, n)
+    pure logical function is_worth_recording(model, solver, n)
         type(model_type), intent(in) :: model
+        type(inverse_solver), intent(in) :: solver
         integer, intent(in) :: n                               !! samples
         integer, parameter :: few_links = 50, samples_a_link = 50, worth_leading = 128
+        integer, parameter :: worth_tracing = 2000             !! virtual work, whose equations the lanes write in a part of that time
 
         is_worth_recording = (model%n_link <= few_links .or. n >= samples_a_link*model%n_link) &
-                             .and. (size(model%group) == 0 .or. n >= worth_leading)
+                             .and. (size(model%group) == 0 .or. n >= worth_leading) &
+                             .and. (solver%equations%solver /= solver_reduced .or. n >= worth_tracing)
     end function is_worth_recording
 
     !> The record for the results wanted, made when they are wanted first; null if the scene has none.
@@ -765,7 +788,7 @@ contains
         recorded => solver%records%add()
         call choose_poses(model, q, pose, assembly, stand)
         call hold_texts()
-        call record_forces(model, wanted, pose, stand, recorded, assembly%place)
+        call record_forces(model, wanted, pose, stand, recorded, assembly%place, solver%equations%solver == solver_reduced)
         call release_texts()
         if (.not. recorded%is_usable) return
         if (any(wanted == of_margins(1))) then
@@ -777,7 +800,8 @@ contains
     end subroutine make_record
 
     !> Does the record find what the lanes find? Asked once for each record, at representative poses in motion: a difference
-    !> would be a defect, and the lanes are believed.
+    !> would be a defect, and the lanes are believed. Equations have both the same, so it is the motion that is looked at: by the balance of
+    !> power, which no link is left out of. Where friction or states of self-stress come in forces are compared one by one.
     recursive logical function agrees_with_lanes(model, solver, recorded, pose, assembly) result(agrees)
         type(model_type), intent(in) :: model
         type(inverse_solver), intent(in) :: solver
@@ -785,10 +809,11 @@ contains
         real(wp), intent(in) :: pose(:, :)                     !! (n_q, pose)
         type(sample_assembly), intent(in) :: assembly          !! there
         type(inverse_solver) :: by_lanes
-        type(inverse_results) :: found(2)
+        type(inverse_results) :: found(2), balance
         real(wp), allocatable :: qd(:, :), qdd(:, :), load(:, :, :), t(:)
         integer, allocatable :: left(:)
         integer :: i, k, n, n_left, n_compared, n_alike
+        logical :: by_power
 
         n = size(pose, 2)
         qd = reshape([(modulo(k*golden, 1.0_wp) - 0.5_wp, k=1, size(pose))], shape(pose))
@@ -805,9 +830,18 @@ contains
             if (any(recorded%wanted == result_driving_force)) allocate (found(i)%driving_force(model%n_actuator, n))
             if (any(recorded%wanted == result_reaction)) allocate (found(i)%reaction(model%n_component, model%n_joint, n))
         end do
-        by_lanes%equations = solver%equations
-        call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly, t=t)
         call run_by_record(model, recorded, 1, pose, qd, qdd, load, assembly, found(2), n_left, left, t)
+        by_power = size(model%contact) == 0 .and. model%share%n == 0 .and. associated(found(2)%driving_force)
+        if (by_power) then
+            allocate (balance%status(n), balance%power_imbalance(n))
+            call build_given_equations(model, by_lanes%equations)
+            call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, balance, found(2)%driving_force, known=assembly, t=t)
+            call free_equations(by_lanes%equations)
+            found(1)%status = balance%status
+        else
+            by_lanes%equations = solver%equations
+            call run_prepared(model, by_lanes, 1, pose, qd, qdd, load, found(1), known=assembly, t=t)
+        end if
         n_compared = 0
         n_alike = 0
         do i = 1, n
@@ -816,6 +850,10 @@ contains
                 if (any(left == i)) cycle
             end if
             n_compared = n_compared + 1
+            if (by_power) then
+                if (abs(balance%power_imbalance(i)) <= least_accuracy) n_alike = n_alike + 1
+                cycle
+            end if
             if (associated(found(1)%driving_force)) then
                 if (.not. are_alike(found(1)%driving_force(:, i), found(2)%driving_force(:, i))) cycle
             end if
@@ -831,6 +869,7 @@ contains
             if (associated(found(i)%driving_force)) deallocate (found(i)%driving_force)
             if (associated(found(i)%reaction)) deallocate (found(i)%reaction)
         end do
+        if (by_power) deallocate (balance%status, balance%power_imbalance)
     end function agrees_with_lanes
 
     !> Equal but for rounding?
@@ -954,10 +993,9 @@ contains
                   space%rate(lanes, model%n_variable))
         allocate (space%friction(lanes, model%n_component, model%n_joint), space%friction_power(lanes, model%n_joint))
         if (allocated(solver%probe)) call prepare_probe_space(solver%probe, space%probe)
-        if (allocated(solver%condition)) call prepare_condition(solver%condition, space%condition)
+        if (associated(solver%condition)) call prepare_condition(solver%condition, space%condition)
         if (solver%wants_distance) then
             call prepare_singularity(model, solver%condition, space%singularity)
-            space%workspace%state%carries_legs = .false.       ! legs have columns like everything else
         end if
     end subroutine take_space
 
@@ -984,32 +1022,6 @@ contains
         call space%singularity%free()
         deallocate (space)
     end subroutine free_space
-
-    !> The power balance of the motion found; driving forces that were given count among the loads.
-    subroutine balance_power(model, equations, workspace, imbalance)
-        type(model_type), intent(in) :: model
-        type(equations_type), intent(in) :: equations
-        type(equation_workspace), intent(inout) :: workspace
-        real(wp), intent(out) :: imbalance(lanes)
-        real(wp) :: driving_force(lanes, model%n_actuator)
-        integer :: i
-
-        driving_force = workspace%driving_force
-        do i = 1, model%n_actuator
-            if (.not. equations%unknown%drive(i)) driving_force(:, i) = 0
-        end do
-        do i = 1, size(model%motor)
-            ! what rotors take, but for what is applied already; of drives that share the work all of it is
-            associate (motor => model%motor(i))
-                if (equations%shares_drives) cycle
-                if (motor%inertia > 0) driving_force(:, motor%actuator) = driving_force(:, motor%actuator) &
-                    - motor%inertia*workspace%rotor_acceleration(:, i) - workspace%state%rotor_force(:, i)
-            end associate
-        end do
-        if (any(equations%unknown%acceleration)) &
-            call add_columns(model, workspace%acceleration - workspace%state%qdd, workspace%state)
-        call power_imbalance(model, workspace%state, workspace%load, driving_force, imbalance)
-    end subroutine balance_power
 
     !> The driven joint variables and their rates.
     subroutine measure_driven(model, state, variable, rate)

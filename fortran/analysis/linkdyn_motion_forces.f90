@@ -4,8 +4,8 @@
 module linkdyn_motion_forces
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_carried_assembly, only: carried_assembly, begin_assembly, evaluate_assembled, accept_assembly
-    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, prepare_workspace, &
-        solve_equations, solver_reduced, solver_elimination
+    use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, free_equations, &
+        prepare_workspace, solve_equations, solver_reduced, solver_elimination
     use linkdyn_forward_record, only: forward_record, make_forward_record, share_forward_record, free_forward_record, &
         place_states, close_states, may_change_assembly
     use linkdyn_forward_state, only: state_layout, plan_layout
@@ -226,7 +226,8 @@ contains
     subroutine free_motion_forces(forces)
         type(motion_forces), intent(inout) :: forces
 
-        if (associated(forces%workspace%slot%value)) call forces%workspace%free()
+        call forces%workspace%free()
+        call free_equations(forces%equations)
         call free_forward_record(forces%record)
     end subroutine free_motion_forces
 end module linkdyn_motion_forces

@@ -12,7 +12,6 @@
 !> The distance is one of the coordinates, angles times a characteristic length.
 module linkdyn_singularity
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-    use linkdyn_assembly, only: assemble_matrix
     use linkdyn_condition, only: condition_type, condition_space, singular_vectors, is_posed
     use linkdyn_dyad_map, only: dyad_map
     use linkdyn_force_map, only: typical_length
@@ -21,10 +20,10 @@ module linkdyn_singularity
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_programs, only: lane_space, run_on_lanes, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, is_dyad
     use linkdyn_planar_pass, only: map_placed
-    use linkdyn_slots, only: slot_store, make_slots
     use linkdyn_vec2, only: rot2, operator(+), operator(*)
     use linkdyn_vec3, only: operator(+), operator(*), operator(.cross.), operator(.dot.)
     implicit none (type, external)
@@ -37,8 +36,8 @@ module linkdyn_singularity
     !> Scratch of one thread.
     type :: singularity_space
         type(kinematic_state) :: moved            !! the mechanism a little moved
-        type(slot_store) :: slot                  !! its equations
-        type(slot_store) :: left, right           !! singular vectors, scaled back to the equations' own rows and columns
+        type(lane_space) :: of_matrix             !! its equations
+        real(wp), allocatable :: left(:, :), right(:, :)    !! singular vectors, scaled back to the equations' own rows and columns
         real(wp), allocatable :: gradient(:, :)   !! of sigma (lane, n_q) [1/m], angles times the length
         real(wp), allocatable :: slide(:, :, :)   !! rates of the slides for a unit rate of a coordinate (lane, slide, n_joint)
         real(wp), allocatable :: unit(:)          !! what a unit of each coordinate counts (n_q) [m]
@@ -56,9 +55,7 @@ contains
         type(singularity_space), intent(out) :: space
 
         call prepare_kinematics(model, 0, space%moved)
-        call make_slots(condition%equations%formulation%n_slot + 1, space%slot)
-        call make_slots(condition%equations%formulation%n_unknown, space%left)
-        call make_slots(condition%equations%formulation%n_unknown, space%right)
+        allocate (space%left(lanes, condition%n), space%right(lanes, condition%n))
         allocate (space%gradient(lanes, model%n_q), space%slide(lanes, most_slides, model%n_joint))
         space%unit = merge(1.0_wp, typical_length(model), model%scene%coordinate%unit == "m")
         space%may_fold = any(model%step%kind /= step_pose .and. model%step%kind /= step_joint .and. model%step%kind /= step_ups) &
@@ -68,9 +65,7 @@ contains
     subroutine free_singularity(self)
         class(singularity_space), intent(inout) :: self
 
-        call self%slot%free()
-        call self%left%free()
-        call self%right%free()
+        call free_lane_space(self%of_matrix)
     end subroutine free_singularity
 
     !> Distance [m] of the block whose equations `condition_space` has eliminated; NaN where there is none to be had.
@@ -86,10 +81,10 @@ contains
         real(wp) :: sigma(lanes), steepness(lanes)
         integer :: k, lane
 
-        call singular_vectors(condition, state, factors, space%left%value, space%right%value, sigma)
+        call singular_vectors(condition, state, factors, space%left, space%right, sigma)
         steepness = 0
         do k = 1, model%n_q
-            call change_of_sigma(model, condition, state, k, space, space%gradient(:, k))
+            call change_of_sigma(model, condition, state, k, factors, space, space%gradient(:, k))
             space%gradient(:, k) = space%gradient(:, k)/space%unit(k)
             steepness = steepness + space%gradient(:, k)**2
         end do
@@ -154,11 +149,12 @@ contains
 
     !> Derivative of u^T A v for a unit rate of a coordinate: a central difference along the links' velocities. The entries of A are
     !> products of up to three rotations and slides, so all but the third order drops out.
-    subroutine change_of_sigma(model, condition, state, k, space, change)
+    subroutine change_of_sigma(model, condition, state, k, factors, space, change)
         type(model_type), intent(in) :: model
         type(condition_type), intent(in) :: condition
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: k
+        type(condition_space), intent(in) :: factors
         type(singularity_space), intent(inout) :: space
         real(wp), intent(out) :: change(lanes)
         real(wp) :: speed(lanes), step(lanes)
@@ -169,14 +165,13 @@ contains
         change = 0
         do way = -1, 1, 2
             call move(model, state, k, way*step, space)
-            call assemble_matrix(model, condition%equations%formulation, space%moved, space%slot%value)
-            do i = 1, size(condition%equations%formulation%entry)
-                associate (entry => condition%equations%formulation%entry(i))
-                    if (entry%slot == 0) cycle
-                    change = change + way*space%slot%value(:, entry%slot) &
-                             *(space%left%value(:, entry%row)*space%right%value(:, entry%column))
-                end associate
-            end do
+            call run_on_lanes(condition%kernels%matrix, lanes, space%moved, factors%inverse%numbers, space%of_matrix)
+            associate (form => condition%kernels%form, found => space%of_matrix%found)
+                do i = 1, size(form%row)
+                    if (form%output(i) > 0) change = change + way*found(:, form%output(i)) &
+                        *(space%left(:, form%row(i))*space%right(:, form%column(i)))
+                end do
+            end associate
         end do
         change = merge(change/(2*step), 0.0_wp, step > 0)
     end subroutine change_of_sigma

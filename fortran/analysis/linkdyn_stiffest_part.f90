@@ -4,12 +4,11 @@
 !> part's length changes with the coordinates. By a.M^-1 a, the mass that it moves, inverted, and its stiffness k or damping
 !> d its motion has the rate sqrt(k a.M^-1 a) or d a.M^-1 a.
 module linkdyn_stiffest_part
-    use linkdyn_applied_wrenches, only: spring_energy
     use linkdyn_belt_measures, only: measure_stretch
-    use linkdyn_energy_balance, only: applied_power
     use linkdyn_forward_system, only: forward_system, build_forward_system
     use linkdyn_joint_rates, only: actuator_rates
     use linkdyn_kinds, only: wp
+    use linkdyn_measures, only: measure_spring_length
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: drive_spec, drive_constant, drive_spring_damper, drive_dc_motor, drive_pd, drive_inverse, &
@@ -131,26 +130,27 @@ contains
     end subroutine find_slopes
 
     !> a.M^-1 a of a spring: of unit stiffness and rest -1 it has the tension T = length + 1, which makes the acceleration
-    !> -T M^-1 a; at that velocity its power is T**2 a.M^-1 a, and its energy T**2/2.
+    !> -T M^-1 a; at that velocity it shortens at the rate T a.M^-1 a.
     real(wp) function mobility_at_spring(bare, system, t, y, i) result(mobility)
         type(model_type), intent(inout) :: bare
         type(forward_system), intent(inout) :: system
         real(wp), intent(in) :: t, y(:)
         integer, intent(in) :: i
-        real(wp), dimension(lanes) :: power, energy
+        real(wp), dimension(lanes) :: length, rate
         real(wp) :: acceleration(bare%n_q)
 
         acceleration = acceleration_at(system, t, y)
         associate (spring => bare%scene%spring(i))
             spring%stiffness = 1
             spring%rest = -1
+            call system%renew()
             acceleration = acceleration_at(system, t, y) - acceleration
             call move(system, t, y, acceleration)
-            call applied_power(bare, system%workspace%state, 0*system%workspace%load, power)
-            call spring_energy(bare, system%workspace%state, energy)
+            call measure_spring_length(bare, spring, system%workspace%state, length, rate)
+            mobility = -rate(1)/(length(1) - spring%rest)
             spring%stiffness = 0
+            call system%renew()
         end associate
-        mobility = power(1)/(2*energy(1))
     end function mobility_at_spring
 
     !> The same of a belt: how fast it shortens at the acceleration that a unit of T1 - T2 makes.
@@ -168,9 +168,11 @@ contains
             call measure_stretch(bare, i, system%workspace%state, stretch, rate)
             belt%gear%total = total - stretch(1) + 0.5_wp
             belt%number = [1.0_wp, 0.0_wp, 1.0_wp]
+            call system%renew()
             acceleration = acceleration_at(system, t, y) - acceleration
             belt%gear%total = total
             belt%number = [tiny(1.0_wp), 0.0_wp, 0.0_wp]
+            call system%renew()
         end associate
         call move(system, t, y, acceleration)
         call measure_stretch(bare, i, system%workspace%state, stretch, rate)

@@ -9,7 +9,7 @@
 !> contact of the form `form_drive` there, pressed by F' in the direction of the motion; its `factor` is |tanh|, its `amount` |R|.
 module linkdyn_transmission_losses
     use linkdyn_contact, only: contact_type, form_drive
-    use linkdyn_joint_friction, only: friction_space
+    use linkdyn_friction_state, only: friction_state
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: side_joint
@@ -57,15 +57,15 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: lossy(:)
         real(wp), intent(in) :: rate(:, :)             !! of the driven joint variables (lane, n_actuator) [m/s, rad/s]
-        type(friction_space), intent(inout) :: friction
+        type(friction_state), intent(inout) :: friction
         real(wp), intent(out) :: sense(:, :)           !! of the joint variable: +1, -1 (lane, lossy motor)
         integer :: i, k
 
         do i = 1, size(lossy)
-            k = size(friction%at) - size(lossy) + i
+            k = size(friction%factor, 2) - size(lossy) + i
             associate (a => model%motor(lossy(i))%actuator)
                 associate (motor => model%scene%actuator(a)%motor)
-                    friction%at(k)%factor = tanh(abs(motor%ratio*rate(:, a))/motor%creep_speed)
+                    friction%factor(:, k) = tanh(abs(motor%ratio*rate(:, a))/motor%creep_speed)
                 end associate
                 sense(:, i) = sign(1.0_wp, rate(:, a))
             end associate
@@ -74,22 +74,18 @@ contains
     end subroutine begin_losses
 
     !> What is transmitted, in the direction of the motion.
-    pure subroutine press_losses(model, lossy, sense, driving_force, rotor_acceleration, friction)
+    pure subroutine press_losses(model, lossy, sense, transmitted, friction)
         type(model_type), intent(in) :: model
         integer, intent(in) :: lossy(:)
         real(wp), intent(in) :: sense(:, :)
-        real(wp), intent(in) :: driving_force(:, :)    !! less what is lost (lane, n_actuator) [N, N m]
-        real(wp), intent(in) :: rotor_acceleration(:, :)    !! of the joint variable, 0 without inertia (lane, n_motor)
-        type(friction_space), intent(inout) :: friction
+        real(wp), intent(in) :: transmitted(:, :)      !! of driving forces, less what is lost and what rotors take (lane, n_actuator)
+        type(friction_state), intent(inout) :: friction
         integer :: i, k
 
         do i = 1, size(lossy)
-            k = size(friction%at) - size(lossy) + i
-            associate (motor => model%motor(lossy(i)))
-                friction%press(:, :, k) = 0
-                friction%press(:, 7, k) = sense(:, i)*(driving_force(:, motor%actuator) &
-                                                       - motor%inertia*rotor_acceleration(:, lossy(i)))
-            end associate
+            k = size(friction%factor, 2) - size(lossy) + i
+            friction%press(:, :, k) = 0
+            friction%press(:, 7, k) = sense(:, i)*transmitted(:, model%motor(lossy(i))%actuator)
         end do
     end subroutine press_losses
 
@@ -98,14 +94,14 @@ contains
         type(model_type), intent(in) :: model
         integer, intent(in) :: lossy(:)
         real(wp), intent(in) :: sense(:, :)
-        type(friction_space), intent(in) :: friction
+        type(friction_state), intent(in) :: friction
         real(wp), intent(in) :: motor_force(:, :)      !! n T (lane, n_actuator) [N, N m]
         real(wp), intent(inout) :: driving_force(:, :) !! (lane, n_actuator)
         integer :: i
 
         do i = 1, size(lossy)
             associate (a => model%motor(lossy(i))%actuator)
-                driving_force(:, a) = motor_force(:, a) - sense(:, i)*friction%amount(:, size(friction%at) - size(lossy) + i)
+                driving_force(:, a) = motor_force(:, a) - sense(:, i)*friction%amount(:, size(friction%factor, 2) - size(lossy) + i)
             end associate
         end do
     end subroutine apply_losses

@@ -4,13 +4,10 @@ module linkdyn_belt_measures
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_marker_motion, only: locate_marker
-    use linkdyn_model, only: model_type, orientation_of
-    use linkdyn_vec2, only: vec2, operator(.rotate.)
-    use linkdyn_vec3, only: vec3, operator(+), operator(*), operator(.rotate.), vec3_of
+    use linkdyn_model, only: model_type
     implicit none (type, external)
     private
-    public :: measure_strands, measure_stretch, belt_wrench_on, strand_energy
+    public :: measure_strands, measure_stretch, strand_energy
 
 contains
 
@@ -64,46 +61,4 @@ contains
             end do
         end associate
     end subroutine measure_stretch
-
-    !> Force and moment of a belt on one of its wheels, world axes, and where the force acts.
-    subroutine belt_wrench_on(model, i, side, state, point, force, moment)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: i, side
-        type(kinematic_state), intent(in) :: state
-        type(vec3), intent(out) :: point, force, moment    !! [m, N, N m]
-        real(wp) :: tension(lanes, 2), difference(lanes), total(lanes)
-        type(vec3) :: velocity
-
-        call measure_strands(model, i, state, tension)
-        difference = (2*side - 3)*(tension(:, 1) - tension(:, 2))
-        total = (2*side - 3)*(tension(:, 1) + tension(:, 2))
-        associate (belt => model%belt(i), j => model%belt(i)%gear%joint)
-            call locate_marker(model, model%joint(j)%link(side), model%scene%joint(j)%marker(side), state, point, velocity)
-            force = difference*vec3_of(belt%gear%direction) + total*vec3_of(belt%line)
-            moment = difference*vec3_of(belt%gear%couple(:, side))
-            if (side == 2) moment = moment + total*vec3_of(belt%lever)
-            call turn(belt%gear%carrier, force)
-            call turn(belt%gear%carrier, moment)
-        end associate
-
-    contains
-
-        !> To world axes.
-        subroutine turn(carrier, v)
-            integer, intent(in) :: carrier
-            type(vec3), intent(inout) :: v
-            type(vec2) :: flat
-            integer :: o
-
-            if (carrier == 0) return
-            o = orientation_of(model, carrier)
-            if (model%is_planar) then
-                flat = state%plane%rotation(o).rotate.vec2(v%x, v%y)
-                v%x = flat%x
-                v%y = flat%y
-            else
-                v = state%rotation(o).rotate.v
-            end if
-        end subroutine turn
-    end subroutine belt_wrench_on
 end module linkdyn_belt_measures

@@ -1,6 +1,5 @@
 !> From a scene to a model: constants in the form the engine wants, the plan, and the assembly at the start.
 module linkdyn_builder
-    use linkdyn_carried_legs, only: plan_carried_legs
     use linkdyn_code, only: check_code
     use linkdyn_constants, only: two_pi
     use linkdyn_contact, only: list_contacts
@@ -15,8 +14,8 @@ module linkdyn_builder
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_motion_measures, only: released_fit
     use linkdyn_payloads, only: take_payloads
-    use linkdyn_model, only: model_type, take_motors, link_type, joint_type, step_type, by_nothing, by_markers, by_fit, &
-        step_csp, step_group, is_dyad, is_length, is_screw, scene_size, &
+    use linkdyn_model, only: model_type, take_motors, link_type, joint_type, leg_type, step_type, by_nothing, by_markers, by_fit, &
+        step_ups, step_csp, step_group, is_dyad, is_length, is_screw, scene_size, &
         stride_part, orientation_of
     use linkdyn_newton_group, only: prepare_margins
     use linkdyn_planar_start, only: assemble_start
@@ -221,12 +220,25 @@ contains
         call plan_links(model, status, closed_forms)
         if (status%is_ok()) call refuse_uncounted_belts(model, status)
         if (status%is_ok()) call refuse_idle_branches(model, status)
-        if (status%is_ok()) call plan_carried_legs(model)
+        if (status%is_ok()) call list_legs(model)
         call choose_strides(model)
         if (status%is_ok()) call prepare_margins(model)
         call assemble_start(model, status)
         call assemble_in_space(model, status)
     end subroutine plan_scene
+
+    !> The links of the UPS legs.
+    pure subroutine list_legs(model)
+        type(model_type), intent(inout) :: model
+        integer :: i
+
+        allocate (model%leg(model%n_leg))
+        do i = 1, size(model%step)
+            associate (step => model%step(i))
+                if (step%kind == step_ups) model%leg(step%first) = leg_type(lower=step%link(1), upper=step%link(2))
+            end associate
+        end do
+    end subroutine list_legs
 
     !> The plan; of over-constrained mechanisms with joints that let go of what others hold.
     subroutine plan_links(model, status, closed_forms)

@@ -1,33 +1,15 @@
-!> What is told of cams: the force with which follower and curve press, and the pressure angle.
+!> The pressure angles of cams.
 module linkdyn_cam_measures
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
-    use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, orientation_of
     use linkdyn_scene, only: joint_prismatic, guide_of
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(.dot.), operator(.cross.), operator(.rotate.), perp
     implicit none (type, external)
     private
-    public :: measure_presses, measure_pressure_angles
+    public :: measure_pressure_angles
 
 contains
-
-    !> Normal forces, above zero where a follower is pressed against its cam; in a groove, away from the cam's inside.
-    subroutine measure_presses(model, state, reaction, force)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: reaction(:, :, :)        !! Fx Fy Mz (lane, 3, n_joint) [N, N m]
-        real(wp), intent(out) :: force(:, :)             !! (lane, n_cam) [N]
-        integer :: j
-
-        do j = 1, model%n_joint
-            if (model%joint(j)%cam == 0) cycle
-            associate (contact => state%plane%contact(model%joint(j)%cam))
-                force(:, model%joint(j)%cam) = model%scene%joint(j)%cam%side &
-                                               *(vec2(reaction(:, 1, j), reaction(:, 2, j)).dot.contact%normal)
-            end associate
-        end do
-    end subroutine measure_presses
 
     !> Between the normal and the way on which its guide lets the follower go where the force acts, 0 to pi/2.
     subroutine measure_pressure_angles(model, state, angle)

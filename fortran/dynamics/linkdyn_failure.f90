@@ -1,6 +1,5 @@
 !> Where a mechanism cannot be computed, in words: the links and joints concerned, and how far a coordinate can go.
 module linkdyn_failure
-    use linkdyn_applied_wrenches, only: spring_without_direction
     use linkdyn_assembly_trail, only: lost_way
     use linkdyn_constants, only: pi
     use linkdyn_kinds, only: wp
@@ -8,7 +7,7 @@ module linkdyn_failure
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
     use linkdyn_lane_count, only: lanes
     use linkdyn_law_values, only: law_argument
-    use linkdyn_measures, only: find_laws, find_measures
+    use linkdyn_measures, only: find_laws, find_measures, spring_without_direction
     use linkdyn_model, only: model_type, step_type, step_group, step_csp, is_dyad, is_length
     use linkdyn_reach, only: find_reach
     use linkdyn_status, only: sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, &

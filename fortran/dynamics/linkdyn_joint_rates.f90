@@ -1,17 +1,15 @@
-!> Joint variables and their rates, and the power balance, from the motion of the links.
+!> Joint variables and their rates, from the motion of the links.
 module linkdyn_joint_rates
-    use linkdyn_assembly, only: link_wrench
-    use linkdyn_carried_legs, only: add_leg_wrench, carried_leg_of, leg_slide_column
     use linkdyn_joint_motion, only: turn_frame, variables_of_relative, relative_axis, marker_axis
     use linkdyn_joint_table, only: is_slide, wraps, slide_axis
     use linkdyn_constants, only: two_pi
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, orientation_of, holds_spin
+    use linkdyn_model, only: model_type, orientation_of
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_planar_rates, only: measure_planar_joints, measure_planar_variable, planar_joint_rate, planar_actuator_rates, &
-        planar_actuator_columns, planar_link_power, planar_work_columns
+        planar_actuator_columns
     use linkdyn_point, only: point_velocity
     use linkdyn_scene, only: joint_n_variable
     use linkdyn_scene, only: coordinate_joint
@@ -19,8 +17,8 @@ module linkdyn_joint_rates
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: joint_view, view_joint, driven_axis, told_frame, measure_variable, coordinate_of, joint_rate, slide_column
-    public :: measure_joints, measure_one_joint, actuator_rates, actuator_columns, normal_matrix, power_imbalance, work_columns
+    public :: joint_view, view_joint, told_frame, measure_variable, coordinate_of, joint_rate, slide_column
+    public :: measure_joints, measure_one_joint, actuator_rates, actuator_columns, normal_matrix
 
     !> The two markers of a joint in motion, world axes.
     type :: joint_view
@@ -259,7 +257,7 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: rate(lanes, model%n_actuator, model%n_q)
-        integer :: i, k, leg
+        integer :: i, k
 
         if (model%is_planar) then
             call planar_actuator_columns(model, state, rate)
@@ -267,12 +265,7 @@ contains
         end if
         do k = 1, model%n_q
             do i = 1, model%n_actuator
-                leg = carried_leg_of(model, model%scene%actuator(i)%joint)
-                if (state%carries_legs .and. leg > 0) then
-                    rate(:, i, k) = leg_slide_column(model, state, leg, k)
-                else
-                    call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
-                end if
+                call actuator_rate(model, state, i, state%acceleration(k, :), state%alpha(k, :), rate(:, i, k))
             end do
         end do
     end subroutine actuator_columns
@@ -366,110 +359,4 @@ contains
         view%slide_rate = velocity(2) - point_velocity(velocity(1), omega(1), view%slide)
         view%omega = omega(2) - omega(1)
     end subroutine view_joint
-
-    !> Driving power, plus the power of the loads, less the rate of change of kinetic and potential energy; relative
-    !> to the sum of the magnitudes of all its terms. Zero for exact forces, whatever the joint reactions.
-    subroutine power_imbalance(model, state, load, driving_force, imbalance)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: load(:, :, :)             !! (lane, 6, n_load)
-        real(wp), intent(in) :: driving_force(lanes, *)   !! (lane, n_actuator)
-        real(wp), intent(out) :: imbalance(lanes)
-        real(wp), dimension(lanes) :: total, magnitude, of_force, of_moment
-        real(wp) :: rate(lanes, max(1, model%n_actuator))
-        integer :: i
-
-        total = 0
-        magnitude = 0
-        call actuator_rates(model, state, rate)
-        do i = 1, model%n_actuator
-            call add(driving_force(:, i)*rate(:, i))
-        end do
-        do i = 1, model%n_link
-            if (model%is_planar) then
-                call planar_link_power(model, i, state, load, of_force, of_moment)
-            else
-                call link_power(model, i, state, load, of_force, of_moment)
-            end if
-            call add(-of_force)
-            call add(-of_moment)
-        end do
-        ! the last term is zero, but not a number where the powers are infinite: no share of infinity is a balance
-        imbalance = merge(total/magnitude + 0*magnitude, 0.0_wp, magnitude > 0)
-
-    contains
-
-        subroutine add(term)
-            real(wp), intent(in) :: term(lanes)
-
-            total = total + term
-            magnitude = magnitude + abs(term)
-        end subroutine add
-    end subroutine power_imbalance
-
-    !> Power of what the joints must supply to a link.
-    subroutine link_power(model, i, state, load, of_force, of_moment)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: i
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: load(:, :, :)             !! (lane, 6, n_load)
-        real(wp), intent(out) :: of_force(lanes), of_moment(lanes)    !! [W]
-        real(wp), parameter :: origin(3) = 0
-        type(vec3) :: force, moment, velocity
-        integer :: o
-
-        o = model%link(i)%orientation
-        call link_wrench(model, i, origin, state, load, force, moment)
-        velocity = state%rotation(o).unrotate.state%velocity(i)
-        of_force = force.dot.velocity
-        of_moment = moment.dot.state%omega_body(o)
-    end subroutine link_power
-
-    !> What the drives must supply by virtual work: for a unit rate of each coordinate, the power of the links' inertia
-    !> less gravity and loads. No reaction enters. Needs the acceleration columns.
-    subroutine work_columns(model, state, load, work)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: load(:, :, :)              !! (lane, 6, n_load)
-        real(wp), intent(out) :: work(lanes, model%n_q)
-        real(wp), parameter :: origin(3) = 0
-        type(vec3) :: force, moment
-        integer :: i, k, o
-
-        if (model%is_planar) then
-            call planar_work_columns(model, state, load, work)
-            return
-        end if
-        work = 0
-        do i = 1, model%n_link
-            if (state%carries_legs .and. model%link(i)%is_carried_leg) cycle
-            o = model%link(i)%orientation
-            call link_wrench(model, i, origin, state, load, force, moment)
-            force = state%rotation(o).rotate.force
-            moment = state%rotation(o).rotate.moment
-            if (state%carries_legs) call add_leg_wrench(model, state, i, load, force, moment)
-            if (model%link(i)%pose > 0) then
-                call add_pose_work(model%step(model%link(i)%pose)%coordinate)
-                cycle
-            end if
-            do k = 1, model%n_q
-                if (.not. model%moves(k, i)) cycle
-                work(:, k) = work(:, k) + (force.dot.state%acceleration(k, i)) + (moment.dot.state%alpha(k, o))
-            end do
-        end do
-
-    contains
-
-        !> A pose moves its link by unit columns.
-        subroutine add_pose_work(c)
-            integer, intent(in) :: c(6)
-
-            work(:, c(1)) = work(:, c(1)) + force%x
-            work(:, c(2)) = work(:, c(2)) + force%y
-            work(:, c(3)) = work(:, c(3)) + force%z
-            work(:, c(4)) = work(:, c(4)) + moment%x
-            work(:, c(5)) = work(:, c(5)) + moment%y
-            work(:, c(6)) = work(:, c(6)) + moment%z
-        end subroutine add_pose_work
-    end subroutine work_columns
 end module linkdyn_joint_rates

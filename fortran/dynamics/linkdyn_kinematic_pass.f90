@@ -40,10 +40,6 @@ contains
             call run_step(model, model%step(i), state)
         end do
         call flag_lost(state)
-        if (model%is_planar) return
-        do i = 1, model%n_orientation
-            state%gravity_body(i) = state%rotation(i).unrotate.vec3_of(model%gravity)
-        end do
     end subroutine run_program
 
     !> Whatever went wrong in an earlier block is forgotten.
@@ -262,7 +258,7 @@ contains
         type(step_type), intent(in) :: step
         type(kinematic_state), intent(inout) :: state
         type(vec3) :: base_arm, top_arm, base_point, top_point, axis, a, base_a
-        integer :: base, top, o_base, o_top, o, k, n_column
+        integer :: base, top, o_base, o_top, o, k
 
         associate (universal => model%joint(step%joint(1)), spherical => model%joint(step%joint(3)), &
                    lower => step%link(1), upper => step%link(2))
@@ -312,9 +308,7 @@ contains
                 call accelerate_ups_leg(leg, a, state%omega(o_base), state%alpha(0, o_base), step%base_moves, &
                                         state%alpha_body(0, o))
 
-                n_column = state%n_column
-                if (state%carries_legs .and. model%leg(step%first)%is_carried) n_column = 0
-                do k = 1, n_column
+                do k = 1, state%n_column
                     state%acceleration(k, upper) = point_column(state%acceleration(k, top), state%alpha(k, o_top), top_arm)
                     state%acceleration_body(k, upper) = leg%axes.unrotate.state%acceleration(k, upper)
                     a = state%acceleration_body(k, upper)
@@ -329,7 +323,7 @@ contains
 
                 if (state%world_rates .or. model%link(lower)%needs_world .or. model%link(upper)%needs_world) then
                     state%omega(o) = leg%axes.rotate.leg%omega
-                    do k = 0, n_column
+                    do k = 0, state%n_column
                         state%alpha(k, o) = leg%axes.rotate.state%alpha_body(k, o)
                     end do
                 end if

@@ -12,11 +12,12 @@ module linkdyn_measures
     use linkdyn_marker_motion, only: locate_marker
     use linkdyn_model, only: model_type
     use linkdyn_scene, only: measure_spec, spring_spec, measure_time, measure_joint, measure_marker, measure_spring, &
-        n_event, n_clutch
+        n_event, n_clutch, pulls_in_line
     use linkdyn_vec3, only: vec3, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: find_laws, find_measures, find_events, find_kept, follow_angle, measure_distance
+    public :: find_laws, find_measures, find_events, find_kept, follow_angle, measure_distance, measure_spring_length
+    public :: spring_without_direction
 
 contains
 
@@ -161,6 +162,25 @@ contains
             call measure_distance(model, spring, state, point, line, value, rate, ignored)
         end if
     end subroutine measure_spring_length
+
+    !> The first spring whose force has no direction on a lane; 0: there is none.
+    integer function spring_without_direction(model, state, lane) result(i)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state     !! of which the positions are known
+        integer, intent(in) :: lane
+        type(vec3) :: point(2), line
+        real(wp) :: distance(lanes), rate(lanes)
+        logical :: is_lost(lanes)
+
+        do i = 1, size(model%scene%spring)
+            associate (spring => model%scene%spring(i))
+                if (.not. pulls_in_line(spring)) cycle
+                call measure_distance(model, spring, state, point, line, distance, rate, is_lost)
+                if (is_lost(lane)) return
+            end associate
+        end do
+        i = 0
+    end function spring_without_direction
 
     !> Distance of a spring's two markers and how it changes.
     subroutine measure_distance(model, spring, state, point, line, distance, rate, is_lost)

@@ -1,7 +1,7 @@
 !> Figures of a motion: energies, how well the loops are closed.
 module linkdyn_motion_measures
-    use linkdyn_applied_wrenches, only: spring_energy
-    use linkdyn_joint_rates, only: joint_view, view_joint, told_frame
+    use linkdyn_belt_measures, only: strand_energy
+    use linkdyn_joint_rates, only: joint_view, view_joint, told_frame, joint_rate
     use linkdyn_joint_table, only: force_directions, moment_directions, is_threaded, is_geared, &
         along_z, along_axes, along_x_and_y, &
         along_normal, joint_prismatic, &
@@ -9,19 +9,18 @@ module linkdyn_motion_measures
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
+    use linkdyn_link_inertia, only: inertia_times
+    use linkdyn_measures, only: measure_spring_length
     use linkdyn_model, only: model_type, orientation_of, is_released, scene_size, gapes
-    use linkdyn_newton_euler, only: inertia_times
-    use linkdyn_planar_motion, only: planar_motion, level_velocity, level_given
+    use linkdyn_planar_motion, only: planar_motion, level_velocity
     use linkdyn_planar_point, only: carried
-    use linkdyn_point, only: point_velocity
-    use linkdyn_rotors, only: rotor_energy
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), vec2_of
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: measure_energy, measure_closure, released_fit, add_columns
+    public :: measure_energy, spring_energy, measure_closure, released_fit
 
 contains
 
@@ -69,6 +68,43 @@ contains
             end associate
         end do
     end subroutine add_planar_energy
+
+    !> Energy stored in the springs and belts.
+    subroutine spring_energy(model, state, energy)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: energy(lanes)         !! [J]
+        real(wp), dimension(lanes) :: length, rate, of_belt
+        integer :: i
+
+        energy = 0
+        do i = 1, size(model%belt)
+            call strand_energy(model, i, state, of_belt)
+            energy = energy + of_belt
+        end do
+        do i = 1, size(model%scene%spring)
+            associate (spring => model%scene%spring(i))
+                call measure_spring_length(model, spring, state, length, rate)
+                energy = energy + spring%stiffness*(length - spring%rest)**2/2
+            end associate
+        end do
+    end subroutine spring_energy
+
+    !> Of rotors of motors behind gears and screws: I s'^2/2 of a joint variable s at which they have the inertia I.
+    subroutine rotor_energy(model, state, energy)
+        type(model_type), intent(in) :: model
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: energy(lanes)         !! [J]
+        integer :: i
+
+        energy = 0
+        do i = 1, size(model%motor)
+            associate (motor => model%motor(i))
+                if (motor%inertia > 0) energy = energy + motor%inertia/2 &
+                    *joint_rate(model, state, motor%joint, motor%variable, level_velocity)**2
+            end associate
+        end do
+    end subroutine rotor_energy
 
     !> The largest distance or angle by which the two sides of a joint miss each other.
     subroutine measure_closure(model, state, gap)
@@ -192,35 +228,4 @@ contains
 
         length = sqrt(v.dot.v)
     end function length_of
-
-    !> Put accelerations found for the coordinates into column 0.
-    subroutine add_columns(model, acceleration, state)
-        type(model_type), intent(in) :: model
-        real(wp), intent(in) :: acceleration(lanes, model%n_q)
-        type(kinematic_state), intent(inout) :: state
-        integer :: k, l, o
-
-        if (model%is_planar) then
-            associate (plane => state%plane)
-                do k = 1, model%n_q
-                    do o = 1, model%n_orientation
-                        plane%angular(:, level_given, o) = plane%angular(:, level_given, o) &
-                                                           + acceleration(:, k)*plane%angular(:, k, o)
-                    end do
-                    do l = 1, model%n_link
-                        plane%linear(level_given, l) = plane%linear(level_given, l) + acceleration(:, k)*plane%linear(k, l)
-                    end do
-                end do
-            end associate
-            return
-        end if
-        do k = 1, model%n_q
-            do o = 1, model%n_orientation
-                state%alpha_body(0, o) = state%alpha_body(0, o) + acceleration(:, k)*state%alpha_body(k, o)
-            end do
-            do l = 1, model%n_link
-                state%acceleration_body(0, l) = state%acceleration_body(0, l) + acceleration(:, k)*state%acceleration_body(k, l)
-            end do
-        end do
-    end subroutine add_columns
 end module linkdyn_motion_measures

@@ -1,10 +1,9 @@
-!> Joint variables and rates, and the power balance, of a planar mechanism.
+!> Joint variables and rates of a planar mechanism.
 module linkdyn_planar_rates
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, orientation_of
-    use linkdyn_planar_assembly, only: planar_link_wrench
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_planar_point, only: carried
     use linkdyn_scene, only: joint_prismatic, joint_n_variable
@@ -12,9 +11,7 @@ module linkdyn_planar_rates
     implicit none (type, external)
     private
     public :: measure_planar_joints, measure_planar_variable, planar_joint_rate, planar_actuator_rates, &
-        planar_actuator_columns, planar_link_power, planar_work_columns
-
-    real(wp), parameter :: origin(2) = 0
+        planar_actuator_columns
 
 contains
 
@@ -127,40 +124,4 @@ contains
             end do
         end do
     end subroutine planar_actuator_columns
-
-    !> Power of what the joints must supply to a link: see `power_imbalance`.
-    subroutine planar_link_power(model, i, state, load, of_force, of_moment)
-        type(model_type), intent(in) :: model
-        integer, intent(in) :: i
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: load(:, :, :)             !! (lane, 6, n_load)
-        real(wp), intent(out) :: of_force(lanes), of_moment(lanes)    !! [W]
-        type(vec2) :: force
-        real(wp) :: moment(lanes)
-
-        call planar_link_wrench(model, i, origin, state, load, force, moment)
-        of_force = force.dot.state%plane%linear(level_velocity, i)
-        of_moment = moment*state%plane%angular(:, level_velocity, model%link(i)%orientation)
-    end subroutine planar_link_power
-
-    !> What the drives must supply by virtual work, per coordinate. Needs the acceleration columns.
-    subroutine planar_work_columns(model, state, load, work)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(in) :: load(:, :, :)              !! (lane, 6, n_load)
-        real(wp), intent(out) :: work(lanes, model%n_q)
-        type(vec2) :: force
-        real(wp) :: moment(lanes)
-        integer :: i, k
-
-        work = 0
-        do i = 1, model%n_link
-            call planar_link_wrench(model, i, origin, state, load, force, moment)
-            do k = 1, model%n_q
-                if (.not. model%moves(k, i)) cycle
-                work(:, k) = work(:, k) + (force.dot.state%plane%linear(k, i)) &
-                             + moment*state%plane%angular(:, k, model%link(i)%orientation)
-            end do
-        end do
-    end subroutine planar_work_columns
 end module linkdyn_planar_rates

@@ -129,14 +129,6 @@ contains
                 call scale_law(scale**2, [copy, of_load, i, 3 + k], similar%scene%load(i)%moment(k))
             end do
         end do
-        do i = 1, size(model%leg)
-            associate (leg => similar%leg(i))
-                leg%point = scale*leg%point
-                leg%moment = scale*leg%moment
-                leg%lower_moment = scale*leg%lower_moment
-                leg%inertia = scale**2*leg%inertia
-            end associate
-        end do
         do i = 1, size(model%group)
             n_length = link_freedom(model) - merge(1, 3, model%is_planar)
             similar%group(i)%start(:n_length, :) = scale*model%group(i)%start(:n_length, :)

@@ -8,12 +8,13 @@
 !> any motion, so it is square to this part of them. The rates of the coordinates in that motion are unknowns, as many as
 !> equations of motion are left over.
 !>
-!> **Source**: as of `linkdyn_shared_drives`, which has the same on lanes.
+!> **Source**: J. Hollerbach, K. Suh, IEEE J. Robotics Autom. 3 (1987) 308; for parallel mechanisms A. Mueller, Redundant
+!> actuation of parallel manipulators, in: Parallel Manipulators (2008).
 module linkdyn_drive_sharing
     use linkdyn_joint_variables, only: variable_rate
     use linkdyn_mechanism, only: mechanism_type
-    use linkdyn_substitution, only: substitution, replace, substituted
-    use linkdyn_system, only: system_type, unknown, require
+    use linkdyn_substitution, only: substitution, substituted
+    use linkdyn_system, only: system_type, require
     use linkdyn_value, only: value, constant, operator(-), operator(*)
     implicit none (type, external)
     private
@@ -22,19 +23,14 @@ module linkdyn_drive_sharing
 contains
 
     !> Links are placed and move, and no driving force is known.
-    subroutine share_work(mechanism, transmitted, system, virtual)
+    subroutine share_work(mechanism, transmitted, map, system)
         type(mechanism_type), intent(in) :: mechanism
         type(value), intent(in) :: transmitted(:)      !! unknown driving forces, without the rotors' inertia (actuator) [N, N m]
+        type(substitution), intent(inout) :: map       !! from velocities to those of that motion, whose rates are unknowns
         type(system_type), intent(inout) :: system
-        type(value), intent(out) :: virtual(:)         !! rates of the coordinates in that motion: more unknowns (n_q)
-        type(substitution) :: map
         type(value) :: speed
-        integer :: i, k
+        integer :: i
 
-        do k = 1, size(virtual)
-            virtual(k) = unknown(system)
-            call replace(map, mechanism%qd(k), virtual(k))
-        end do
         do i = 1, size(transmitted)
             associate (drive => mechanism%model%scene%actuator(i))
                 speed = substituted(map, variable_rate(mechanism, drive%joint, drive%variable))

@@ -24,10 +24,19 @@ module linkdyn_force_system
         operator(.cross.)
     implicit none (type, external)
     private
-    public :: force_unknowns, add_reactions, add_unknown_drives, balance_links, reaction_of, label_len
+    public :: force_unknowns, unknown_note, add_reactions, add_unknown_drives, balance_links, reaction_of, label_len
 
     integer, parameter :: label_len = name_len + 4
     character(len=2), parameter :: component_name(6) = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+
+    !> What an unknown is, for people who read the matrix.
+    type :: unknown_note
+        character(len=label_len) :: name = ""
+        integer :: joint = 0                           !! at which it acts
+        logical :: is_moment = .false.
+        integer :: axis = 0                            !! of the world, along or about which it is; 0: none of these
+        logical :: is_thread = .false.                 !! a force along a thread, with a moment
+    end type unknown_note
 
     type :: force_unknowns
         type(acting_type), allocatable :: reaction(:)  !! (joint)
@@ -36,7 +45,7 @@ module linkdyn_force_system
         type(value), allocatable :: effort(:)          !! (actuator) driving force or torque, known or unknown [N, N m]
         type(value), allocatable :: transmitted(:)     !! (actuator) what of it acts on the links: without the rotor's inertia
         logical :: wants_names = .false.               !! for a matrix that people read
-        character(len=label_len), allocatable :: name(:)       !! of the unknowns, in their order
+        type(unknown_note), allocatable :: note(:)     !! of the unknowns, in their order
         character(len=label_len), allocatable :: equation(:)   !! of the equations, in theirs
     end type force_unknowns
 
@@ -54,7 +63,7 @@ contains
 
         allocate (unknowns%reaction(mechanism%model%n_joint), unknowns%effort(mechanism%model%n_actuator), &
                   unknowns%transmitted(mechanism%model%n_actuator))
-        allocate (unknowns%name(0), unknowns%equation(0), unknowns%tooth(0), unknowns%press(mechanism%model%n_cam))
+        allocate (unknowns%note(0), unknowns%equation(0), unknowns%tooth(0), unknowns%press(mechanism%model%n_cam))
         do j = 1, mechanism%model%n_joint
             call add_reaction(mechanism, layout%unknown_side(j), j, system, unknowns)
         end do
@@ -97,8 +106,7 @@ contains
             integer :: s
 
             size = unknown(system)
-            if (unknowns%wants_names) unknowns%name = [character(len=label_len) :: unknowns%name, &
-                                                       trim(mechanism%model%joint(j)%name)//" Ft"]
+            call note("Ft", is_moment=.false., axis=0, is_thread=.false.)
             do s = 1, 2
                 call wheel_wrench(mechanism, g, s, force, couple)
                 half%link = mechanism%model%joint(j)%link(s)
@@ -124,8 +132,7 @@ contains
             integer, intent(in) :: c
 
             unknowns%press(c) = unknown(system)
-            if (unknowns%wants_names) unknowns%name = [character(len=label_len) :: unknowns%name, &
-                                                       trim(mechanism%model%joint(j)%name)//" Fn"]
+            call note("Fn", is_moment=.false., axis=0, is_thread=.false.)
             associate (size => unknowns%press(c))
                 select type (kind => mechanism%kind(j)%is)
                 type is (cam)
@@ -145,7 +152,7 @@ contains
 
             frame = frame_in(max(side, 1))
             thrust = zero_vector()
-            call add(frame%z, .true., "F3", thrust)
+            call add(frame%z, .true., "F3", 0, thrust, is_thread=.true.)
             acting%force = acting%force + thrust
             acting%moment = -(pitch*thrust)
         end subroutine add_thread
@@ -161,26 +168,28 @@ contains
             select case (directions)
             case (along_axes)
                 do k = 1, 3
-                    call add(unit_vector(k), is_force, component_name(merge(k, k + 3, is_force)), total)
+                    call add(unit_vector(k), is_force, component_name(merge(k, k + 3, is_force)), merge(k, 0, side == 0), total)
                 end do
             case (along_x_and_y)
                 frame = frame_in(max(side, 1))
-                call add(frame%x, is_force, merge("F1", "M1", is_force), total)
-                call add(frame%y, is_force, merge("F2", "M2", is_force), total)
+                call add(frame%x, is_force, merge("F1", "M1", is_force), 0, total)
+                call add(frame%y, is_force, merge("F2", "M2", is_force), 0, total)
             case (along_z)
                 frame = frame_in(max(side, 1))
-                call add(frame%z, is_force, merge("F1", "M1", is_force), total)
+                call add(frame%z, is_force, merge("F1", "M1", is_force), 0, total)
             case (along_normal)
-                call add(normal(), is_force, merge("F1", "M1", is_force), total)
+                call add(normal(), is_force, merge("F1", "M1", is_force), 0, total)
             end select
         end function sum_along
 
         !> One more unknown. In a plane nothing acts across it: such an unknown does not exist.
-        subroutine add(direction, is_force, name, total)
+        subroutine add(direction, is_force, name, axis, total, is_thread)
             type(vector), intent(in) :: direction
             logical, intent(in) :: is_force
             character(len=2), intent(in) :: name
+            integer, intent(in) :: axis                !! of the world; 0: none of these
             type(vector), intent(inout) :: total
+            logical, intent(in), optional :: is_thread !! absent: false
             character(len=2) :: own_name
 
             own_name = name
@@ -190,9 +199,17 @@ contains
                 if (name(2:) == "1" .or. name(2:) == "2") own_name = merge("Fn", "Mz", is_force)
             end if
             total = total + unknown(system)*direction
-            if (unknowns%wants_names) unknowns%name = [character(len=label_len) :: unknowns%name, &
-                                                       trim(mechanism%model%joint(j)%name)//" "//own_name]
+            call note(own_name, .not. is_force, axis, present(is_thread))
         end subroutine add
+
+        subroutine note(name, is_moment, axis, is_thread)
+            character(len=2), intent(in) :: name
+            logical, intent(in) :: is_moment, is_thread
+            integer, intent(in) :: axis
+
+            if (unknowns%wants_names) unknowns%note = [unknowns%note, unknown_note( &
+                trim(mechanism%model%joint(j)%name)//" "//name, j, is_moment, axis, is_thread)]
+        end subroutine note
 
         !> Frame of one marker in the axes of the unknowns.
         function frame_in(s) result(frame)
@@ -242,7 +259,8 @@ contains
             if (.not. unknowns%wants_names) cycle
             associate (actuator => mechanism%model%scene%actuator(i))
                 symbol = merge("F  ", "tau", mechanism%kind(actuator%joint)%is%is_slide(actuator%variable))
-                unknowns%name = [character(len=label_len) :: unknowns%name, trim(symbol)//" "//actuator%name]
+                unknowns%note = [unknowns%note, unknown_note(trim(symbol)//" "//actuator%name, actuator%joint, &
+                                                             symbol == "tau")]
             end associate
         end do
     end subroutine add_unknown_drives

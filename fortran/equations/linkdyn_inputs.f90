@@ -6,17 +6,19 @@ module linkdyn_inputs
     use linkdyn_base_motion, only: base_is_felt
     use linkdyn_drive_laws, only: follows_target, is_given
     use linkdyn_kinds, only: wp
+    use linkdyn_link_motion, only: motion_places, place_motion
     use linkdyn_model, only: model_type, place_size, counts_for_another
     use linkdyn_numbers, only: number_places, place_numbers, collect_numbers
     use linkdyn_payloads, only: payload_is_input
     use linkdyn_record, only: new_input
-    use linkdyn_scene, only: law_over
+    use linkdyn_scene, only: law_over, n_stop, n_clutch
     use linkdyn_value, only: value, constant, zero
     implicit none (type, external)
     private
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     public :: in_found, in_pull, in_base, in_payload, in_friction, in_counted
+    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, add_inputs
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]
@@ -35,13 +37,24 @@ module linkdyn_inputs
     integer, parameter :: in_payload = 14       !! masses that links carry (n_payload) [kg]
     integer, parameter :: in_friction = 15      !! of contacts, over the speed of their surfaces (n_contact) [N s/m]
     integer, parameter :: in_counted = 16       !! angles that coordinates stand in for, as they count turns (n_q) [rad]
-    integer, parameter :: n_block = 16
+    ! ---- of equations whose motion is given
+    integer, parameter :: in_motion = 17        !! how links stand and move, as `linkdyn_link_motion` lists it
+    integer, parameter :: in_stop = 18          !! pushes of hard stops, away from these (n_stop) [N, N m]
+    integer, parameter :: in_clutch = 19        !! forces of clutches, at their first variable (n_clutch) [N, N m]
+    integer, parameter :: in_sense = 20         !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2; 0: smooth (n_contact)
+    integer, parameter :: in_unknown = 21       !! unknowns of the equations, once somebody has found them (n_unknown)
+    integer, parameter :: in_transposed = 22    !! right-hand sides of the transposed equations (n_unknown)
+    integer, parameter :: n_block = 22
 
     !> What is wanted of a trace.
     type :: trace_request
         logical :: at_rest = .false.                       !! positions alone
         logical :: has_friction = .false.                  !! joints rub, and whoever runs the kernel knows how much
+        logical :: by_work = .false.                       !! equations are those of virtual work
         logical :: by_quaternion = .false.                 !! poses are given by position and quaternion
+        logical :: motion_is_given = .false.               !! nothing is placed: whoever runs the kernel knows how links move; and he gives
+                                                           !! all driving forces that are not unknown, stops and clutches push
+        logical :: has_columns = .false.                   !! of a motion that is given: how it changes with the coordinates
         logical, allocatable :: has_load(:, :)             !! (6, load); absent: none
         logical, allocatable :: drive_is_unknown(:)        !! (actuator); absent: all are
         logical, allocatable :: acceleration_is_unknown(:) !! (coordinate); absent: none is
@@ -79,6 +92,7 @@ contains
         type(sample_set), intent(in) :: sample
         type(input_blocks), intent(out) :: blocks
         type(number_places) :: at
+        type(motion_places) :: motion
         real(wp), allocatable :: number(:)
         logical :: is_input(place_size(model), model%n_link)
         integer :: k, i
@@ -89,22 +103,30 @@ contains
         call add(in_q, [(.true., k=1, model%n_q)])
         call add(in_quaternion, [(request%by_quaternion, k=1, 4*model%n_attitude)])
         call add(in_qd, [(.not. request%at_rest, k=1, model%n_q)])
-        call add(in_qdd, [(.not. request%at_rest .and. .not. is_unknown(k), k=1, model%n_q)])
+        call add(in_qdd, [(.not. request%at_rest .and. (request%motion_is_given .or. .not. is_unknown(k)), k=1, model%n_q)])
         call add(in_load, [((has_load(i, k), i=1, 6), k=1, model%n_load)])
         call add(in_target, [((follows_target(model%scene%actuator(k)%drive) .and. is_known(k), i=1, 2), k=1, model%n_actuator)])
-        call add(in_effort, [(is_given(model%scene%actuator(k)%drive) .and. is_known(k), k=1, model%n_actuator)])
-        call add(in_branch, [(any(model%step%has_branches .and. model%step%first == k), k=1, model%n_branch)])
+        call add(in_effort, [((request%motion_is_given .or. is_given(model%scene%actuator(k)%drive)) .and. is_known(k), &
+                              k=1, model%n_actuator)])
+        call add(in_branch, [(any(model%step%has_branches .and. model%step%first == k) .and. .not. request%motion_is_given, &
+                              k=1, model%n_branch)])
         call add(in_pull, [(model%scene%spring(k)%force%kind == law_over, k=1, size(model%scene%spring))])
         call add(in_base, base_is_felt(model))
         call add(in_payload, payload_is_input(model), model%scene%payload%mass%value(1))
         call add(in_friction, [(request%has_friction, k=1, size(model%contact))])
         call add(in_counted, [(counts_for_another(model, k), k=1, model%n_q)])
         is_input = .false.
-        do k = 1, size(model%group)
+        do k = 1, merge(0, size(model%group), request%motion_is_given)
             is_input(:, model%group(k)%link) = .true.
         end do
         call add(in_place, [is_input])
         call add(in_number, [(varies(k), k=1, at%n)], number)
+        if (.not. request%motion_is_given) allocate (motion%number(0))
+        if (request%motion_is_given) call place_motion(model, request%has_columns, motion)
+        call add(in_motion, [(.true., k=1, size(motion%number))])
+        call add(in_stop, [(request%motion_is_given .and. model%scene%stop(k)%is_hard, k=1, n_stop(model%scene))])
+        call add(in_clutch, [(request%motion_is_given, k=1, n_clutch(model%scene))])
+        call add(in_sense, [(request%motion_is_given .and. may_stick(model, k), k=1, size(model%contact))])
 
     contains
 
@@ -144,6 +166,30 @@ contains
             call add_block(block, is_input, sample, blocks, number)
         end subroutine add
     end subroutine make_inputs
+
+    !> Further inputs, one for each equation.
+    subroutine add_inputs(block, n, sample, blocks)
+        integer, intent(in) :: block                       !! `in_unknown` or `in_transposed`
+        integer, intent(in) :: n
+        type(sample_set), intent(in) :: sample
+        type(input_blocks), intent(inout) :: blocks
+
+        call add_block(block, spread(.true., 1, n), sample, blocks)
+    end subroutine add_inputs
+
+    !> Is a contact one of a joint whose friction may hold it?
+    pure logical function may_stick(model, i)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i
+        integer :: k
+
+        may_stick = .false.
+        do k = 1, n_clutch(model%scene)
+            associate (clutch => model%scene%clutch(k))
+                may_stick = may_stick .or. (clutch%friction > 0 .and. clutch%joint(1) == model%contact(i)%joint)
+            end associate
+        end do
+    end function may_stick
 
     !> Inputs for some numbers of a block; the others are constants.
     subroutine add_block(block, is_input, sample, blocks, number)

@@ -4,7 +4,7 @@ module linkdyn_layout
     use linkdyn_model, only: model_type, step_ups, side_of
     implicit none (type, external)
     private
-    public :: layout_type, sparse_layout, about_origin, about_cog
+    public :: layout_type, sparse_layout, lecture_layout, about_origin, about_cog
 
     integer, parameter :: about_origin = 0, about_cog = -1
 
@@ -44,6 +44,14 @@ contains
             end do
         end do
     end function sparse_layout
+
+    !> As on the slides: world axes, moments about the centres of mass.
+    pure function lecture_layout(model) result(layout)
+        type(model_type), intent(in) :: model
+        type(layout_type) :: layout
+
+        layout = world_layout(model, about_cog)
+    end function lecture_layout
 
     pure function world_layout(model, about) result(layout)
         type(model_type), intent(in) :: model

@@ -1,14 +1,17 @@
 !> The physics of a scene, run once on values: motion, equations, and what becomes of their unknowns.
 module linkdyn_trace
-    use linkdyn_acting, only: acting_type
+    use linkdyn_acting, only: acting_type, at_joint_variable
     use linkdyn_base_wrenches, only: base_wrench
     use linkdyn_drive_laws, only: drive_effort
     use linkdyn_drive_sharing, only: share_work
     use linkdyn_friction, only: contact_motion, move_contacts, friction_wrench
     use linkdyn_force_system, only: force_unknowns, add_reactions, add_unknown_drives, balance_links
     use linkdyn_inputs, only: trace_request, sample_set, input_blocks, make_inputs, in_q, in_quaternion, in_qd, in_pull, in_base, &
-        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction, in_counted
+        in_payload, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number, in_friction, in_counted, in_motion, &
+        in_stop, in_clutch, in_sense, in_unknown, add_inputs
+    use linkdyn_kinds, only: wp
     use linkdyn_layout, only: layout_type
+    use linkdyn_link_motion, only: motion_places, link_columns, place_motion, take_motion, take_columns, velocities_become
     use linkdyn_loads, only: apply_load
     use linkdyn_mechanism, only: mechanism_type, begin_mechanism, watch, properties_of, payload_properties
     use linkdyn_model, only: model_type, place_size, drives_share
@@ -17,14 +20,16 @@ module linkdyn_trace
     use linkdyn_placing, only: run_step
     use linkdyn_record, only: record_type, open_record_of_thread
     use linkdyn_rotor_forces, only: rotor_force
+    use linkdyn_scene, only: n_stop, n_clutch
     use linkdyn_belts, only: apply_belt
     use linkdyn_springs, only: apply_spring
-    use linkdyn_system, only: system_type, unknown, solve
-    use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), square, min
+    use linkdyn_substitution, only: substitution, replace
+    use linkdyn_system, only: system_type, unknown, solve, take_solution
+    use linkdyn_value, only: value, zero, one, is_zero, operator(+), operator(-), operator(*), square, min
     implicit none (type, external)
     private
     public :: traced_type, begin_trace, trace_steps, trace_motion, trace_equations, trace_what_acts
-    public :: solve_equations, are_among
+    public :: trace_given_motion, trace_sharing, solve_equations, take_unknowns, are_among, in_motion_of
     public :: alarm_of, reach_of
 
     type :: traced_type
@@ -33,9 +38,12 @@ module linkdyn_trace
         type(system_type) :: system                        !! equations of motion
         type(force_unknowns) :: unknowns
         type(value), allocatable :: acceleration(:)        !! of the coordinates, known or unknown (n_q)
+        type(value), allocatable :: beyond(:)              !! what is unknown of these; zero of others (n_q)
         type(value), allocatable :: virtual(:)             !! rates of theirs by which drives share the work; none: these do not
         type(value), allocatable :: place(:, :)            !! of links in groups closed by iteration (place_size, link)
         type(acting_type), allocatable :: acting(:)        !! what is known to act: loads, springs, friction
+        type(motion_places) :: motion                      !! of links that move as they are told
+        type(link_columns) :: columns                      !! there, if these are wanted
         type(contact_motion), allocatable :: contact(:)    !! not there: nothing rubs
         type(value), allocatable :: shared(:, :)           !! what reactions are that the equations leave open, beside those of the
                                                            !! released mechanism (6, joint); not there: nothing
@@ -54,12 +62,14 @@ contains
 
         call make_inputs(model, request, sample, traced%in)
         associate (in => traced%in%of)
-            traced%acceleration = in(in_qdd)%v
+            allocate (traced%beyond(model%n_q))
+            traced%beyond = zero()
             if (allocated(request%acceleration_is_unknown)) then
                 do k = 1, model%n_q
-                    if (request%acceleration_is_unknown(k)) traced%acceleration(k) = unknown(traced%system)
+                    if (request%acceleration_is_unknown(k)) traced%beyond(k) = unknown(traced%system)
                 end do
             end if
+            traced%acceleration = in(in_qdd)%v + traced%beyond
             call begin_mechanism(model, in(in_number)%v, in(in_q)%v, in(in_qd)%v, traced%acceleration, traced%mechanism)
             traced%mechanism%pull = in(in_pull)%v
             traced%mechanism%payload = in(in_payload)%v
@@ -107,6 +117,35 @@ contains
         call trace_steps(size(model%step), merged, traced)
     end subroutine trace_motion
 
+    !> Inputs, and the motion of all links as inputs.
+    subroutine trace_given_motion(model, request, sample, traced)
+        type(model_type), intent(in) :: model
+        type(trace_request), intent(in) :: request     !! `motion_is_given`
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+
+        call begin_trace(model, request, sample, traced)
+        call place_motion(model, request%has_columns, traced%motion)
+        associate (in => traced%in%of)
+            call take_motion(traced%motion, in(in_motion)%v, traced%mechanism)
+            if (request%has_columns) call take_columns(traced%motion, in(in_motion)%v, traced%beyond, traced%mechanism, &
+                                                       traced%columns)
+        end associate
+    end subroutine trace_given_motion
+
+    !> A map by which velocities become those of another motion: of the same coordinates other rates.
+    subroutine in_motion_of(traced, rate, map)
+        type(traced_type), intent(in) :: traced
+        type(value), intent(in) :: rate(:)             !! of the coordinates (n_q)
+        type(substitution), intent(inout) :: map
+
+        if (.not. allocated(traced%columns%velocity)) then
+            call replace(map, traced%mechanism%qd(:size(rate)), rate)
+            return
+        end if
+        call velocities_become(traced%motion, traced%in%of(in_motion)%v, traced%mechanism, traced%columns, rate, map)
+    end subroutine in_motion_of
+
     !> Equations of all links.
     subroutine trace_equations(request, layout, traced)
         type(trace_request), intent(in) :: request
@@ -123,14 +162,20 @@ contains
     subroutine trace_sharing(request, traced)
         type(trace_request), intent(in) :: request
         type(traced_type), intent(inout) :: traced
-
+        type(substitution) :: map
         logical :: shares
+        integer :: k
 
         shares = drives_share(traced%mechanism%model)
         if (allocated(request%drive_is_unknown)) shares = shares .and. all(request%drive_is_unknown)
         if (allocated(request%acceleration_is_unknown)) shares = shares .and. .not. any(request%acceleration_is_unknown)
         allocate (traced%virtual(merge(traced%mechanism%model%n_q, 0, shares)))
-        if (shares) call share_work(traced%mechanism, traced%unknowns%transmitted, traced%system, traced%virtual)
+        if (.not. shares) return
+        do k = 1, size(traced%virtual)
+            traced%virtual(k) = unknown(traced%system)
+        end do
+        call in_motion_of(traced, traced%virtual, map)
+        call share_work(traced%mechanism, traced%unknowns%transmitted, map, traced%system)
     end subroutine trace_sharing
 
     !> Driving forces, unknown or given, loads, springs and friction.
@@ -149,7 +194,11 @@ contains
             call add_unknown_drives(traced%mechanism, drive_is_unknown, traced%system, traced%unknowns)
             do i = 1, model%n_actuator
                 if (drive_is_unknown(i)) cycle
-                traced%unknowns%effort(i) = given_effort(traced, i)
+                if (request%motion_is_given) then
+                    traced%unknowns%effort(i) = traced%in%of(in_effort)%v(i)
+                else
+                    traced%unknowns%effort(i) = given_effort(traced, i)
+                end if
                 traced%unknowns%transmitted(i) = traced%unknowns%effort(i)
             end do
             do i = 1, size(model%motor)
@@ -172,7 +221,18 @@ contains
             do i = 1, size(model%payload)
                 traced%acting = [traced%acting, payload_wrench(traced%mechanism, i)]
             end do
-            if (request%has_friction) call move_contacts(traced%mechanism, traced%contact)
+            do i = 1, n_stop(model%scene)
+                associate (stop => model%scene%stop(i))
+                    call push(stop%joint, stop%variable, real(-stop%side, wp)*traced%in%of(in_stop)%v(i))
+                end associate
+            end do
+            do i = 1, n_clutch(model%scene)
+                associate (clutch => model%scene%clutch(i), force => traced%in%of(in_clutch)%v(i))
+                    call push(clutch%joint(1), clutch%variable(1), force)
+                    if (clutch%n_side == 2) call push(clutch%joint(2), clutch%variable(2), -clutch%ratio*force)
+                end associate
+            end do
+            if (request%has_friction) call move_contacts(traced%mechanism, traced%in%of(in_sense)%v, traced%contact)
             do i = 1, merge(size(model%contact), 0, request%has_friction)
                 traced%acting = [traced%acting, friction_wrench(traced%mechanism, i, traced%contact(i), &
                                                                 traced%in%of(in_friction)%v(i))]
@@ -189,6 +249,15 @@ contains
         end associate
 
     contains
+
+        !> A known force or torque at a joint variable.
+        subroutine push(joint, variable, force)
+            integer, intent(in) :: joint, variable
+            type(value), intent(in) :: force
+
+            if (.not. is_zero(force)) &
+                traced%acting = [traced%acting, at_joint_variable(traced%mechanism, joint, variable, force)]
+        end subroutine push
 
         !> What a rotor's acceleration takes comes from the drive, and does not get to the links.
         subroutine turn_rotor(actuator, force)
@@ -243,6 +312,15 @@ contains
         call solve(traced%system, is_last)
         call watch(traced%mechanism, traced%system)
     end subroutine solve_equations
+
+    !> The unknowns are inputs: somebody has found them.
+    subroutine take_unknowns(sample, traced)
+        type(sample_set), intent(in) :: sample
+        type(traced_type), intent(inout) :: traced
+
+        call add_inputs(in_unknown, traced%system%n_unknown, sample, traced%in)
+        call take_solution(traced%system, traced%in%of(in_unknown)%v)
+    end subroutine take_unknowns
 
     !> Sum of the squares of what is watched: beyond one, rounding may have grown. Not a number if anything was none.
     function alarm_of(traced) result(alarm)

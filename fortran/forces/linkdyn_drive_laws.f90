@@ -9,7 +9,7 @@ module linkdyn_drive_laws
     use linkdyn_value, only: value, operator(+), operator(-), operator(*), operator(/)
     implicit none (type, external)
     private
-    public :: drive_effort, follows_target, is_given
+    public :: drive_effort, follows_target, compares_motion, is_given
 
 contains
 
@@ -55,6 +55,13 @@ contains
 
         follows_target = drive%kind == drive_dc_motor .or. drive%kind == drive_pd
     end function follows_target
+
+    !> Does the force depend on the motion of the joint?
+    pure elemental logical function compares_motion(drive)
+        type(drive_spec), intent(in) :: drive
+
+        compares_motion = drive%kind == drive_spring_damper .or. follows_target(drive)
+    end function compares_motion
 
     !> Is the force itself given: by a table, a law over the state or a controller, found by inverse dynamics, or by what a motor makes
     !> of its law?

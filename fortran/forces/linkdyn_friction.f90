@@ -3,11 +3,13 @@
 module linkdyn_friction
     use linkdyn_acting, only: acting_type, turned
     use linkdyn_bodies, only: world_axes, omega_of
-    use linkdyn_contact, only: n_press, form_pin, form_collar, form_ball, form_guide, form_bush, form_thread, form_plate
+    use linkdyn_contact, only: contact_type, lever_of, n_press, form_pin, form_collar, form_ball, form_guide, form_bush, &
+        form_thread, form_plate
     use linkdyn_joint_variables, only: joint_rates
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, marker_frame
-    use linkdyn_value, only: value, zero, is_zero, abs, sqrt, square, operator(+), operator(-), operator(*)
+    use linkdyn_value, only: value, constant, zero, is_zero, abs, sqrt, square, max, select, operator(+), &
+        operator(-), operator(*)
     use linkdyn_vector, only: vector, rotation, zero_vector, components, operator(+), operator(-), operator(*), operator(.dot.), &
         operator(.cross.)
     implicit none (type, external)
@@ -26,20 +28,22 @@ module linkdyn_friction
 contains
 
     !> All contacts.
-    subroutine move_contacts(mechanism, contact)
+    subroutine move_contacts(mechanism, sense, contact)
         type(mechanism_type), intent(in) :: mechanism
+        type(value), intent(in) :: sense(:)            !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2; else 0
         type(contact_motion), allocatable, intent(out) :: contact(:)
         integer :: i
 
         allocate (contact(size(mechanism%model%contact)))
         do i = 1, size(contact)
-            call move_contact(mechanism, i, contact(i))
+            call move_contact(mechanism, i, sense(i), contact(i))
         end do
     end subroutine move_contacts
 
-    subroutine move_contact(mechanism, i, motion)
+    subroutine move_contact(mechanism, i, sense, motion)
         type(mechanism_type), intent(in) :: mechanism
         integer, intent(in) :: i
+        type(value), intent(in) :: sense
         type(contact_motion), intent(out) :: motion
         type(rotation) :: frame
         type(value), allocatable :: rate(:)
@@ -58,9 +62,9 @@ contains
                     rate = joint_rates(mechanism, contact%joint)
                     select case (contact%form)
                     case (form_pin, form_collar)
-                        motion%turn = rate(contact%side)*frame%z
+                        motion%turn = one_way(contact, sense, rate(contact%side))*frame%z
                     case (form_guide)
-                        motion%slide = rate(1)*frame%z
+                        motion%slide = one_way(contact, sense, rate(1))*frame%z
                     case (form_bush)
                         motion%turn = rate(1)*frame%z
                         motion%slide = rate(2)*frame%z
@@ -76,6 +80,22 @@ contains
             motion%square = (motion%slide.dot.motion%slide) + contact%radius**2*(motion%turn.dot.motion%turn)
         end associate
     end subroutine move_contact
+
+    !> The rate of a contact that may stick: where it slides one way, that way, however slowly. Where it has come to rest but for
+    !> rounding it is taken to slide at a speed that is none.
+    function one_way(contact, sense, rate) result(r)
+        type(contact_type), intent(in) :: contact
+        type(value), intent(in) :: sense               !! +1, -1, or anything else: the rate as it is
+        type(value), intent(in) :: rate                !! of the joint variable
+        type(value) :: r
+        real(wp), parameter :: none = 1.0e-9_wp        !! of the creep speed
+        type(value) :: least
+
+        r = rate
+        if (is_zero(sense)) return
+        least = constant(none*contact%creep_speed/lever_of(contact))
+        r = select(0.5_wp - abs(abs(sense) - 1.0_wp), sense*max(sense*rate, least), rate)
+    end function one_way
 
     !> What a contact does to the second link, the opposite to the first.
     function friction_wrench(mechanism, i, motion, amount) result(acting)

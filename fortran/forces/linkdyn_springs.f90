@@ -5,11 +5,11 @@ module linkdyn_springs
     use linkdyn_joint_variables, only: variable_near, variable_rate
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, spring_numbers, spring_point, must_be_positive
-    use linkdyn_value, only: value, operator(+), operator(-), operator(*), sqrt, reciprocal, square
+    use linkdyn_value, only: value, is_zero, operator(+), operator(-), operator(*), sqrt, reciprocal, square
     use linkdyn_vector, only: vector, zero_vector, operator(-), operator(*), operator(.dot.)
     implicit none (type, external)
     private
-    public :: apply_spring, spring_energy, measure_spring_stretch
+    public :: apply_spring, keep_direction, needs_direction, spring_energy, measure_spring_stretch
 
 contains
 
@@ -19,22 +19,29 @@ contains
         integer, intent(in) :: i
         type(acting_type), allocatable, intent(out) :: acting(:)    !! one at a joint, two at markers
         type(value) :: length, rate, tension
-        type(vector) :: line, pull
+        type(vector) :: line, pull, on_first
         integer :: side
 
         associate (spring => mechanism%model%scene%spring(i))
-            call measure_spring(mechanism, i, length, rate, line)
-            associate (k => spring_numbers(mechanism, i))
-                tension = k(1)*(length - k(3)) + k(2)*rate + mechanism%pull(i)
-            end associate
-            if (spring%joint > 0) then
-                acting = [at_joint_variable(mechanism, spring%joint, spring%variable, -tension)]
-                return
+            if (needs_direction(mechanism, i)) then
+                call measure_spring(mechanism, i, length, rate, line)
+                associate (k => spring_numbers(mechanism, i))
+                    tension = k(1)*(length - k(3)) + k(2)*rate + mechanism%pull(i)
+                end associate
+                if (spring%joint > 0) then
+                    acting = [at_joint_variable(mechanism, spring%joint, spring%variable, -tension)]
+                    return
+                end if
+                call keep_direction(mechanism, i)
+                on_first = tension*line
+            else
+                associate (k => spring_numbers(mechanism, i))
+                    on_first = k(1)*span_of(mechanism, i)
+                end associate
             end if
-            call keep_direction(mechanism, i, length)
             allocate (acting(2))
             do side = 1, 2
-                pull = tension*line
+                pull = on_first
                 if (side == 2) pull = -pull
                 acting(side)%link = spring%link(side)
                 acting(side)%point = spring_point(mechanism, i, side)
@@ -44,20 +51,32 @@ contains
         end associate
     end subroutine apply_spring
 
+    !> Between markers, without rest and damping, the force is stiffness times the way from one marker to the other: none where they
+    !> coincide.
+    logical function needs_direction(mechanism, i)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(value) :: k(3)
+
+        k = spring_numbers(mechanism, i)
+        needs_direction = mechanism%model%scene%spring(i)%joint > 0 .or. .not. (is_zero(k(2)) .and. is_zero(k(3)) &
+                                                                               .and. is_zero(mechanism%pull(i)))
+    end function needs_direction
+
     !> Rounding leaves markers uncertain by a few eps of their distances from the origin: where they nearly coincide, half of
     !> the digits of their direction must remain.
-    subroutine keep_direction(mechanism, i, length)
+    subroutine keep_direction(mechanism, i)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: i
-        type(value), intent(in) :: length
-        type(vector) :: point(2)
+        type(vector) :: point(2), span
         integer :: side
 
         do side = 1, 2
             point(side) = point_position(mechanism%bodies, mechanism%model%scene%spring(i)%link(side), &
                                          spring_point(mechanism, i, side))
         end do
-        call must_be_positive(mechanism, square(length) - (2*epsilon(1.0_wp))*((point(1).dot.point(1)) + (point(2).dot.point(2))))
+        span = span_of(mechanism, i)
+        call must_be_positive(mechanism, (span.dot.span) - (2*epsilon(1.0_wp))*((point(1).dot.point(1)) + (point(2).dot.point(2))))
     end subroutine keep_direction
 
     !> Energy stored.
@@ -103,8 +122,7 @@ contains
                 line = zero_vector()
                 return
             end if
-            span = point_position(bodies, spring%link(2), spring_point(mechanism, i, 2)) &
-                   - point_position(bodies, spring%link(1), spring_point(mechanism, i, 1))
+            span = span_of(mechanism, i)
             velocity = point_velocity(bodies, spring%link(2), spring_point(mechanism, i, 2)) &
                        - point_velocity(bodies, spring%link(1), spring_point(mechanism, i, 1))
             length = sqrt(span.dot.span)
@@ -112,4 +130,16 @@ contains
             rate = line.dot.velocity
         end associate
     end subroutine measure_spring
+
+    !> From the first marker to the second, world axes [m].
+    function span_of(mechanism, i) result(span)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: i
+        type(vector) :: span
+
+        associate (link => mechanism%model%scene%spring(i)%link, bodies => mechanism%bodies)
+            span = point_position(bodies, link(2), spring_point(mechanism, i, 2)) &
+                   - point_position(bodies, link(1), spring_point(mechanism, i, 1))
+        end associate
+    end function span_of
 end module linkdyn_springs

@@ -7,7 +7,7 @@ module linkdyn_attitude
     use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(*), operator(.cross.)
     implicit none (type, external)
     private
-    public :: rotation_about_z, rotation_by_angles, angular_velocity, angular_acceleration, angles_of_rotation
+    public :: rotation_about_z, rotation_in_plane, rotation_by_angles, angular_velocity, angular_acceleration, angles_of_rotation
     public :: rates_of_angles, rotation_by_quaternion
 
 contains
@@ -16,10 +16,18 @@ contains
         type(value), intent(in) :: angle    !! [rad]
         type(rotation) :: r
 
-        r%x = vector(cos(angle), sin(angle), zero())
-        r%y = vector(-sin(angle), cos(angle), zero())
-        r%z = unit_vector(3)
+        r = rotation_in_plane(cos(angle), sin(angle))
     end function rotation_about_z
+
+    !> The same by cosine and sine.
+    function rotation_in_plane(c, s) result(r)
+        type(value), intent(in) :: c, s
+        type(rotation) :: r
+
+        r%x = vector(c, s, zero())
+        r%y = vector(-s, c, zero())
+        r%z = unit_vector(3)
+    end function rotation_in_plane
 
     function rotation_by_angles(angle) result(r)
         type(value), intent(in) :: angle(3) !! roll, pitch, yaw [rad]

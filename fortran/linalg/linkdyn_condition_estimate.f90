@@ -7,67 +7,42 @@
 module linkdyn_condition_estimate
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_linear_record, only: linear_record, solve_recorded
-    use linkdyn_slots, only: slot_store, make_slots
     implicit none (type, external)
     private
-    public :: estimate_inverse_norm, estimate_space, prepare_estimate
+    public :: linear_solver, estimate_inverse_norm
 
     integer, parameter :: most_columns = 4    !! of the inverse, looked at one after the other
 
-    !> Scratch of one thread.
-    type :: estimate_space
-        type(slot_store) :: work
-        type(slot_store) :: x, direction          !! right-hand side and solution; signs of a column
+    !> Whoever can solve with a matrix and its transpose.
+    type, abstract :: linear_solver
     contains
-        procedure :: free => free_space
-    end type estimate_space
+        procedure(solve_interface), deferred :: solve
+    end type linear_solver
+
+    abstract interface
+        subroutine solve_interface(self, is_transposed, x)
+            import :: linear_solver, wp
+            class(linear_solver), intent(inout) :: self
+            logical, intent(in) :: is_transposed
+            real(wp), intent(inout) :: x(:, :)     !! right-hand side, then solution (lane, n)
+        end subroutine solve_interface
+    end interface
 
 contains
 
-    !> Make room for one thread.
-    subroutine prepare_estimate(solve, solve_transposed, space)
-        type(linear_record), intent(in) :: solve, solve_transposed
-        type(estimate_space), intent(out) :: space
-
-        call make_slots(solve%n + max(solve%n_step, solve_transposed%n_step) + 1, space%work)
-        call make_slots(solve%n, space%x)
-        call make_slots(solve%n, space%direction)
-    end subroutine prepare_estimate
-
-    subroutine free_space(self)
-        class(estimate_space), intent(inout) :: self
-
-        call self%work%free()
-        call self%x%free()
-        call self%direction%free()
-    end subroutine free_space
-
     !> 1-norm of diag(left) A^-1 diag(right). Each lane takes as many columns as it needs, whatever its neighbours do.
-    subroutine estimate_inverse_norm(solve, solve_transposed, slot, left, right, space, norm)
-        type(linear_record), intent(in) :: solve, solve_transposed   !! with A and with its transpose
-        real(wp), intent(in) :: slot(lanes, *)                       !! after the elimination
-        real(wp), intent(in) :: left(lanes, solve%n), right(lanes, solve%n)
-        type(estimate_space), intent(inout) :: space
+    subroutine estimate_inverse_norm(n, solver, left, right, norm)
+        integer, intent(in) :: n
+        class(linear_solver), intent(inout) :: solver                !! with A
+        real(wp), intent(in) :: left(lanes, n), right(lanes, n)
         real(wp), intent(out) :: norm(lanes)
-
-        call estimate_norm(solve, solve_transposed, slot, left, right, space%work%value, space%x%value, &
-                           space%direction%value, norm)
-    end subroutine estimate_inverse_norm
-
-    subroutine estimate_norm(solve, solve_transposed, slot, left, right, work, x, direction, norm)
-        type(linear_record), intent(in) :: solve, solve_transposed
-        real(wp), intent(in) :: slot(lanes, *)
-        real(wp), intent(in) :: left(lanes, solve%n), right(lanes, solve%n)
-        real(wp), intent(inout) :: work(lanes, *)
-        real(wp), intent(inout), dimension(lanes, solve%n) :: x, direction
-        real(wp), intent(out) :: norm(lanes)
+        real(wp), allocatable, dimension(:, :) :: x, direction       ! right-hand side and solution; signs of a column
         real(wp), dimension(lanes) :: found, largest
         integer, dimension(lanes) :: column, before
         logical, dimension(lanes) :: is_active, is_same
-        integer :: i, k, n
+        integer :: i, k
 
-        n = solve%n
+        allocate (x(lanes, n), direction(lanes, n))
         x = 1/real(n, wp)
         call multiply()
         norm = size_of_x()
@@ -108,7 +83,7 @@ contains
         !> x becomes diag(left) A^-1 diag(right) x.
         subroutine multiply()
             x = right*x
-            call solve_recorded(solve, slot, work, x)
+            call solver%solve(.false., x)
             x = left*x
         end subroutine multiply
 
@@ -127,7 +102,7 @@ contains
             integer :: m
 
             x = left*direction
-            call solve_recorded(solve_transposed, slot, work, x)
+            call solver%solve(.true., x)
             column = 1
             largest = -1
             do m = 1, n
@@ -138,5 +113,5 @@ contains
                 end where
             end do
         end subroutine find_column
-    end subroutine estimate_norm
+    end subroutine estimate_inverse_norm
 end module linkdyn_condition_estimate

@@ -15,7 +15,7 @@ module linkdyn_kinematic_state
     use linkdyn_scene, only: n_stop, n_clutch
     use linkdyn_status, only: sample_ok
     use linkdyn_ups_leg, only: ups_leg
-    use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, vec3_of, lane_of, mat3_lane
+    use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
     public :: kinematic_state, prepare_kinematics, link_position, link_rotation, velocities_only
@@ -24,7 +24,6 @@ module linkdyn_kinematic_state
 
     type :: kinematic_state
         integer :: n_column = 0                               !! columns besides column 0, or `velocities_only`
-        logical :: carries_legs = .false.                     !! legs that are carried get no columns (see linkdyn_carried_legs)
         logical :: world_rates = .true.                       !! angular rates in world axes of every link, also where no step needs them
         ! ---- INPUT
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :) !! coordinates, rates, accelerations    (lane, n_q)
@@ -54,17 +53,12 @@ module linkdyn_kinematic_state
         real(wp) :: uncertainty(lanes) = 0                    !! largest relative one of what groups and CSP groups found
         type(planar_motion) :: plane
         type(group_motion) :: group                           !! closed by Newton's method
-        type(vec3), allocatable :: gravity_body(:)            !! gravity in link axes [m/s2]          (0:n_orientation)
         ! ---- LAWS over the state
         real(wp), allocatable :: law(:, :)                    !! their values                         (lane, n_law)
         real(wp) :: mode(lanes) = 0                           !! changes where a law jumps
         ! ---- PUSH of end stops at which joint variables rest, force of clutches
         real(wp), allocatable :: stop_force(:, :)             !! away from the stop [N, N m]          (lane, n_stop)
         real(wp), allocatable :: clutch_force(:, :)           !! of clutches, at their first variable [N, N m] (lane, n_clutch)
-        ! ---- APPLIED by springs, laws and given drives, link axes, about the origin
-        logical :: has_applied = .false.
-        type(vec3), allocatable :: applied_force(:), applied_moment(:)  !! [N, N m]                   (n_link)
-        real(wp), allocatable :: rotor_force(:, :)            !! of the rotors, part of what is applied [N, N m] (lane, n_motor)
         ! ---- VELOCITY, world and link axes
         type(vec3), allocatable :: omega(:), omega_body(:)    !! angular [rad/s]                      (0:n_orientation)
         type(vec3), allocatable :: velocity(:)                !! origin, world [m/s]                  (0:n_link)
@@ -94,8 +88,6 @@ contains
             state%stop_force = 0
             allocate (state%clutch_force(lanes, n_clutch(model%scene)))
             state%clutch_force = 0
-            allocate (state%rotor_force(lanes, size(model%motor)))
-            state%rotor_force = 0
             state%law = 0
             allocate (state%payload(lanes, size(model%payload)))
             state%payload = 0
@@ -113,18 +105,15 @@ contains
                 call prepare_planar_motion(model, n_column, state%plane)
                 return
             end if
-            allocate (state%rotation(0:n_orientation), state%omega(0:n_orientation), state%omega_body(0:n_orientation), &
-                      state%gravity_body(0:n_orientation))
+            allocate (state%rotation(0:n_orientation), state%omega(0:n_orientation), state%omega_body(0:n_orientation))
             allocate (state%alpha(0:n_column, 0:n_orientation), state%alpha_body(0:n_column, 0:n_orientation))
             allocate (state%position(0:n_link), state%velocity(0:n_link))
-            allocate (state%applied_force(n_link), state%applied_moment(n_link))
             allocate (state%acceleration(0:n_column, 0:n_link), state%acceleration_body(0:n_column, 0:n_link))
             allocate (state%leg(model%n_leg), state%csp(model%n_branch))
             do i = 0, n_orientation
                 state%rotation(i) = identity_mat3()
                 state%omega(i) = zero_vec3()
                 state%omega_body(i) = zero_vec3()
-                state%gravity_body(i) = vec3_of(model%gravity)
                 do k = 0, n_column
                     state%alpha(k, i) = zero_vec3()
                     state%alpha_body(k, i) = zero_vec3()

@@ -9,7 +9,7 @@ module linkdyn_model
     private
     public :: model_type, payload_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, belt_type, led_type, &
         loose_type
-    public :: motor_type, take_motors, has_rotors
+    public :: motor_type, take_motors
     public :: share_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
     public :: stride_part, n_probe, by_branch, by_start, by_markers, by_nothing, by_fit
@@ -56,8 +56,6 @@ module linkdyn_model
         logical :: is_diagonal = .true.       !! no products of inertia
         integer :: orientation = 0            !! index of the rotation it shares with links that slide on it
         logical :: needs_world = .false.      !! its angular rates in world axes are read by a later step
-        logical :: is_carried_leg = .false.   !! of a leg that is carried along (see leg_type)
-        integer :: pose = 0                   !! the step that takes its pose from coordinates
         integer :: spin = 0                   !! the idle spin that turns it (see linkdyn_idle_spin); 0: none
         real(wp) :: spin_point(3) = 0         !! of the line about which that is, link axes [m]
         real(wp) :: spin_axis(3) = 0          !! unit vector along it, link axes
@@ -153,16 +151,9 @@ module linkdyn_model
         integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1
     end type step_type
 
-    !> A UPS leg as the link at its spherical joint sees it.
+    !> The links of a UPS leg.
     type :: leg_type
-        integer :: lower = 0, upper = 0       !! its links
-        integer :: top = 0                    !! the link at S
-        logical :: is_carried = .false.       !! it moves with S alone and nothing else hangs on it
-        real(wp) :: point(3) = 0              !! S on that link, link axes [m]
-        real(wp) :: mass = 0                  !! of the upper link [kg]
-        real(wp) :: moment(3) = 0             !! mass times cog of the upper link [kg m]
-        real(wp) :: lower_moment(3) = 0       !! the same of the lower link
-        real(wp) :: inertia(3, 3) = 0         !! of the lower link about U plus that of the upper about S [kg m2]
+        integer :: lower = 0, upper = 0
     end type leg_type
 
     !> Links placed together by Newton's method.
@@ -247,13 +238,6 @@ contains
             end associate
         end do
     end subroutine take_motors
-
-    !> Do rotors take a part in the motion?
-    pure logical function has_rotors(model)
-        type(model_type), intent(in) :: model
-
-        has_rotors = any(model%motor%inertia > 0)
-    end function has_rotors
 
     !> The planar dyads by their inner joints, in the order of their states.
     pure function dyad_names(model) result(name)

@@ -32,9 +32,7 @@ module linkdyn_planar_motion
         type(dyad_map), allocatable :: dyad(:)           !!                                  (n_dyad)
         real(wp), allocatable :: drift(:, :)             !! rate of the map's determinant    (lane, n_dyad)
         real(wp), allocatable :: rate(:, :, :, :)        !! found by the map, of velocity and column 0 (lane, 2, -1:0, n_dyad)
-        type(vec2), allocatable :: applied_force(:)      !! of springs and given drives [N]  (n_link)
         type(planar_contact), allocatable :: contact(:)  !!                                  (n_cam)
-        real(wp), allocatable :: applied_moment(:, :)    !! about the origin [N m]           (lane, n_link)
     end type planar_motion
 
 contains
@@ -49,7 +47,6 @@ contains
             allocate (motion%rotation(0:n_o), motion%position(0:n_link), motion%angular(lanes, -1:n_column, 0:n_o), &
                       motion%linear(-1:n_column, 0:n_link))
             allocate (motion%dyad(model%n_dyad), motion%drift(lanes, model%n_dyad), motion%rate(lanes, 2, -1:0, model%n_dyad))
-            allocate (motion%applied_force(n_link), motion%applied_moment(lanes, n_link))
             allocate (motion%contact(model%n_cam))
             motion%angular = 0
             do i = 0, n_o

@@ -15,7 +15,7 @@ module linkdyn_scene
     private
     public :: scene_type, link_spec, marker_spec, joint_spec, coordinate_spec, actuator_spec, load_spec
     public :: law_spec, table_spec, time_spec, drive_spec, motor_spec, spring_spec, variable_spec, source_spec, source_shelf
-    public :: hold_spec, switch_spec, brake_spec, clutch_spec, n_clutch
+    public :: hold_spec, switch_spec, brake_spec, clutch_spec, n_clutch, pulls_in_line
     public :: base_spec, payload_spec, payload_changes, wants_instants
     public :: friction_spec
     public :: name_len, path_len, frame_link
@@ -588,6 +588,13 @@ contains
         n_clutch = 0
         if (allocated(scene%clutch)) n_clutch = size(scene%clutch)
     end function n_clutch
+
+    !> Does a spring pull along the line of its markers with a force that does not vanish where they coincide?
+    pure elemental logical function pulls_in_line(spring)
+        type(spring_spec), intent(in) :: spring
+
+        pulls_in_line = spring%joint == 0 .and. (spring%rest /= 0 .or. spring%damping /= 0 .or. spring%force%kind /= law_none)
+    end function pulls_in_line
 
     !> Are there stops that throw back?
     pure logical function has_hard_stops(scene)

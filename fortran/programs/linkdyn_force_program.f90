@@ -10,6 +10,7 @@ module linkdyn_force_program
     use linkdyn_scene_program, only: scene_program, output_list, add_output, make_scene_program
     use linkdyn_trace, only: traced_type, trace_motion, trace_equations, solve_equations, are_among, &
         alarm_of, reach_of
+    use linkdyn_virtual_work, only: trace_work
     implicit none (type, external)
     private
     public :: make_force_program, trace_forces, trace_redundancy, list_forces, out_alarm, out_reach
@@ -50,7 +51,11 @@ contains
 
         call trace_motion(model, request, sample, traced, merged=.false.)
         if (any(needs_equations(wanted))) then
-            call trace_equations(request, sparse_layout(model), traced)
+            if (request%by_work) then
+                call trace_work(request, traced)
+            else
+                call trace_equations(request, sparse_layout(model), traced)
+            end if
             call solve_equations(traced, is_last=wanted_last(traced, wanted))
         end if
         call trace_redundancy(wanted, traced)

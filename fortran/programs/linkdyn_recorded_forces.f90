@@ -114,7 +114,7 @@ contains
     end subroutine free_records
 
     !> Trace the scene for the results wanted. Poses are representative: pivots are chosen by them.
-    subroutine record_forces(model, wanted, q, stand, recorded, place)
+    subroutine record_forces(model, wanted, q, stand, recorded, place, by_work)
         type(model_type), intent(in) :: model
         integer, intent(in) :: wanted(:)                       !! `result_*` of the catalogue
         real(wp), intent(in) :: q(:, :)                        !! (n_q, pose), at which all loops close on the start's assembly
@@ -122,6 +122,7 @@ contains
         type(recorded_forces), intent(out) :: recorded
         real(wp), intent(in), optional :: place(:, :, :)       !! there, of links closed by iteration (place_size, n_link, pose);
                                                                !! absent: there are none
+        logical, intent(in), optional :: by_work               !! virtual work in place of all links' equations; absent: false
         type(trace_request) :: request
         type(sample_set) :: sample
         logical :: is_planned
@@ -132,6 +133,7 @@ contains
         if (.not. is_planned) return
         recorded%needs_branches = any(recorded%model%step%has_branches)
         recorded%needs_places = size(recorded%model%group) > 0
+        if (present(by_work)) request%by_work = by_work
         request%has_friction = size(model%contact) > 0 .and. any(needs_equations(wanted))
         if (request%has_friction) then
             call make_friction_programs(recorded%model, request, wanted, sample, recorded%friction, recorded%program)

@@ -1,8 +1,9 @@
 !> Friction of each joint, and the power that it takes.
 module linkdyn_friction_quantities
-    use linkdyn_acting, only: acting_type, turned
+    use linkdyn_acting, only: acting_type, turned, at_joint_variable
     use linkdyn_friction, only: friction_wrench
-    use linkdyn_inputs, only: in_friction
+    use linkdyn_inputs, only: in_friction, in_clutch
+    use linkdyn_scene, only: n_clutch
     use linkdyn_trace, only: traced_type
     use linkdyn_value, only: value, zero, operator(+), operator(-)
     use linkdyn_vector, only: components, operator(.dot.)
@@ -12,24 +13,22 @@ module linkdyn_friction_quantities
 
 contains
 
-    !> On the second link at its marker, world axes: Fx Fy Fz Mx My Mz, planar Fx Fy Mz, joint after joint.
+    !> Also what holds joints that stick. On the second link at its marker, world axes: Fx Fy Fz Mx My Mz, planar Fx Fy Mz, joint after joint.
     function friction_wrenches(traced) result(v)
         type(traced_type), intent(in) :: traced
         type(value), allocatable :: v(:)
         type(value) :: all(6, traced%mechanism%model%n_joint)
-        type(acting_type) :: acting
-        integer :: i, k
+        integer :: i
 
         all = zero()
-        associate (model => traced%mechanism%model, bodies => traced%mechanism%bodies)
+        associate (model => traced%mechanism%model)
             do i = 1, size(model%contact)
-                acting = wrench(traced, i)
-                associate (of_joint => all(:, acting%joint), force => components(turned(bodies, acting%force, acting%turning, 0)), &
-                           moment => components(turned(bodies, acting%moment, acting%turning, 0)))
-                    do k = 1, 3
-                        of_joint(k) = of_joint(k) + force(k)
-                        of_joint(3 + k) = of_joint(3 + k) + moment(k)
-                    end do
+                call add(wrench(traced, i))
+            end do
+            do i = 1, n_clutch(model%scene)
+                associate (clutch => model%scene%clutch(i))
+                    if (clutch%friction > 0) call add(at_joint_variable(traced%mechanism, clutch%joint(1), clutch%variable(1), &
+                                                                        traced%in%of(in_clutch)%v(i)))
                 end associate
             end do
             if (model%is_planar) then
@@ -38,6 +37,22 @@ contains
                 v = [all]
             end if
         end associate
+
+    contains
+
+        subroutine add(acting)
+            type(acting_type), intent(in) :: acting
+            type(value) :: part(6)
+            integer :: m
+
+            associate (bodies => traced%mechanism%bodies)
+                part(:3) = components(turned(bodies, acting%force, acting%turning, 0))
+                part(4:) = components(turned(bodies, acting%moment, acting%turning, 0))
+            end associate
+            do m = 1, 6
+                all(m, acting%joint) = all(m, acting%joint) + part(m)
+            end do
+        end subroutine add
     end function friction_wrenches
 
     function friction_powers(traced) result(v)

@@ -9,6 +9,7 @@ module linkdyn_block
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
     public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, scatter, gather_single, scatter_single
+    public :: put_lanes, take_lanes
 
     integer, parameter :: lanes = 8
 
@@ -152,4 +153,29 @@ contains
             target(k) = output_of(program%kernel, first + k - 1, space%slot(:, 1))
         end do
     end subroutine scatter_single
+
+    !> One number of n samples that stand side by side to an input; further lanes repeat the last.
+    subroutine put_lanes(n, x, input, space)
+        integer, intent(in) :: n                       !! no more than there are lanes
+        real(wp), intent(in) :: x(n)
+        integer, intent(in) :: input
+        type(block_space), intent(in) :: space
+
+        space%slot(input, :n) = x
+        space%slot(input, n + 1:) = x(n)
+    end subroutine put_lanes
+
+    !> One output of samples that stand side by side.
+    subroutine take_lanes(program, space, output, n, x)
+        type(program_type), intent(in) :: program
+        type(block_space), intent(in) :: space
+        integer, intent(in) :: output
+        integer, intent(in) :: n                       !! samples, no more than there are lanes
+        real(wp), intent(out) :: x(n)
+        integer :: lane
+
+        do lane = 1, n
+            x(lane) = output_of(program%kernel, output, space%slot(:, lane))
+        end do
+    end subroutine take_lanes
 end module linkdyn_block

@@ -9,6 +9,7 @@ module linkdyn_block
     private
     public :: program_type, block_space, make_program, free_program, make_space, free_space
     public :: block_lanes, forms_multiply_adds, run_block, run_single, gather, scatter, gather_single, scatter_single
+    public :: put_lanes, take_lanes
 
     !> A kernel in the form that runs. Constant: threads share it.
     type :: program_type
@@ -227,4 +228,26 @@ contains
             target(k) = program%output_sign(first + k - 1)*space%slot(1, program%output_slot(first + k - 1))
         end do
     end subroutine scatter_single
+
+    !> One number of n samples that stand side by side to an input; further lanes repeat the last.
+    subroutine put_lanes(n, x, input, space)
+        integer, intent(in) :: n                       !! no more than there are lanes
+        real(wp), intent(in) :: x(n)
+        integer, intent(in) :: input
+        type(block_space), intent(in) :: space
+
+        space%slot(:n, input - 1) = x
+        space%slot(n + 1:, input - 1) = x(n)
+    end subroutine put_lanes
+
+    !> One output of samples that stand side by side.
+    subroutine take_lanes(program, space, output, n, x)
+        type(program_type), intent(in) :: program
+        type(block_space), intent(in) :: space
+        integer, intent(in) :: output
+        integer, intent(in) :: n                       !! samples, no more than there are lanes
+        real(wp), intent(out) :: x(n)
+
+        x = program%output_sign(output)*space%slot(:n, program%output_slot(output))
+    end subroutine take_lanes
 end module linkdyn_block

@@ -221,36 +221,37 @@ contains
         type(work_type), intent(inout) :: work
         integer, intent(in) :: u
         type(candidate) :: c
-        integer :: k
+        real(wp) :: size_in(work%n_sample, work%column(u)%n)   ! of the column's entries, by their rows' largest
+        real(wp) :: largest(work%n_sample)
+        integer :: k, i
 
+        do k = 1, work%column(u)%n
+            i = work%column(u)%item(k)
+            size_in(:, k) = size_of(work, entry_of(work%row(i), u))*work%scale(i)
+        end do
+        largest = maxval(size_in, dim=2)
         work%best(u) = candidate()
         do k = 1, work%column(u)%n
-            call judge(work, work%column(u)%item(k), u, c)
+            call judge(work, work%column(u)%item(k), u, size_in(:, k), largest, c)
             if (c%cost == unacceptable) cycle
             if (work%best(u)%cost == unacceptable .or. is_better(c, work%best(u))) work%best(u) = c
         end do
     end subroutine find_best
 
     !> What a pivot costs, in operations, and how even its numbers are.
-    subroutine judge(work, i, u, c)
+    subroutine judge(work, i, u, m, largest, c)
         type(work_type), intent(in) :: work
         integer, intent(in) :: i, u
+        real(wp), intent(in), dimension(work%n_sample) :: m, largest   !! size of the pivot, largest one in its column
         type(candidate), intent(out) :: c
         type(value) :: pivot, e
-        real(wp), dimension(work%n_sample) :: m, largest
         integer :: k, t, n_target, n_other, cost
         logical :: is_unit
 
-        pivot = entry_of(work%row(i), u)
-        m = size_of(work, pivot)*work%scale(i)
         if (any(m < no_pivot .and. work%is_active)) return
-        largest = m
-        do k = 1, work%column(u)%n
-            t = work%column(u)%item(k)
-            if (t /= i) largest = max(largest, size_of(work, entry_of(work%row(t), u))*work%scale(t))
-        end do
         if (any(m < pivot_threshold*largest .and. work%is_active)) return
 
+        pivot = entry_of(work%row(i), u)
         n_target = work%column(u)%n - 1
         n_other = work%row(i)%n - 1
         is_unit = is_one(pivot)

@@ -11,7 +11,7 @@ module linkdyn_system
     use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
-    public :: system_type, unknown, require, solve, solved, find_places, list_rows
+    public :: system_type, unknown, require, solve, take_solution, solved, find_places, list_rows
 
     !> Equations of one open record.
     type :: system_type
@@ -105,6 +105,17 @@ contains
         call move_alloc(elimination%watched, system%watched)
         system%determinant = elimination%determinant
     end subroutine solve
+
+    !> The unknowns have been found elsewhere.
+    subroutine take_solution(system, solution)
+        type(system_type), intent(inout) :: system
+        type(value), intent(in) :: solution(:)         !! (as in `number`)
+
+        call find_places(system)
+        system%solution = solution
+        allocate (system%watched(0))
+        system%is_solved = .true.
+    end subroutine take_solution
 
     !> The equations as rows of its unknowns.
     subroutine list_rows(system, row)

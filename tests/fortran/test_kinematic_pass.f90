@@ -152,8 +152,6 @@ contains
                 call check_close(error, lane_of(state%acceleration_body(0, i), l), &
                                  lane_of(state%rotation(o) .unrotate.state%acceleration(0, i), l), 100*eps, &
                                  name//": acceleration in link axes")
-                call check_close(error, lane_of(state%gravity_body(o), l), &
-                                 matmul(transpose(mat3_lane(state%rotation(o), l)), model%gravity), 100*eps, name//": gravity")
             end do
         end do
         call check(error, maxval(abs(velocity)) > 0.01_wp .and. maxval(abs(alpha)) > 0.01_wp, "something moves")

@@ -6,7 +6,7 @@ module test_newton_groups
     use linkdyn_assembly_trail, only: sample_assembly, assembly_trail, follow_assembly, reached_crossing
     use linkdyn_builder, only: build_model
     use linkdyn_closing_programs, only: closing_programs, make_closing_programs
-    use linkdyn_equations, only: choose_poses
+    use linkdyn_representatives, only: choose_poses
     use linkdyn_group_motion, only: group_closer
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics, link_position, link_rotation

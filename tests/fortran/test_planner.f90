@@ -1,7 +1,8 @@
 !> The planner: order of the steps, mobility, and refusals that name what is wrong.
 module test_planner
     use linkdyn_builder, only: build_model
-    use linkdyn_equations, only: equations_type, build_equations, solver_lapack
+    use linkdyn_equation_kernels, only: need_matrix
+    use linkdyn_equations, only: equations_type, build_equations, free_equations, solver_lapack
     use linkdyn_kinds, only: wp
     use linkdyn_model, only: model_type, step_pose, step_joint, step_ups
     use linkdyn_planner, only: mobility_of
@@ -91,7 +92,9 @@ contains
         call check(error, model%n_link == 13 .and. model%n_joint == 18 .and. model%n_leg == 6, "links, joints, legs")
         call check(error, model%n_row == 78, "78 equations")
         call build_equations(model, solver_lapack, .true., equations, status)
-        call check(error, equations%formulation%n_unknown == 78, "78 unknowns")
+        call need_matrix(model, equations%kernels)
+        call check(error, size(equations%kernels%form%right) == 78 .and. maxval(equations%kernels%form%column) == 78, "78 unknowns")
+        call free_equations(equations)
     end subroutine test_stewart
 
     subroutine test_carriage(error)

@@ -6,7 +6,7 @@ module test_recorded_forces
     use linkdyn_builder, only: build_model
     use linkdyn_catalogue, only: result_driving_force, result_reaction
     use linkdyn_curve, only: make_curve
-    use linkdyn_equations, only: choose_poses
+    use linkdyn_representatives, only: choose_poses
     use linkdyn_inverse, only: inverse_options, inverse_results, inverse_solver, prepare_inverse, run_prepared
     use linkdyn_inverse_results, only: list_results
     use linkdyn_kinds, only: wp

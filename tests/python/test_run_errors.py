@@ -129,7 +129,7 @@ TURNING = SLIDING | {
 EXAMPLES_OF_DRIVES = {
     "dc-motor": ("fivebar_motors", {}),
     "inverse, loads": ("fivebar_parallel", {}),
-    "carried legs, pd": ("stewart_forward", {}),
+    "legs, pd": ("stewart_forward", {}),
     "springs at joints": ("flyball_governor", {}),
 }
 

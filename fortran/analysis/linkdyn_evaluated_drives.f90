@@ -1,0 +1,93 @@
+!> What the actuators do in forward dynamics, on lanes: driving forces from time and from the motion of their joints.
+module linkdyn_evaluated_drives
+    use linkdyn_drive_laws, only: compares_motion
+    use linkdyn_drives, only: law_on_lanes, effort_scale
+    use linkdyn_equation_programs, only: make_drive_program, out_drives
+    use linkdyn_given_numbers, only: prepare_numbers, take_coordinates
+    use linkdyn_inputs, only: in_target
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_programs, only: lane_numbers, lane_program, lane_space, prepare_lanes, run_on_lanes, first_output, &
+        free_lane_program, free_lane_space
+    use linkdyn_lock, only: hold_texts, release_texts
+    use linkdyn_model, only: model_type
+    use linkdyn_scene, only: drive_constant, drive_table, drive_dc_motor, drive_pd, drive_over
+    implicit none (type, external)
+    private
+    public :: evaluated_drives, evaluate_drives, free_drives
+
+    !> Of one run: the kernel of those that compare a joint's motion with a law, made when it is wanted first.
+    type :: evaluated_drives
+        type(lane_program), private :: lane
+        type(lane_space), private :: space
+        type(lane_numbers), private :: numbers
+    end type evaluated_drives
+
+contains
+
+    !> What the laws of some actuators give, of every law but `inverse`: driving forces, or what is told by `side`. Laws over the state have
+    !> their values there.
+    subroutine evaluate_drives(model, is_wanted, t, n_used, state, drives, force)
+        type(model_type), intent(in) :: model
+        logical, intent(in) :: is_wanted(:)           !! (n_actuator)
+        real(wp), intent(in) :: t(lanes)              !! [s]
+        integer, intent(in) :: n_used                 !! lanes
+        type(kinematic_state), intent(in) :: state    !! positions and velocities are up to date
+        type(evaluated_drives), intent(inout) :: drives
+        real(wp), intent(inout) :: force(:, :)        !! those wanted (lane, n_actuator) [N, N m]
+        real(wp) :: target(lanes, 2, model%n_actuator), rate2(lanes)
+        integer :: i
+
+        target = 0
+        do i = 1, model%n_actuator
+            associate (drive => model%scene%actuator(i)%drive)
+                if (is_wanted(i) .and. any(drive%kind == [drive_table, drive_dc_motor, drive_pd])) &
+                    call law_on_lanes(drive%target, t, target(:, 1, i), target(:, 2, i), rate2)
+            end associate
+        end do
+        if (any(is_wanted .and. compares_motion(model%scene%actuator%drive))) &
+            call compare_motion(model, target, n_used, state, drives)
+        do i = 1, model%n_actuator
+            if (.not. is_wanted(i)) cycle
+            associate (drive => model%scene%actuator(i)%drive)
+                force(:, i) = 0
+                if (compares_motion(drive)) then
+                    force(:, i) = drives%space%found(:, first_output(drives%lane, out_drives) + i - 1)
+                else if (drive%kind == drive_constant) then
+                    force(:, i) = drive%value(1)
+                else if (drive%kind == drive_table) then
+                    force(:, i) = target(:, 1, i)
+                else if (drive%kind == drive_over) then
+                    force(:, i) = state%law(:, drive%target%law)*effort_scale(model, i)
+                end if
+            end associate
+        end do
+    end subroutine evaluate_drives
+
+    subroutine compare_motion(model, target, n_used, state, drives)
+        type(model_type), intent(in) :: model
+        real(wp), intent(in) :: target(:, :, :)       !! (lane, 2, n_actuator)
+        integer, intent(in) :: n_used
+        type(kinematic_state), intent(in) :: state
+        type(evaluated_drives), intent(inout) :: drives
+
+        if (.not. drives%lane%program%is_made) then
+            call hold_texts()
+            call make_drive_program(model, drives%lane%program)
+            call release_texts()
+            call prepare_lanes(model, .false., drives%lane)
+            call prepare_numbers(model, drives%numbers)
+        end if
+        call take_coordinates(model, state, drives%numbers)
+        drives%numbers%of(in_target)%x = reshape(target, [lanes, 2*model%n_actuator])
+        call run_on_lanes(drives%lane, n_used, state, drives%numbers, drives%space)
+    end subroutine compare_motion
+
+    subroutine free_drives(drives)
+        type(evaluated_drives), intent(inout) :: drives
+
+        call free_lane_space(drives%space)
+        call free_lane_program(drives%lane)
+    end subroutine free_drives
+end module linkdyn_evaluated_drives

@@ -1,0 +1,68 @@
+!> Friction of a block of lanes: how contacts slide, what presses them, how much they rub. Contacts are those of joints, then drives
+!> that lose some of what they transmit.
+module linkdyn_friction_state
+    use linkdyn_contact, only: contact_type, n_press, friction_of_speed, sliding_coefficient, pressing
+    use linkdyn_kinds, only: wp
+    use linkdyn_lane_count, only: lanes
+    implicit none (type, external)
+    private
+    public :: friction_state, prepare_friction, find_factors, pressing_forces
+
+    type :: friction_state
+        real(wp), allocatable :: factor(:, :)          !! friction over pressing force and speed (lane, contact) [s/m]
+        real(wp), allocatable :: press(:, :, :)        !! what contacts feel (lane, n_press, contact) [N]
+        real(wp), allocatable :: amount(:, :)          !! friction over the speed of the surfaces [N s/m]; of drives friction at the
+                                                       !! joint variable [N, N m] (lane, contact)
+        real(wp), allocatable :: sense(:, :)           !! of contacts that may stick: they slide that way, +1 or -1, or hold, 2;
+                                                       !! 0: smooth over their speed (lane, contact)
+    end type friction_state
+
+contains
+
+    subroutine prepare_friction(n, friction)
+        integer, intent(in) :: n                       !! contacts and drives
+        type(friction_state), intent(out) :: friction
+
+        allocate (friction%factor(lanes, n), friction%press(lanes, n_press, n), friction%amount(lanes, n), &
+                  friction%sense(lanes, n), source=0.0_wp)
+    end subroutine prepare_friction
+
+    !> Factors of the joints' contacts, by how fast they slide. One that holds does not rub, one that slides one way rubs as a surface does
+    !> that slides, however slowly.
+    pure subroutine find_factors(contact, square, friction)
+        type(contact_type), intent(in) :: contact(:)
+        real(wp), intent(in) :: square(:, :)           !! of the speeds of their surfaces (lane, contact) [m2/s2]
+        type(friction_state), intent(inout) :: friction
+        real(wp) :: speed
+        integer :: i, lane
+
+        do i = 1, size(contact)
+            do lane = 1, lanes
+                associate (sense => friction%sense(lane, i), factor => friction%factor(lane, i))
+                    speed = sqrt(max(square(lane, i), 0.0_wp))
+                    if (abs(sense) > 1) then
+                        factor = 0
+                    else if (abs(sense) > 0) then
+                        factor = sliding_coefficient(contact(i), speed)/speed
+                    else
+                        factor = friction_of_speed(contact(i), speed)
+                    end if
+                end associate
+            end do
+        end do
+    end subroutine find_factors
+
+    !> The forces that press.
+    pure subroutine pressing_forces(contact, friction, force)
+        type(contact_type), intent(in) :: contact(:)   !! those of the state
+        type(friction_state), intent(in) :: friction
+        real(wp), intent(out) :: force(:, :)           !! (lane, contact) [N]
+        integer :: i, lane
+
+        do i = 1, size(contact)
+            do lane = 1, lanes
+                force(lane, i) = pressing(contact(i), friction%press(lane, :, i))
+            end do
+        end do
+    end subroutine pressing_forces
+end module linkdyn_friction_state
