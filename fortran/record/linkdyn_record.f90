@@ -41,6 +41,7 @@ module linkdyn_record
         integer, allocatable :: node_of_input(:)    !! (input)
         type(piecewise_curve), allocatable :: curve(:)    !! in which the scene looks up
         integer, allocatable, private :: table(:)   !! nodes by their hash
+        integer, private :: node_of_zero = 0, node_of_one = 0   !! of these constants, which are met everywhere; 0: not yet
         type(c_ptr), private :: outer = c_null_ptr  !! the record that was open before
     end type record_type
 
@@ -75,6 +76,8 @@ contains
         record%n_unknown = 0
         record%n_constant = 0
         record%n_sample = n_sample
+        record%node_of_zero = 0
+        record%node_of_one = 0
         if (allocated(record%kind)) deallocate (record%kind, record%operand, record%inverse, record%number, record%constant, &
                                                 record%table, record%node_of_unknown, record%node_of_input)
         if (allocated(record%curve)) deallocate (record%curve)
@@ -121,14 +124,20 @@ contains
 
     function zero() result(v)
         type(value) :: v
+        type(record_type), pointer :: record
 
-        v = constant_in_quad(0.0_real128)
+        record => open_record_of_thread()
+        v%node = record%node_of_zero
+        if (v%node == 0) v = constant_in_quad(0.0_real128)
     end function zero
 
     function one() result(v)
         type(value) :: v
+        type(record_type), pointer :: record
 
-        v = constant_in_quad(1.0_real128)
+        record => open_record_of_thread()
+        v%node = record%node_of_one
+        if (v%node == 0) v = constant_in_quad(1.0_real128)
     end function one
 
     !> A number given when the record is run.
@@ -226,6 +235,8 @@ contains
         record%constant(record%n_constant) = abs(x)
         v%node = append(record, op_constant, [record%n_constant, 0, 0])
         record%number(:, v%node) = real(abs(x), wp)
+        if (x == 0) record%node_of_zero = v%node
+        if (abs(x) == 1) record%node_of_one = v%node
     end function constant_in_quad
 
     !> A new node at the end.
@@ -379,26 +390,20 @@ contains
 
     impure elemental logical function is_zero(v)
         type(value), intent(in) :: v
+        type(record_type), pointer :: record
 
-        is_zero = has_magnitude(v, 0.0_real128)
+        record => open_record_of_thread()
+        is_zero = v%node == record%node_of_zero .and. v%node > 0
     end function is_zero
 
     !> Is it 1 or -1?
     impure elemental logical function is_one(v)
         type(value), intent(in) :: v
-
-        is_one = has_magnitude(v, 1.0_real128)
-    end function is_one
-
-    logical function has_magnitude(v, x)
-        type(value), intent(in) :: v
-        real(real128), intent(in) :: x
         type(record_type), pointer :: record
 
         record => open_record_of_thread()
-        has_magnitude = .false.
-        if (record%kind(v%node) == op_constant) has_magnitude = record%constant(record%operand(1, v%node)) == x
-    end function has_magnitude
+        is_one = v%node == record%node_of_one .and. v%node > 0
+    end function is_one
 
     !> The number of a constant.
     function constant_of(v) result(x)
