@@ -28,7 +28,7 @@ FUZZ_CASES = "2000"
 TWIN_RESULTS = BUILD / "twin-results"
 """Of the twin, for all ways: they are the same."""
 OPTIMIZED_LITTLE = ("-Dbuildtype=plain", "-Doptimization=1")
-"""Quick to build; without the one translation unit."""
+"""Quick to build."""
 
 
 @dataclass(frozen=True)

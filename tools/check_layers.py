@@ -17,10 +17,11 @@ ORDER = ["kinds", "core", "record", "geometry", "lanes", "linalg", "kinematics",
 MAY_USE = {layer: set(ORDER[: i + 1]) for i, layer in enumerate(ORDER)}
 for layer in RECORDED:
     MAY_USE[layer] -= {"lanes", "linalg", "kinematics"}
+MAY_USE["lecture"] = {"kinds", "core", "lanes", "kinematics", "lecture"}                # stands alone
 MAY_USE["integrate"] = {"kinds", "core", "lanes", "linalg", "integrate"}   # knows a right-hand side, never a body
 MAY_USE["analysis"] |= {"integrate"}
 MAY_USE["io"] |= {"integrate"}
-MAY_USE["api"] = set(ORDER) | {"integrate", "api"}
+MAY_USE["api"] = set(ORDER) | {"integrate", "lecture", "api"}
 MAY_USE["app"] = set(ORDER) | {"integrate", "app"}
 
 # What only the named files may mention: (what, pattern in the code, files)

@@ -10,11 +10,11 @@
 !> virtual work, as many equations as coordinates, no reactions.
 module linkdyn_equations
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan, ieee_is_finite
+    use linkdyn_closed_forms, only: flag_closed_forms
     use linkdyn_catalogue, only: result_driving_force, result_qdd
     use linkdyn_cholesky, only: solve_cholesky
     use linkdyn_contact, only: contact_type, has_settled, most_rounds, n_press
     use linkdyn_dense, only: dense_workspace, solve_dense
-    use linkdyn_dyad_map, only: is_surely_certain
     use linkdyn_equation_kernels, only: equation_kernels, answer_kernels, make_kernels, free_kernels, need_solving, need_answers, &
         need_sliding, slides_or_pulls
     use linkdyn_equation_programs, only: equation_choice, fill_matrix, has_columns, as_lecture, sparsely, by_work, nothing_else, &
@@ -32,7 +32,6 @@ module linkdyn_equations
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, is_dyad, drives_share
     use linkdyn_motion_measures, only: released_fit
-    use linkdyn_planar_pass, only: uncertainty_of_dyad
     use linkdyn_status, only: status_type, fail, status_bad_input, sample_ok, sample_unreachable, &
         sample_singular, sample_not_converged, sample_branch_lost, sample_undefined, sample_locked
     use linkdyn_text, only: to_text
@@ -62,7 +61,6 @@ module linkdyn_equations
     type :: equations_type
         integer :: solver = solver_elimination
         logical :: wants_reactions = .true.
-        logical :: needs_world = .false.                !! angular rates in world axes of all links
         logical :: needs_columns = .false.              !! how motions change with the coordinates
         logical :: are_solved = .true.                  !! false: there are none, only the links' motion is wanted
         integer, allocatable :: lossy(:)                !! motors whose torque is given and whose transmission loses some of it
@@ -156,7 +154,6 @@ contains
         end if
         equations%rub = [model%contact, contacts_of_motors(model, equations%lossy)]
         equations%wants_reactions = wants_reactions .or. size(model%contact) > 0      ! which friction comes from
-        equations%needs_world = size(model%scene%laws%law) > 0 .or. size(model%contact) > 0
         if (solver == solver_reduced .and. wants_reactions) then
             call fail(status, status_bad_input, "solver 'reduced' has no reactions (expected another solver, or others wanted)")
             return
@@ -265,7 +262,6 @@ contains
         type(equation_workspace), intent(out) :: workspace
 
         call prepare_kinematics(model, merge(model%n_q, 0, equations%needs_columns), workspace%state)
-        workspace%state%world_rates = equations%needs_world
         allocate (workspace%load(lanes, 6, model%n_load), workspace%driving_force(lanes, model%n_actuator), &
                   workspace%transmitted(lanes, model%n_actuator), workspace%acceleration(lanes, model%n_q), source=0.0_wp)
         allocate (workspace%wanted(0))
@@ -563,15 +559,10 @@ contains
     subroutine flag_uncertain(model, workspace)
         type(model_type), intent(in) :: model
         type(equation_workspace), intent(inout) :: workspace
-        integer :: i
+        logical :: is_uncertain(lanes)
 
-        where (workspace%state%uncertainty > largest_uncertainty) workspace%status = sample_singular
-        do i = 1, size(model%step)
-            if (.not. is_dyad(model%step(i)%kind)) cycle
-            if (all(is_surely_certain(workspace%state%plane%dyad(model%step(i)%first)))) cycle
-            where (uncertainty_of_dyad(model, model%step(i), workspace%state%plane) > largest_uncertainty) &
-                workspace%status = sample_singular
-        end do
+        call flag_closed_forms(model, workspace%state, is_uncertain)
+        where (is_uncertain .or. workspace%state%uncertainty > largest_uncertainty) workspace%status = sample_singular
     end subroutine flag_uncertain
 
     !> A motion or load that is not finite has no forces.

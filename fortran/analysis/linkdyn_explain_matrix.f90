@@ -103,7 +103,6 @@ contains
         type(lane_numbers) :: numbers
 
         call prepare_kinematics(model, 0, state)
-        state%world_rates = .true.
         state%q = spread(q, 1, lanes)
         state%qd = spread(qd, 1, lanes)
         state%qdd = spread(qdd, 1, lanes)

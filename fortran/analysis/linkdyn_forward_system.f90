@@ -324,15 +324,12 @@ contains
         allocate (system%is_book(system%n), source=.false.)
         system%is_book(system%layout%supplied) = .true.
         system%by_inverse = model%scene%actuator%drive%kind == drive_inverse .and. .not. unknown%drive
-        system%workspace%state%world_rates = system%workspace%state%world_rates .or. measures_joints(model)
         system%may_jump = size(model%scene%laws%law) > 0
         call prepare_bounce_watch(model, unknown%acceleration, system%bounce)
-        if (system%bounce%is_on) system%workspace%state%world_rates = .true.
         call prepare_events(model, system)
         call plan_control(model, system%control, status)
         if (system%n_guard > 0 .or. n_controller(model%scene) > 0) then
             call prepare_kinematics(model, 0, system%look)
-            system%look%world_rates = .true.
         end if
         call prepare_motors(model%n_actuator, system%motors)
         if (.not. (wants_motion(model) .or. (any(system%by_inverse) .and. .not. allocated(system%given_force)))) return
@@ -356,21 +353,6 @@ contains
         call prepare_stops(n_stop(model%scene), system%stops)
         call prepare_angles(model, system%angles)
     end subroutine prepare_events
-
-    !> Does a drive, or may a law, need a joint variable that is neither a coordinate nor the length of a leg?
-    pure logical function measures_joints(model)
-        type(model_type), intent(in) :: model
-        integer :: i
-
-        measures_joints = size(model%scene%laws%law) > 0 .or. n_controller(model%scene) > 0
-        do i = 1, model%n_actuator
-            associate (spec => model%scene%actuator(i))
-                measures_joints = measures_joints .or. spec%drive%side /= side_joint
-                measures_joints = measures_joints .or. (compares_motion(spec%drive) .and. model%joint(spec%joint)%leg == 0 &
-                                                        .and. coordinate_of_actuator(model, i) == 0)
-            end associate
-        end do
-    end function measures_joints
 
     ! ---------------------------------------------------------------- run
 

@@ -17,7 +17,7 @@ module linkdyn_inverse
     use linkdyn_dense, only: hold_blas_threads, release_blas_threads
     use linkdyn_belt_measures, only: measure_strands
     use linkdyn_cam_measures, only: measure_pressure_angles
-    use linkdyn_dyad_map, only: transmission_angle
+    use linkdyn_closed_forms, only: transmission_angles
     use linkdyn_equations, only: equations_type, equation_workspace, build_equations, build_no_equations, build_given_equations, &
         free_equations, prepare_workspace, want_of, solve_block, found_of, &
         solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_gauss_jordan_plain, solver_name, &
@@ -40,7 +40,6 @@ module linkdyn_inverse
         drives_share
     use linkdyn_motion_measures, only: measure_energy, measure_closure
     use linkdyn_planar_motion, only: level_given
-    use linkdyn_planar_pass, only: map_placed
     use linkdyn_payload_measures, only: find_payloads, add_payload_energy
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, rates_of_rpy, angular_acceleration_rpy
@@ -258,7 +257,7 @@ contains
         integer, allocatable :: wanted(:)                       ! of the forces: `result_*`
         integer, allocatable :: holding(:)                      ! contacts that hold samples fast; 0: none does
         integer :: n, n_all, n_left, n_dense
-        logical :: wants_rates, wants_driven, wants_world, has_stand_ins, is_on_way, shares
+        logical :: wants_rates, wants_driven, has_stand_ins, is_on_way, shares
 
         shares = model%share%n > 0 .and. (model%share%may_gape .or. associated(results%reaction))
         n = size(q, 2)
@@ -267,8 +266,6 @@ contains
         wants_driven = associated(results%driving_position) .or. associated(results%driving_speed)
         wanted = wanted_forces(results)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
-        wants_world = wants_rates .or. wants_driven .or. associated(results%power_imbalance) .or. solver%equations%needs_world &
-                      .or. has_stand_ins .or. solver%wants_distance
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
         nullify (recorded, margins, closer)
@@ -407,7 +404,6 @@ contains
             call hold_blas_threads()
             !$omp parallel num_threads(n_thread) default(shared) private(space)
             call take_space(model, solver, space)
-            space%workspace%state%world_rates = wants_world
             !$omp do schedule(dynamic, share) reduction(+:n_dense)
             do block = 1, n_block
                 if (is_interrupted()) cycle
@@ -539,11 +535,9 @@ contains
             if (associated(results%transmission_angle)) then
                 allocate (transmission(lanes, size(results%transmission_angle, 1)))
                 if (has_stand_ins) then
-                    call measure_dyads(own, workspace%state, transmission)
+                    call transmission_angles(own, workspace%state, transmission)
                 else
-                    do i = 1, model%n_dyad
-                        transmission(:, i) = transmission_angle(workspace%state%plane%dyad(i))
-                    end do
+                    call transmission_angles(model, workspace%state, transmission)
                 end if
             end if
             if (associated(results%contact_force)) press = found_of(workspace, result_contact_force, model%n_cam)
@@ -1059,19 +1053,6 @@ contains
             end associate
         end do
     end subroutine tell_accelerations
-
-    !> Transmission angles of a model's dyads, its links having been placed otherwise.
-    subroutine measure_dyads(model, state, angle)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        real(wp), intent(out) :: angle(:, :)           !! (lane, n_dyad) [rad]
-        integer :: i
-
-        do i = 1, size(model%step)
-            if (is_dyad(model%step(i)%kind)) &
-                angle(:, model%step(i)%first) = transmission_angle(map_placed(model, model%step(i), state%plane))
-        end do
-    end subroutine measure_dyads
 
     !> Angular accelerations found for an attitude become second derivatives of roll, pitch, yaw. What the rates of angles
     !> give is in column 0 already; what those of a quaternion's are not is taken away.

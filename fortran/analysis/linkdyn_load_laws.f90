@@ -36,7 +36,6 @@ contains
         !$omp parallel num_threads(n_thread) default(shared) private(state)
         call prepare_kinematics(model, 0, state)
         state%n_column = velocities_only
-        state%world_rates = .true.
         !$omp do schedule(static)
         do block = 1, n_block
             if (is_interrupted()) cycle

@@ -139,7 +139,6 @@ contains
         integer :: k
 
         associate (model => forces%model, state => forces%workspace%state)
-            state%world_rates = .true.
             call unpack_motion(model, t, state)
             call evaluate_assembled(model, t, forces%assembly, state)
             state%time = t

@@ -70,7 +70,6 @@ contains
         end if
         call prepare_kinematics(model, n_column, measures%state)
         associate (state => measures%state)
-            state%world_rates = .true.
             state%qd = 0
             state%qdd = 0
             if (model%n_branch > 0) state%branch = spread(model%branch, 1, lanes)

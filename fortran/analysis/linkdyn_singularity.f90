@@ -13,7 +13,7 @@
 module linkdyn_singularity
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_condition, only: condition_type, condition_space, singular_vectors, is_posed
-    use linkdyn_dyad_map, only: dyad_map
+    use linkdyn_closed_forms, only: see_dyad
     use linkdyn_force_map, only: typical_length
     use linkdyn_joint_rates, only: slide_column
     use linkdyn_joint_table, only: most_slides, n_slide
@@ -23,7 +23,6 @@ module linkdyn_singularity
     use linkdyn_lane_programs, only: lane_space, run_on_lanes, free_lane_space
     use linkdyn_led_mechanism, only: evaluate_kinematics
     use linkdyn_model, only: model_type, step_type, step_pose, step_joint, step_ups, is_dyad
-    use linkdyn_planar_pass, only: map_placed
     use linkdyn_vec2, only: rot2, operator(+), operator(*)
     use linkdyn_vec3, only: operator(+), operator(*), operator(.cross.), operator(.dot.)
     implicit none (type, external)
@@ -103,13 +102,12 @@ contains
         type(kinematic_state), intent(in) :: state
         type(singularity_space), intent(inout) :: space
         real(wp), intent(inout) :: distance(lanes)
-        type(dyad_map) :: map
-        real(wp), dimension(lanes) :: steepness, way
+        real(wp), dimension(lanes) :: determinant, product, lengths, steepness, way
         integer :: i, k
 
         do i = 1, size(model%step)
             if (.not. is_dyad(model%step(i)%kind)) cycle
-            map = map_placed(model, model%step(i), state%plane)
+            call see_dyad(model, model%step(i), state, determinant, product, lengths)
             steepness = 0
             do k = 1, model%n_q
                 call change_of_determinant(model, state, model%step(i), k, space, space%gradient(:, k))
@@ -117,8 +115,8 @@ contains
                 steepness = steepness + space%gradient(:, k)**2
             end do
             steepness = sqrt(steepness)
-            way = abs(map%determinant)/steepness
-            call shorten_at_folds(model, state, map%determinant, steepness, space, way)
+            way = abs(determinant)/steepness
+            call shorten_at_folds(model, state, determinant, steepness, space, way)
             where (way < distance) distance = way
         end do
     end subroutine look_at_reach
@@ -132,8 +130,7 @@ contains
         integer, intent(in) :: k
         type(singularity_space), intent(inout) :: space
         real(wp), intent(out) :: change(lanes)
-        type(dyad_map) :: map
-        real(wp) :: speed(lanes), part(lanes)
+        real(wp), dimension(lanes) :: determinant, product, lengths, speed, part
         integer :: way
 
         call largest_speed(model, state, k, space%slide, speed)
@@ -141,8 +138,8 @@ contains
         change = 0
         do way = -1, 1, 2
             call move(model, state, k, way*part, space)
-            map = map_placed(model, step, space%moved%plane)
-            change = change + way*map%determinant
+            call see_dyad(model, step, space%moved, determinant, product, lengths)
+            change = change + way*determinant
         end do
         change = merge(change/(2*part), 0.0_wp, part > 0)
     end subroutine change_of_determinant

@@ -1,7 +1,7 @@
 !> A look along the scene's motion: the smallest transmission angle of each planar dyad, and where the loops do not close.
 module linkdyn_transmission
     use linkdyn_assembly_trail, only: assembly_trail, sample_assembly, follow_assembly, place_sample
-    use linkdyn_dyad_map, only: transmission_angle
+    use linkdyn_closed_forms, only: transmission_angles
     use linkdyn_failure, only: lost_in_words
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -35,7 +35,7 @@ contains
         type(assembly_trail) :: trail
         type(sample_assembly) :: assembly
         real(wp), dimension(model%n_q, n_instant) :: q, qd, qdd
-        real(wp) :: load(6, model%n_load, n_instant), t(n_instant), angles(lanes)
+        real(wp) :: load(6, model%n_load, n_instant), t(n_instant), angles(lanes, model%n_dyad)
         logical :: has_failed(lanes)
         integer :: first, lane, sample, d
 
@@ -62,11 +62,11 @@ contains
                 if (survey%n_failed == 0) survey%first_failure = t(first + lane - 1)
                 survey%n_failed = survey%n_failed + 1
             end do
+            call transmission_angles(model, state, angles)
             do d = 1, model%n_dyad
-                angles = transmission_angle(state%plane%dyad(d))
                 do lane = 1, min(lanes, n_instant - first + 1)
-                    if (has_failed(lane) .or. angles(lane) >= survey%angle(d)) cycle
-                    survey%angle(d) = angles(lane)
+                    if (has_failed(lane) .or. angles(lane, d) >= survey%angle(d)) cycle
+                    survey%angle(d) = angles(lane, d)
                     survey%time(d) = t(first + lane - 1)
                 end do
             end do

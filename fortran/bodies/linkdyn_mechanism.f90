@@ -10,7 +10,7 @@ module linkdyn_mechanism
     use linkdyn_numbers, only: number_places, place_numbers
     use linkdyn_rates, only: rate_map, set_rate
     use linkdyn_system, only: system_type
-    use linkdyn_value, only: value, zero, operator(+), operator(*)
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, max
     use linkdyn_vector, only: vector, rotation, vector_of, components, zero_vector, identity_rotation, operator(+), operator(-), &
         operator(*), operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
@@ -20,7 +20,7 @@ module linkdyn_mechanism
     public :: payload_properties
     public :: set_slide, wheel_wrench, belt_wrench, belt_numbers, pair_of, told_pair_of, gravity_of, in_own_axes
     public :: load_point, spring_numbers, spring_point, drive_numbers
-    public :: watch, must_be_positive, least_square
+    public :: watch, must_be_positive, root_of, scene_point_of_origin, scene_rotation, least_square
 
     !> Square of the sine of a transmission angle down to which rates and forces surely keep three digits, whatever the motion:
     !> their uncertainty is below 8 eps/sine**4. Twice that leaves room for rounding.
@@ -53,6 +53,8 @@ module linkdyn_mechanism
         logical :: is_solved = .true.                      !! false once a system had no pivots
         type(vector), allocatable :: ways(:, :)            !! (2, dyad) how its inner joint moves with each of its links
         type(value), allocatable :: positive(:)            !! what must be positive, or a loop cannot close, or hardly
+        logical :: keeps_at_limits = .false.               !! loops that cannot close are laid out as far as they go
+        type(value), allocatable :: closes(:)              !! there: what is negative where they do not
     end type mechanism_type
 
 contains
@@ -76,7 +78,7 @@ contains
         call set_rate(mechanism%rates, q, qd)
         call set_rate(mechanism%rates, qd, qdd)
         allocate (mechanism%slide(size(model%joint)), mechanism%universal_axis(size(model%joint)), mechanism%watched(0), &
-                  mechanism%positive(0), mechanism%ways(2, model%n_dyad))
+                  mechanism%positive(0), mechanism%closes(0), mechanism%ways(2, model%n_dyad))
         call make_bodies(model%link%orientation, gravity_of(mechanism), mechanism%bodies)
     end subroutine begin_mechanism
 
@@ -240,6 +242,24 @@ contains
 
         p = mechanism%own(link)%shift + (mechanism%own(link)%r.rotate.point)
     end function in_own_axes
+
+    !> Origin of the axes in which the scene has a link, own axes.
+    function scene_point_of_origin(mechanism, link) result(p)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: link
+        type(vector) :: p
+
+        p = mechanism%own(link)%shift
+    end function scene_point_of_origin
+
+    !> From the axes in which the scene has a link to the world's.
+    function scene_rotation(mechanism, link) result(r)
+        type(mechanism_type), intent(in) :: mechanism
+        integer, intent(in) :: link
+        type(rotation) :: r
+
+        r = rotation_of(mechanism%bodies, link)*mechanism%own(link)%r
+    end function scene_rotation
 
     !> A joint's marker, own axes.
     function marker_point(mechanism, joint, side) result(p)
@@ -470,4 +490,21 @@ contains
 
         mechanism%positive = [mechanism%positive, v]
     end subroutine must_be_positive
+
+    !> Root of a square that is negative where a loop cannot close.
+    function root_of(mechanism, square, least, rounding) result(root)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(value), intent(in) :: square
+        type(value), intent(in) :: least                   !! below this digits are lost
+        type(value), intent(in) :: rounding                !! what rounding alone may take from zero
+        type(value) :: root
+
+        if (mechanism%keeps_at_limits) then
+            mechanism%closes = [mechanism%closes, square + rounding]
+            root = sqrt(max(square, zero()))
+        else
+            call must_be_positive(mechanism, square - least)
+            root = sqrt(square)
+        end if
+    end function root_of
 end module linkdyn_mechanism

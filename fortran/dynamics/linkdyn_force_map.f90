@@ -11,7 +11,7 @@ module linkdyn_force_map
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
-    use linkdyn_model, only: model_type, step_pose, step_ups
+    use linkdyn_model, only: model_type, orientation_of, step_pose, step_ups
     use linkdyn_vec2, only: vec2, operator(.rotate.)
     use linkdyn_vec3, only: vec3, operator(+), operator(.cross.), operator(.rotate.)
     implicit none (type, external)
@@ -172,7 +172,7 @@ contains
 
         jacobian = 0
         do i = 1, model%n_actuator
-            associate (leg => map%leg(i), s => state%leg(map%leg(i)%leg)%axes%z)
+            associate (leg => map%leg(i), s => state%rotation(orientation_of(model, model%leg(map%leg(i)%leg)%lower))%z)
                 arm = state%rotation(model%link(leg%link)%orientation).rotate.leg%point
                 turn = arm.cross.s
                 call put(jacobian(:, i, :), leg%coordinate(1:3), s)

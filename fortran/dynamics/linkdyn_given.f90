@@ -16,10 +16,11 @@ module linkdyn_given
 contains
 
     !> Its value on all lanes [m, rad].
-    function given_position(model, state, c) result(q)
+    function given_position(model, state, c, own) result(q)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: c
+        integer, intent(in), optional :: own(:)    !! joints whose part is left out, as they are not placed yet
         real(wp) :: q(lanes), variable(lanes, 3), rate(lanes, 3), near
         integer :: i
 
@@ -30,6 +31,7 @@ contains
         associate (led => model%led(c - model%n_q))
             q = led%offset + led_sum(model, c - model%n_q, state%q)
             do i = 1, size(led%source)
+                if (is_among(led%source(i), own)) cycle
                 associate (j => led%source(i))
                     call measure_one_joint(model, state, j, variable, rate)
                     near = model%scene%joint(j)%start(1)
@@ -41,43 +43,46 @@ contains
         end associate
     end function given_position
 
-    function given_rate(model, state, c) result(qd)
+    function given_rate(model, state, c, own) result(qd)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: c
+        integer, intent(in), optional :: own(:)    !! as above
         real(wp) :: qd(lanes)
 
         if (c <= model%n_q) then
             qd = state%qd(:, c)
         else
-            qd = led_sum(model, c - model%n_q, state%qd) + source_sum(model, state, c - model%n_q, level_velocity)
+            qd = led_sum(model, c - model%n_q, state%qd) + source_sum(model, state, c - model%n_q, level_velocity, own)
         end if
     end function given_rate
 
-    function given_acceleration(model, state, c) result(qdd)
+    function given_acceleration(model, state, c, own) result(qdd)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: c
+        integer, intent(in), optional :: own(:)    !! as above
         real(wp) :: qdd(lanes)
 
         if (c <= model%n_q) then
             qdd = state%qdd(:, c)
         else
-            qdd = led_sum(model, c - model%n_q, state%qdd) + source_sum(model, state, c - model%n_q, level_given)
+            qdd = led_sum(model, c - model%n_q, state%qdd) + source_sum(model, state, c - model%n_q, level_given, own)
         end if
     end function given_acceleration
 
     !> What it is at a unit rate of coordinate k.
-    function given_column(model, state, c, k) result(part)
+    function given_column(model, state, c, k, own) result(part)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: c, k
+        integer, intent(in), optional :: own(:)    !! as above
         real(wp) :: part(lanes)
 
         if (c <= model%n_q) then
             part = merge(1, 0, c == k)
         else
-            part = model%led(c - model%n_q)%weight(k) + source_sum(model, state, c - model%n_q, k)
+            part = model%led(c - model%n_q)%weight(k) + source_sum(model, state, c - model%n_q, k, own)
         end if
     end function given_column
 
@@ -128,18 +133,28 @@ contains
     end function led_sum
 
     !> What joints that are placed add to a rate.
-    function source_sum(model, state, i, level) result(total)
+    function source_sum(model, state, i, level, own) result(total)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: i, level
+        integer, intent(in), optional :: own(:)
         real(wp) :: total(lanes)
         integer :: s
 
         total = 0
         associate (led => model%led(i))
             do s = 1, size(led%source)
-                total = total + led%source_weight(s)*joint_rate(model, state, led%source(s), 1, level)
+                if (.not. is_among(led%source(s), own)) &
+                    total = total + led%source_weight(s)*joint_rate(model, state, led%source(s), 1, level)
             end do
         end associate
     end function source_sum
+
+    pure logical function is_among(joint, own)
+        integer, intent(in) :: joint
+        integer, intent(in), optional :: own(:)
+
+        is_among = .false.
+        if (present(own)) is_among = any(own == joint)
+    end function is_among
 end module linkdyn_given

@@ -10,19 +10,18 @@ module linkdyn_group_start
     use linkdyn_cross, only: cross
     use linkdyn_given, only: given_position
     use linkdyn_joint_motion, only: relative_motion, relative_by_variables, turn_frame, turn_frame_back
-    use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part
+    use linkdyn_joint_table, only: is_slide, is_threaded, is_pose_part, joint_prismatic
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_pass, only: clear_flags, run_step
     use linkdyn_kinematic_state, only: kinematic_state
     use linkdyn_lane_count, only: lanes
     use linkdyn_mix, only: counter_uniform
-    use linkdyn_model, only: model_type, group_type, step_type, orientation_of, place_size, scene_size
+    use linkdyn_model, only: model_type, group_type, step_type, orientation_of, side_of, place_size, scene_size
     use linkdyn_motion_measures, only: released_fit
-    use linkdyn_planar_pass, only: hang_planar_link
     use linkdyn_quaternion, only: quaternion_of_rpy, quaternion_of_rotation, rotation_of_quaternion
     use linkdyn_scene, only: joint_n_variable, coordinate_joint, pose_position, frame_link
     use linkdyn_start_distance, only: start_distance, measure_distance, is_nearer
-    use linkdyn_vec2, only: vec2, rot2_by_angle
+    use linkdyn_vec2, only: vec2, rot2, rot2_by_angle, rot2_of_directions, operator(+), operator(-), operator(*), operator(.rotate.)
     use linkdyn_vec3, only: mat3, vec3, vec3_of, operator(+), operator(-), operator(.rotate.)
     implicit none (type, external)
     private
@@ -189,7 +188,7 @@ contains
                     if (is_placed(link(1)) .eqv. is_placed(link(2))) cycle
                     from = merge(1, 2, is_placed(link(1)))
                     if (model%is_planar) then
-                        call hang_in_plane(model, j, link(3 - from), variables(i), state)
+                        call hang_in_plane(model, group, j, link(3 - from), variables(i), state)
                     else
                         call hang_link(model, group, j, from, variables(i), state)
                     end if
@@ -306,13 +305,37 @@ contains
     end subroutine put_led_link
 
     !> A link by a joint from one that is placed, in a plane.
-    subroutine hang_in_plane(model, j, link, variable, state)
+    subroutine hang_in_plane(model, group, j, link, variable, state)
         type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
         integer, intent(in) :: j, link
         real(wp), intent(in) :: variable(lanes, 3)
         type(kinematic_state), intent(inout) :: state
 
-        call hang_planar_link(model, j, link, variable(:, 1), state)
+        real(wp) :: sense
+        type(vec2) :: u, hold
+        type(rot2) :: turned
+        integer :: from, known
+
+        associate (joint => model%joint(j), plane => state%plane)
+            from = 3 - side_of(joint, link)
+            known = joint%link(from)
+            sense = merge(1.0_wp, -1.0_wp, from == 1)
+            turned = plane%rotation(orientation_of(model, link))
+            associate (r => plane%rotation(orientation_of(model, known)), turns => group%turns(findloc(group%link, link, dim=1)))
+                hold = r.rotate.joint%point(:2, from)
+                if (joint%kind == joint_prismatic) then
+                    u = r.rotate.joint%frame(:2, 3, from)
+                    hold = hold + sense*variable(:, 1)*u
+                    if (turns) turned = rot2_of_directions(joint%frame(:2, 3, 3 - from), u)
+                else if (turns) then
+                    turned = rot2_by_angle(sense*variable(:, 1))
+                    turned = rot2_of_directions(joint%frame(:2, 1, 3 - from), r.rotate.(turned.rotate.joint%frame(:2, 1, from)))
+                end if
+            end associate
+            plane%rotation(orientation_of(model, link)) = turned
+            plane%position(link) = plane%position(known) + hold - (turned.rotate.joint%point(:2, 3 - from))
+        end associate
         associate (p => state%plane%position(link), r => state%plane%rotation(orientation_of(model, link)), &
                    place => state%group%place)
             place(:, 1, link) = p%x

@@ -79,7 +79,7 @@ contains
     !> other still counts turns, and the one that stands in does not. Whoever wants to go on from the value takes its turns
     !> apart, lest it be rounded.
     !>
-    !> Needs angular rates in world axes, except for coordinates and the slide of a leg.
+    !> Needs angular rates in world axes, except for coordinates.
     subroutine measure_variable(model, state, j, variable, near, value, rate, turns)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -104,9 +104,6 @@ contains
             if (counts) whole = state%turns(:, k)
         else if (model%is_planar) then
             call measure_planar_variable(model, state, j, value, rate)
-        else if (model%joint(j)%leg > 0) then
-            value = state%leg(model%joint(j)%leg)%length
-            rate = state%leg(model%joint(j)%leg)%rate
         else
             call measure_in_space(model, state, j, variable, value, rate)
         end if
@@ -229,7 +226,7 @@ contains
         end do
     end function stand_in_of
 
-    !> Rate of every driven joint variable. Needs angular rates in world axes, except for the slide of a leg.
+    !> Rate of every driven joint variable.
     subroutine actuator_rates(model, state, rate)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
@@ -241,13 +238,7 @@ contains
             return
         end if
         do i = 1, model%n_actuator
-            associate (leg => model%joint(model%scene%actuator(i)%joint)%leg)
-                if (leg > 0) then
-                    rate(:, i) = state%leg(leg)%rate
-                else
-                    call actuator_rate(model, state, i, state%velocity, state%omega, rate(:, i))
-                end if
-            end associate
+            call actuator_rate(model, state, i, state%velocity, state%omega, rate(:, i))
         end do
     end subroutine actuator_rates
 

@@ -5,9 +5,8 @@
 !>
 !> A free link's orientation goes its way about a fixed axis where it is given by a quaternion.
 module linkdyn_led_mechanism
+    use linkdyn_closed_forms, only: closed_margin
     use linkdyn_constants, only: two_pi
-    use linkdyn_csp, only: margin_csp
-    use linkdyn_dyad_map, only: lengths_of
     use linkdyn_following, only: follower, footing, way_report, follow_way, way_at_singularity, way_ends, &
         way_forks, way_too_long
     use linkdyn_kinds, only: wp
@@ -16,7 +15,8 @@ module linkdyn_led_mechanism
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type, step_pose, step_rrr, step_rrp, step_rpr, step_csp, link_freedom, &
         place_size, repeats, gives_attitude, attitude_angles
-    use linkdyn_newton_group, only: shifted, place_rates
+    use linkdyn_lane_kernels, only: place_rates
+    use linkdyn_newton_group, only: shifted
     use linkdyn_planar_motion, only: level_velocity
     use linkdyn_quaternion, only: quaternion_of_rpy, turned_by, turn_between
     use linkdyn_status, only: sample_ok, sample_unreachable, sample_singular, sample_not_converged, sample_branch_lost
@@ -359,21 +359,13 @@ contains
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(in) :: state
         real(wp), intent(out) :: margin(:, :), drift(:, :)    !! (lane, n_map)
-        real(wp) :: per_lengths(lanes)
         integer :: i
 
         margin = 1
         drift = 0
         do i = 1, size(model%step)
-            associate (d => model%step(i)%first)
-                select case (model%step(i)%kind)
-                case (step_rrr, step_rrp, step_rpr)
-                    per_lengths = 1/lengths_of(state%plane%dyad(d))
-                    margin(:, d) = per_lengths*state%plane%dyad(d)%determinant
-                    drift(:, d) = per_lengths*state%plane%drift(:, d)
-                case (step_csp)
-                    call margin_csp(state%csp(d), margin(:, d), drift(:, d))
-                end select
+            associate (step => model%step(i))
+                if (step%has_branches) call closed_margin(model, step, state, margin(:, step%first), drift(:, step%first))
             end associate
         end do
         if (size(model%group) == 0) return

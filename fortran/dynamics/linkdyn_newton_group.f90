@@ -1,8 +1,7 @@
 !> An Assur group closed by Newton's method, in a plane or in space: the iteration, which is the same for both.
 !>
-!> The constraints, their matrix and the rates that follow from it are in `linkdyn_planar_group` and
-!> `linkdyn_spatial_group`. With every matrix A go some further right-hand sides, which tell how near A is to being
-!> singular: the length of A^-1 v, v any vector, grows as the inverse of the smallest singular value. Its inverse with
+!> The constraints, their matrix and the rates that follow from it are in `linkdyn_group_closing`. With every matrix A go some
+!> further right-hand sides, which tell how near A is to being singular: the length of A^-1 v, v any vector, grows as the inverse of the smallest singular value. Its inverse with
 !> the sign of the determinant is the group's *margin* (see `linkdyn_following`). Lengths count as parts of the
 !> mechanism's size, so that it has no unit.
 !>
@@ -12,25 +11,24 @@ module linkdyn_newton_group
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_following, only: largest_contraction, untrusted
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
-    use linkdyn_joint_table, only: is_threaded
+    use linkdyn_group_closing, only: put_links, assemble_errors, assemble_ahead, move_loop, look_at_joints, angle_off_threads, &
+        take_spins_apart
+    use linkdyn_group_motion, only: size_of_rows
+    use linkdyn_joint_table, only: is_threaded, is_slide, n_transmitted
     use linkdyn_kinds, only: wp
-    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_kinematic_state, only: kinematic_state, velocities_only
     use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_kernels, only: kernel_use, begin_use, end_use, set_rates, place_rates
     use linkdyn_mix, only: counter_uniform
-    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad, orientation_of
-    use linkdyn_planar_group, only: put_planar_links, assemble_gaps, assemble_gaps_ahead, move_planar_group, &
-        is_planar_length, planar_speed
+    use linkdyn_model, only: model_type, group_type, step_type, link_freedom, n_probe, scene_size, side_of, is_dyad
     use linkdyn_planar_motion, only: level_velocity, level_given
     use linkdyn_quaternion, only: turned_by
     use linkdyn_scene, only: joint_revolute
-    use linkdyn_spatial_group, only: put_spatial_links, assemble_errors, assemble_errors_ahead, refuse_turned_joints, &
-        move_spatial_group, is_spatial_length, spatial_speed, angle_off_threads, &
-        take_spins_apart
+    use linkdyn_step_part, only: describe_steps
     use linkdyn_uncertainty, only: uncertainty_of_motion
-    use linkdyn_vec3, only: vec3
     implicit none (type, external)
     private
-    public :: prepare_margins, close_group, shifted, place_rates
+    public :: prepare_margins, close_group, shifted
     public :: small_step, is_small, watch_contraction, rounding_at, step_ahead, n_shift, largest_turn, least_group_margin
 
     integer, parameter :: most_steps = 30
@@ -52,20 +50,15 @@ contains
     !> is about one, whatever symmetries the mechanism has, and that it should be small for both vectors is unlikely.
     subroutine prepare_margins(model)
         type(model_type), intent(inout) :: model
-        logical, allocatable :: is_length(:)
         integer :: g, i, k, n, freedom
 
         freedom = link_freedom(model)
+        call describe_steps(model)
         model%least_margin = [least_closed_margins(model), (least_group_margin, g=1, size(model%group))]
         do g = 1, size(model%group)
             associate (group => model%group(g))
                 n = freedom*size(group%link)
-                if (model%is_planar) then
-                    is_length = is_planar_length(model, group)
-                else
-                    is_length = is_spatial_length(model, group)
-                end if
-                group%row_unit = merge(scene_size(model), 1.0_wp, is_length)
+                group%row_unit = merge(scene_size(model), 1.0_wp, is_distance(model, group))
                 allocate (group%probe(n, n_probe))
                 do k = 1, n_probe
                     group%probe(:, k) = [(2*counter_uniform(0_int64, int(k, int64), int(i, int64)) - 1, i=1, n)]
@@ -75,6 +68,34 @@ contains
             end associate
         end do
     end subroutine prepare_margins
+
+    !> Which of a group's constraints are distances, in the order of its joints: what each holds, then what is given of it.
+    pure function is_distance(model, group) result(is)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        logical :: is(link_freedom(model)*size(group%link))
+        integer :: i, k, row, n(2)
+
+        row = 0
+        do i = 1, size(group%joint)
+            associate (kind => model%joint(group%joint(i))%kind)
+                n = n_transmitted(kind, model%is_planar)
+                ! a thread's comes last
+                if (is_threaded(kind)) n = n - [1, 0]
+                is(row + 1:row + sum(n)) = [(k <= n(1), k=1, sum(n))]
+                row = row + sum(n)
+                if (is_threaded(kind)) then
+                    row = row + 1
+                    is(row) = .true.
+                end if
+                do k = 1, 3
+                    if (group%coordinate(k, i) == 0) cycle
+                    row = row + 1
+                    is(row) = is_slide(kind, k) .or. is_threaded(kind)
+                end do
+            end associate
+        end do
+    end function is_distance
 
     !> Below which margins of closed forms cannot be told from zero. A dyad far from the origin is closed between places that
     !> round by more of its links' lengths than one beside it, and one that hangs on other dyads has their rounding, too: of a
@@ -141,8 +162,10 @@ contains
         logical, dimension(lanes) :: is_done, is_singular, has_no_pivot, is_refused
         logical, dimension(lanes) :: is_recorded, has_rate    ! correction and velocities
         logical :: has_threads
+        type(kernel_use) :: use
         integer :: step, k
 
+        call begin_use(model, model%group(g)%step, state, use)
         associate (group => model%group(g))
             ! Lanes that have arrived stay: what a sample gives must not depend on the samples beside it.
             largest = merge(huge(1.0_wp), 0.0_wp, state%group%moves)
@@ -151,7 +174,7 @@ contains
             has_threads = any(is_threaded(model%joint(group%joint)%kind))
             do step = 1, most_steps
                 before = largest
-                call find_correction(model, g, state, correction, rate_here, margin, has_no_pivot, is_recorded)
+                call find_correction(model, g, use, state, correction, rate_here, margin, has_no_pivot, is_recorded)
                 where (.not. is_done .or. step == 1)
                     state%group%margin(:, g) = margin
                     is_singular = has_no_pivot
@@ -164,7 +187,7 @@ contains
                 spin = 0
                 if (has_threads) then
                     if (step == 1) then
-                        where (angle_off_threads(model, group, state) > surely_same_turn) &
+                        where (angle_off_threads(model, use, state) > surely_same_turn) &
                             state%group%contraction = huge(1.0_wp)
                     end if
                     call take_spins_apart(model, group, state, correction, spin)
@@ -178,21 +201,23 @@ contains
             state%not_converged = state%not_converged .or. is_refused .or. .not. is_small(largest, noise)
             state%singular = state%singular .or. is_singular
             call put_links(model, group, state)
-            if (.not. model%is_planar) call refuse_turned_joints(model, group, state)
-            if (.not. all(has_rate)) call move_group(model, group, state)
-            call take_rates(model, group, has_rate, rate, state)
+            call look_at_joints(model, use, state)
+            if (.not. all(has_rate)) call move_links(model, group, use, state)
+            if (any(has_rate)) call set_rates(model, model%part(use%step), level_velocity, rate, state, has_rate)
             if (state%group%is_led) then
-                call measure_drift(model, g, state, state%group%margin(:, g), state%group%drift(:, g))
+                call measure_drift(model, g, use, state, state%group%margin(:, g), state%group%drift(:, g))
             else
                 state%uncertainty = max(state%uncertainty, uncertainty_of_group(model, group, state, state%group%margin(:, g)))
             end if
         end associate
+        call end_use(use)
     end subroutine close_group
 
     !> What Newton's method takes from the places, and the margin there; by a record also the rates of the places.
-    subroutine find_correction(model, g, state, correction, rate, margin, has_no_pivot, is_recorded)
+    subroutine find_correction(model, g, use, state, correction, rate, margin, has_no_pivot, is_recorded)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g
+        type(kernel_use), intent(in) :: use
         type(kinematic_state), intent(inout) :: state    !! scratch of the group is lost
         real(wp), intent(out) :: correction(:, :), rate(:, :)    !! (lane, row)
         real(wp), intent(out) :: margin(lanes)
@@ -210,11 +235,7 @@ contains
         associate (group => model%group(g))
             n = size(group%unit)
             call put_links(model, group, state)
-            if (model%is_planar) then
-                call assemble_gaps(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
-            else
-                call assemble_errors(model, group, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
-            end if
+            call assemble_errors(model, use, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, 1))
             call solve_with_probe(group, state, margin_here, no_pivot_here)
         end associate
         where (.not. is_recorded)
@@ -226,68 +247,23 @@ contains
         end do
     end subroutine find_correction
 
-    subroutine put_links(model, group, state)
+    !> How the links move, and what their joints were given for it.
+    subroutine move_links(model, group, use, state)
         type(model_type), intent(in) :: model
         type(group_type), intent(in) :: group
+        type(kernel_use), intent(in) :: use
         type(kinematic_state), intent(inout) :: state
+        real(wp) :: gap(lanes, size(group%unit), level_velocity:level_given)
+        logical :: is_singular(lanes)
+        integer :: n, n_column, level
 
-        if (model%is_planar) then
-            call put_planar_links(model, group, state)
-        else
-            call put_spatial_links(model, group, state)
-        end if
-    end subroutine put_links
-
-    subroutine move_group(model, group, state)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        type(kinematic_state), intent(inout) :: state
-
-        if (model%is_planar) then
-            call move_planar_group(model, group, state)
-        else
-            call move_spatial_group(model, group, state)
-        end if
-    end subroutine move_group
-
-    !> Velocities of the links from rates of their places, on the lanes that have these.
-    subroutine take_rates(model, group, is_taken, rate, state)
-        type(model_type), intent(in) :: model
-        type(group_type), intent(in) :: group
-        logical, intent(in) :: is_taken(lanes)
-        real(wp), intent(in) :: rate(:, :)               !! (lane, row)
-        type(kinematic_state), intent(inout) :: state
-        integer :: i, k, o
-
-        if (.not. any(is_taken)) return
-        do i = 1, size(group%link)
-            associate (l => group%link(i))
-                k = link_freedom(model)*(i - 1)
-                o = orientation_of(model, l)
-                if (model%is_planar) then
-                    call take(rate(:, k + 1), state%plane%linear(level_velocity, l)%x)
-                    call take(rate(:, k + 2), state%plane%linear(level_velocity, l)%y)
-                    call take(rate(:, k + 3), state%plane%angular(:, level_velocity, o))
-                else
-                    call take(rate(:, k + 1), state%velocity(l)%x)
-                    call take(rate(:, k + 2), state%velocity(l)%y)
-                    call take(rate(:, k + 3), state%velocity(l)%z)
-                    call take(rate(:, k + 4), state%omega(o)%x)
-                    call take(rate(:, k + 5), state%omega(o)%y)
-                    call take(rate(:, k + 6), state%omega(o)%z)
-                end if
-            end associate
+        n = size(group%unit)
+        n_column = merge(velocities_only, state%n_column, state%group%is_led)
+        call move_loop(model, use, n_column, state, state%group%matrix(:, :n, :n), state%group%right(:, :n, :), gap, is_singular)
+        do level = level_velocity, merge(level_velocity, level_given, n_column < 0)
+            state%group%gap(:, level) = size_of_rows(group, gap(:, :, level))
         end do
-
-    contains
-
-        pure subroutine take(found, x)
-            real(wp), intent(in) :: found(lanes)
-            real(wp), intent(inout) :: x(lanes)
-
-            where (is_taken) x = found
-        end subroutine take
-    end subroutine take_rates
+    end subroutine move_links
 
     !> Is a correction so small that none need follow?
     elemental logical function is_small(largest, noise)
@@ -357,9 +333,10 @@ contains
     end subroutine solve_with_probe
 
     !> The margin's rate along the way, from the margin a little further on, where the links' velocities lead.
-    subroutine measure_drift(model, g, state, margin, drift)
+    subroutine measure_drift(model, g, use, state, margin, drift)
         type(model_type), intent(in) :: model
         integer, intent(in) :: g
+        type(kernel_use), intent(in) :: use
         type(kinematic_state), intent(inout) :: state    !! scratch of the group is lost
         real(wp), intent(in) :: margin(lanes)
         real(wp), intent(out) :: drift(lanes)
@@ -373,13 +350,8 @@ contains
             step = step_ahead(margin, speed)
             call look_ahead_by_record(model, g, step, state, ahead, is_recorded)
             if (.not. all(is_recorded)) then
-                associate (matrix => state%group%matrix(:, :n, :n), right => state%group%right(:, :n, 1))
-                    if (model%is_planar) then
-                        call assemble_gaps_ahead(model, group, step, state, matrix, right)
-                    else
-                        call assemble_errors_ahead(model, group, step, state, matrix, right)
-                    end if
-                end associate
+                call assemble_ahead(model, use, step, state, state%group%matrix(:, :n, :n))
+                state%group%right(:, :n, 1) = 0
                 call solve_with_probe(group, state, ahead_here, is_singular)
                 where (.not. is_recorded) ahead = ahead_here
             end if
@@ -475,12 +447,15 @@ contains
         type(kinematic_state), intent(in) :: state
         integer, intent(in) :: level
         real(wp) :: speed(lanes)
+        real(wp) :: rate(lanes, link_freedom(model))
+        integer :: i, n
 
-        if (model%is_planar) then
-            speed = planar_speed(model, group, state, level)
-        else
-            speed = spatial_speed(model, group, state, level)
-        end if
+        n = n_shift(model)
+        speed = 0
+        do i = 1, size(group%link)
+            rate = place_rates(model, state, group%link(i), level)
+            speed = max(speed, sqrt(sum(rate(:, :n)**2, dim=2))/scene_size(model), sqrt(sum(rate(:, n + 1:)**2, dim=2)))
+        end do
     end function speed_of
 
     ! ---------------------------------------------------------------- places
@@ -533,35 +508,4 @@ contains
             shifted(:, 4:) = turned_by(place(:, 4:), by(:, 4:))
         end if
     end function shifted
-
-    !> Rates of a link's place: of its origin, then its angular velocity; at level k for a unit rate of coordinate k.
-    pure function place_rates(model, state, link, level) result(rate)
-        type(model_type), intent(in) :: model
-        type(kinematic_state), intent(in) :: state
-        integer, intent(in) :: link, level           !! the velocity, or a column
-        real(wp) :: rate(lanes, link_freedom(model))
-        integer :: o
-
-        o = orientation_of(model, link)
-        if (model%is_planar) then
-            associate (plane => state%plane)
-                rate(:, 1) = plane%linear(level, link)%x
-                rate(:, 2) = plane%linear(level, link)%y
-                rate(:, 3) = plane%angular(:, level, o)
-            end associate
-        else if (level == level_velocity) then
-            rate = reshape([components(state%velocity(link)), components(state%omega(o))], shape(rate))
-        else
-            rate = reshape([components(state%acceleration(level, link)), components(state%alpha(level, o))], shape(rate))
-        end if
-    end function place_rates
-
-    pure function components(v)
-        type(vec3), intent(in) :: v
-        real(wp) :: components(lanes, 3)
-
-        components(:, 1) = v%x
-        components(:, 2) = v%y
-        components(:, 3) = v%z
-    end function components
 end module linkdyn_newton_group

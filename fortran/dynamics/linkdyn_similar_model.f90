@@ -13,6 +13,7 @@ module linkdyn_similar_model
     use linkdyn_model, only: model_type, link_freedom, is_length
     use linkdyn_scene, only: law_spec, drive_spec, drive_constant, drive_table, drive_spring_damper, drive_dc_motor, drive_pd, &
         law_harmonic, motor_spec, n_clutch, side_torque, side_voltage
+    use linkdyn_step_part, only: describe_steps
     implicit none (type, external)
     private
     public :: make_similar, coordinate_scale, drive_scale, near_one
@@ -133,6 +134,7 @@ contains
             n_length = link_freedom(model) - merge(1, 3, model%is_planar)
             similar%group(i)%start(:n_length, :) = scale*model%group(i)%start(:n_length, :)
         end do
+        call describe_steps(similar)
     end subroutine make_similar
 
     !> Radii and slides.

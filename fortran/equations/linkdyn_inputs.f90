@@ -18,7 +18,7 @@ module linkdyn_inputs
     public :: trace_request, sample_set, input_blocks, make_inputs, n_block
     public :: in_q, in_quaternion, in_qd, in_qdd, in_load, in_target, in_effort, in_branch, in_place, in_number
     public :: in_found, in_pull, in_base, in_payload, in_friction, in_counted
-    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, add_inputs
+    public :: in_motion, in_stop, in_clutch, in_sense, in_unknown, in_transposed, add_inputs, add_block
 
     ! ---- the blocks
     integer, parameter :: in_q = 1              !! coordinates (n_q) [m, rad]

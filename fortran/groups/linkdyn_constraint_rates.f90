@@ -7,14 +7,15 @@
 module linkdyn_constraint_rates
     use linkdyn_constants, only: two_pi
     use linkdyn_joint_kind, only: marker_pair
+    use linkdyn_joint_table, only: moment_directions, along_axes, n_along
     use linkdyn_kinds, only: wp
     use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, told_marker_frame
     use linkdyn_rates, only: rate_map, set_rate, rate_of
     use linkdyn_record, only: new_unknown
     use linkdyn_substitution, only: substitution, replace, substituted
     use linkdyn_value, only: value, zero, constant, nearest_whole, operator(+), operator(-), operator(*), sin, cos, atan2
-    use linkdyn_vector, only: vector, rotation, components, operator(+), operator(-), operator(*), operator(.cross.), &
-        operator(.rotate.)
+    use linkdyn_vector, only: vector, rotation, components, operator(+), operator(-), operator(*), operator(.dot.), &
+        operator(.cross.), operator(.rotate.)
     implicit none (type, external)
     private
     public :: body_state, constraint_type, constraints_of_joint, constraint_of_variable
@@ -53,7 +54,25 @@ contains
             call set_rate(rates, still(k), zero())
         end do
         call differentiate(constraint, rates)
+        if (mechanism%model%is_planar .and. moment_directions(mechanism%model%joint(j)%kind) == along_axes) &
+            call turn_in_plane(pair, constraint)
     end function constraints_of_joint
+
+    !> In a plane all that keeps directions together is one angle between the markers, and its rate the difference of two.
+    subroutine turn_in_plane(pair, constraint)
+        type(marker_pair), intent(in) :: pair
+        type(constraint_type), intent(inout) :: constraint
+        type(vector) :: sine
+        type(value) :: cosine
+
+        associate (a => pair%first, b => pair%second, n => size(constraint%c) - n_along(along_axes), body => constraint%symbol)
+            sine = (a%x.cross.b%x) + (a%y.cross.b%y) + (a%z.cross.b%z)
+            cosine = (a%x.dot.b%x) + (a%y.dot.b%y) + (a%z.dot.b%z) - constant(1.0_wp)
+            constraint%c = [constraint%c(:n), atan2(sine%z, cosine)]
+            constraint%rate = [constraint%rate(:n), body(2)%omega%z - body(1)%omega%z]
+            constraint%rate2 = [constraint%rate2(:n), body(2)%alpha%z - body(1)%alpha%z]
+        end associate
+    end subroutine turn_in_plane
 
     !> That of a joint variable which is coordinate k, or led by gears as number k. Of an angle's difference full turns do not
     !> count; of joints that lead, those nearest to their starts.

@@ -6,14 +6,17 @@
 module linkdyn_dyads
     use linkdyn_bodies, only: point_position, rotation_of
     use linkdyn_kinds, only: wp
-    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, least_square
+    use linkdyn_mechanism, only: mechanism_type, marker_point, marker_frame, set_slide, must_be_positive, root_of, &
+        least_square
     use linkdyn_model, only: step_type, side_of, step_rrr, step_rrp, step_rpr, step_prp, step_ppr
-    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, reciprocal, square
+    use linkdyn_value, only: value, zero, operator(+), operator(-), operator(*), sqrt, abs, reciprocal, square
     use linkdyn_vector, only: vector, rotation, unit_vector, operator(+), operator(-), operator(*), operator(.dot.), &
         operator(.rotate.)
     implicit none (type, external)
     private
-    public :: place_dyad
+    public :: place_dyad, find_ways
+
+    real(wp), parameter :: rounding = 8*epsilon(1.0_wp)    !! of squares that are products, relative to the lengths in them
 
     !> One of the dyad's links with its outer and its inner joint.
     type :: half_type
@@ -26,7 +29,7 @@ module linkdyn_dyads
 
 contains
 
-    !> Place both links. The branch is +1 or -1.
+    !> Place both links. The branch is +1 or -1. How their joint moves with each of them is found besides.
     subroutine place_dyad(mechanism, step, branch)
         type(mechanism_type), intent(inout) :: mechanism
         type(step_type), intent(in) :: step
@@ -35,20 +38,19 @@ contains
 
         half(1) = half_of(mechanism, step, 1)
         half(2) = half_of(mechanism, step, 2)
-        associate (ways => mechanism%ways(:, step%first))
-            select case (step%kind)
-            case (step_rrr)
-                call place_rrr(mechanism, half, branch, ways)
-            case (step_rrp)
-                call place_rrp(mechanism, half, branch, ways)
-            case (step_rpr)
-                call place_rpr(mechanism, half, branch, ways)
-            case (step_prp)
-                call place_prp(mechanism, half, ways)
-            case (step_ppr)
-                call place_ppr(mechanism, half, ways)
-            end select
-        end associate
+        select case (step%kind)
+        case (step_rrr)
+            call place_rrr(mechanism, half, branch)
+        case (step_rrp)
+            call place_rrp(mechanism, half, branch)
+        case (step_rpr)
+            call place_rpr(mechanism, half, branch)
+        case (step_prp)
+            call place_prp(mechanism, half)
+        case (step_ppr)
+            call place_ppr(mechanism, half)
+        end select
+        call find_ways(mechanism, step)
     end subroutine place_dyad
 
     pure function half_of(mechanism, step, i) result(half)
@@ -68,11 +70,10 @@ contains
     ! ---------------------------------------------------------------- the five kinds
 
     !> Two circles meet: C from A along the line AB and across it.
-    subroutine place_rrr(mechanism, half, branch, ways)
+    subroutine place_rrr(mechanism, half, branch)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
         type(value), intent(in) :: branch
-        type(vector), intent(out) :: ways(2)
         type(vector) :: own(2), d, arm
         type(value) :: length(2), sum, difference, square_distance, distance, along, across, half_per_square
 
@@ -89,20 +90,18 @@ contains
         ! The lengths first: a short distance added to a length would lose its digits.
         across = ((sum - distance)*(sum + distance))*((distance + difference)*(distance - difference))
         ! 16 times the square of the triangle's area: that of the sine, times (2 length(1) length(2))**2
-        call must_be_positive(mechanism, across - (4*least_square)*square(length(1)*length(2)))
-        across = (branch*sqrt(across))*half_per_square
+        across = (branch*root_of(mechanism, across, (4*least_square)*square(length(1)*length(2)), &
+                                 rounding*square(sum*(distance + abs(difference)))))*half_per_square
         arm = along*d + across*left_of(d)
         call hang(mechanism, half(1), turn_onto(own(1), arm))
         call hang(mechanism, half(2), turn_onto(own(2), arm - d))
-        ways = [arm, arm - d]
     end subroutine place_rrr
 
     !> A circle about A meets the line of a slide: C0 is the inner joint at slide zero, u the slide's direction.
-    subroutine place_rrp(mechanism, half, branch, ways)
+    subroutine place_rrp(mechanism, half, branch)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
         type(value), intent(in) :: branch
-        type(vector), intent(out) :: ways(2)
         type(vector) :: own, u, d, arm
         type(value) :: length, height, forward
 
@@ -116,15 +115,13 @@ contains
         arm = forward*u + height*left_of(u)
         call hang(mechanism, half(1), turn_onto(own, arm))
         call slide_out(mechanism, half(2), u, forward - (d.dot.u))
-        ways = [left_of(arm), u]
     end subroutine place_rrp
 
     !> A pair of sliding links between two hinges: the pair turns so that B falls on its line.
-    subroutine place_rpr(mechanism, half, branch, ways)
+    subroutine place_rpr(mechanism, half, branch)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
         type(value), intent(in) :: branch
-        type(vector), intent(out) :: ways(2)
         type(rotation) :: frame(2), r
         type(vector) :: u_own, d, u, left, offset(2)
         type(value) :: height, distance2, forward, per
@@ -149,14 +146,12 @@ contains
             r = turn_onto(frame(i)%z, u)
             call hang(mechanism, half(i), r)
         end do
-        ways = [left_of(d), u]
     end subroutine place_rpr
 
     !> Two slides and a hinge between: C where both lines meet.
-    subroutine place_prp(mechanism, half, ways)
+    subroutine place_prp(mechanism, half)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
-        type(vector), intent(out) :: ways(2)
         type(vector) :: u(2), gap
         type(value) :: per
         integer :: i
@@ -170,14 +165,12 @@ contains
         per = reciprocal(left_of(u(1)) .dot.u(2))
         call slide_out(mechanism, half(1), u(1), -(per*(left_of(u(2)) .dot.gap)))
         call slide_out(mechanism, half(2), u(2), -(per*(left_of(u(1)) .dot.gap)))
-        ways = u
     end subroutine place_prp
 
     !> A slide on a known link, a slide on that slide, a hinge at B: everything turns with the known link.
-    subroutine place_ppr(mechanism, half, ways)
+    subroutine place_ppr(mechanism, half)
         type(mechanism_type), intent(inout) :: mechanism
         type(half_type), intent(in) :: half(2)
-        type(vector), intent(out) :: ways(2)
         type(rotation) :: frame
         type(vector) :: u(2), gap, inner, own
         type(value) :: per
@@ -197,8 +190,50 @@ contains
         per = reciprocal(left_of(u(1)) .dot.u(2))
         call slide_out(mechanism, half(1), u(1), -(per*(left_of(u(2)) .dot.gap)))
         call hang(mechanism, half(2), rotation_of(mechanism%bodies, half(2)%link))
-        ways = u
     end subroutine place_ppr
+
+    !> How the inner joint moves with each of the links, of a dyad that is placed: turned by a unit angle about its outer hinge, or along
+    !> its slide.
+    subroutine find_ways(mechanism, step)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(half_type) :: half(2)
+        type(vector) :: way(2)
+        type(rotation) :: frame
+
+        half(1) = half_of(mechanism, step, 1)
+        half(2) = half_of(mechanism, step, 2)
+        select case (step%kind)
+        case (step_rrr)
+            way = [arm_of_half(1), arm_of_half(2)]
+        case (step_rrp)
+            way = [left_of(arm_of_half(1)), slide_direction(mechanism, half(2))]
+        case (step_rpr)
+            way = [left_of(outer_point(mechanism, half(2)) - outer_point(mechanism, half(1))), inner_direction()]
+        case (step_prp)
+            way = [slide_direction(mechanism, half(1)), slide_direction(mechanism, half(2))]
+        case (step_ppr)
+            way = [slide_direction(mechanism, half(1)), inner_direction()]
+        end select
+        mechanism%ways(:, step%first) = way
+
+    contains
+
+        !> From the outer to the inner joint; both of an RRR dyad are turned by a right angle alike.
+        function arm_of_half(i) result(arm)
+            integer, intent(in) :: i
+            type(vector) :: arm
+
+            arm = rotation_of(mechanism%bodies, half(i)%link) .rotate.own_arm(mechanism, half(i))
+        end function arm_of_half
+
+        function inner_direction() result(u)
+            type(vector) :: u
+
+            frame = marker_frame(mechanism, half(1)%inner, half(1)%inner_side)
+            u = rotation_of(mechanism%bodies, half(1)%link) .rotate.frame%z
+        end function inner_direction
+    end subroutine find_ways
 
     ! ---------------------------------------------------------------- geometry
 
@@ -233,8 +268,7 @@ contains
         type(value) :: product
 
         product = (radius - height)*(radius + height)
-        call must_be_positive(mechanism, product - least_square*square(radius))
-        chord = sqrt(product)
+        chord = root_of(mechanism, product, least_square*square(radius), rounding*square(radius))
     end function half_chord
 
     ! ---------------------------------------------------------------- the halves

@@ -5,8 +5,8 @@
 module linkdyn_group_rates
     use linkdyn_bodies, only: in_two_axes, world_axes, set_vector, forget_vector, omega_of, alpha_of, rotation_of, &
         acceleration_of_origin
-    use linkdyn_constraint_rates, only: body_state, constraint_type, constraints_of_joint, constraint_of_variable, velocities_of, &
-        accelerations_of
+    use linkdyn_constraint_rates, only: body_state, constraint_type, constraints_of_joint, constraint_of_variable, errors_of, &
+        velocities_of, accelerations_of
     use linkdyn_mechanism, only: mechanism_type, watch
     use linkdyn_model, only: leads_within
     use linkdyn_system, only: system_type, unknown, require, solve, solved
@@ -14,7 +14,8 @@ module linkdyn_group_rates
     use linkdyn_vector, only: vector, components, vector_of
     implicit none (type, external)
     private
-    public :: group_constraints, list_constraints, move_group, states, make_velocities_unknown
+    public :: group_constraints, list_constraints, move_group
+    public :: make_velocities_unknown, make_accelerations_unknown, require_rates, require_second_rates
 
     !> All constraints of a group.
     type :: group_constraints
@@ -83,41 +84,57 @@ contains
         type(group_constraints), intent(in) :: constraints
         type(system_type), intent(inout), optional :: equations
         type(system_type) :: velocities, accelerations
-        integer :: i
 
-        call require_velocities(velocities)
+        call make_velocities_unknown(mechanism, constraints, velocities)
+        call require_rates(mechanism, constraints, velocities)
         call solve(velocities)
         call watch(mechanism, velocities)
         call settle_velocities(mechanism, constraints, velocities)
         if (present(equations)) then
-            call require_accelerations(equations)
+            call make_accelerations_unknown(mechanism, constraints, equations)
+            call require_second_rates(mechanism, constraints, equations)
         else
-            call require_accelerations(accelerations)
+            call make_accelerations_unknown(mechanism, constraints, accelerations)
+            call require_second_rates(mechanism, constraints, accelerations)
             call solve(accelerations)
             mechanism%is_solved = mechanism%is_solved .and. accelerations%is_solved
             call settle_accelerations(mechanism, constraints, accelerations)
         end if
-
-    contains
-
-        subroutine require_velocities(system)
-            type(system_type), intent(inout) :: system
-
-            call make_velocities_unknown(mechanism, constraints, system)
-            do i = 1, size(constraints%of)
-                call require(system, velocities_of(constraints%of(i), states(mechanism, constraints%of(i)%link)))
-            end do
-        end subroutine require_velocities
-
-        subroutine require_accelerations(system)
-            type(system_type), intent(inout) :: system
-
-            call take_accelerations(mechanism, constraints, system)
-            do i = 1, size(constraints%of)
-                call require(system, accelerations_of(constraints%of(i), states(mechanism, constraints%of(i)%link)))
-            end do
-        end subroutine require_accelerations
     end subroutine move_group
+
+    !> Rates of the constraints become equations; their errors come in the same order.
+    subroutine require_rates(mechanism, constraints, system, error)
+        type(mechanism_type), intent(in) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        type(system_type), intent(inout) :: system
+        type(value), allocatable, intent(out), optional :: error(:)    !! (equation)
+        type(value), allocatable :: rate(:), c(:)
+        integer :: i, k, n_before
+
+        if (present(error)) allocate (error(0))
+        do i = 1, size(constraints%of)
+            associate (body => states(mechanism, constraints%of(i)%link))
+                rate = velocities_of(constraints%of(i), body)
+                if (present(error)) c = errors_of(constraints%of(i), body)
+            end associate
+            do k = 1, size(rate)
+                n_before = system%n_equation
+                call require(system, rate(k))
+                if (present(error) .and. system%n_equation > n_before) error = [error, c(k)]
+            end do
+        end do
+    end subroutine require_rates
+
+    subroutine require_second_rates(mechanism, constraints, system)
+        type(mechanism_type), intent(in) :: mechanism
+        type(group_constraints), intent(in) :: constraints
+        type(system_type), intent(inout) :: system
+        integer :: i
+
+        do i = 1, size(constraints%of)
+            call require(system, accelerations_of(constraints%of(i), states(mechanism, constraints%of(i)%link)))
+        end do
+    end subroutine require_second_rates
 
     ! ---------------------------------------------------------------- states of links
 
@@ -172,7 +189,7 @@ contains
         end do
     end subroutine settle_velocities
 
-    subroutine take_accelerations(mechanism, constraints, system)
+    subroutine make_accelerations_unknown(mechanism, constraints, system)
         type(mechanism_type), intent(inout) :: mechanism
         type(group_constraints), intent(in) :: constraints
         type(system_type), intent(inout) :: system
@@ -185,7 +202,7 @@ contains
                     call set_vector(mechanism%bodies%turning(body%turning)%alpha, world_axes, unknown_turn(mechanism, system))
             end associate
         end do
-    end subroutine take_accelerations
+    end subroutine make_accelerations_unknown
 
     subroutine settle_accelerations(mechanism, constraints, system)
         type(mechanism_type), intent(inout) :: mechanism

@@ -4,13 +4,12 @@
 !> Errors, what the known links' velocities do, and the probes are right-hand sides of the same matrix. They go through the
 !> elimination as one, each with a symbol of its own for a factor, and are told apart in the solution.
 module linkdyn_newton_step
-    use linkdyn_constraint_rates, only: errors_of, velocities_of
-    use linkdyn_group_rates, only: group_constraints, states, make_velocities_unknown
+    use linkdyn_group_rates, only: group_constraints, make_velocities_unknown, require_rates
     use linkdyn_kinds, only: wp
     use linkdyn_linear_form, only: linear_form, linear_forms, find_linear_form
     use linkdyn_mechanism, only: mechanism_type
     use linkdyn_record, only: new_unknown
-    use linkdyn_system, only: system_type, require, solve
+    use linkdyn_system, only: system_type, solve
     use linkdyn_value, only: value, zero, constant, operator(+), operator(-), operator(*)
     implicit none (type, external)
     private
@@ -34,13 +33,14 @@ contains
         real(wp), intent(in) :: probe(:, :)            !! (row, probe)
         type(newton_step), intent(out) :: step
         type(system_type) :: system
-        type(value) :: factor(size(probe, 2) + 1), error(size(probe, 1)), zeros(size(probe, 1))
-        logical :: is_square
+        type(value) :: factor(size(probe, 2) + 1), zeros(size(probe, 1))
+        type(value), allocatable :: error(:)
         integer :: i, k
 
         call make_velocities_unknown(mechanism, constraints, system)
-        call require_all(is_square)
-        if (.not. is_square) return
+        call require_rates(mechanism, constraints, system, error)
+        ! not square: the probes do not belong to these equations
+        if (size(error) /= size(zeros) .or. system%n_unknown /= size(zeros)) return
         do k = 1, size(factor)
             factor(k) = new_unknown()
         end do
@@ -64,29 +64,6 @@ contains
         step%is_solved = .true.
 
     contains
-
-        !> The constraints' rates, and their errors in the same order. Not square: the probes do not belong to these.
-        subroutine require_all(is_square)
-            logical, intent(out) :: is_square
-            type(value), allocatable :: c(:), rate(:)
-            integer :: n_before
-
-            is_square = .false.
-            do i = 1, size(constraints%of)
-                associate (body => states(mechanism, constraints%of(i)%link))
-                    c = errors_of(constraints%of(i), body)
-                    rate = velocities_of(constraints%of(i), body)
-                end associate
-                do k = 1, size(c)
-                    n_before = system%n_equation
-                    call require(system, rate(k))
-                    if (system%n_equation == n_before) cycle
-                    if (system%n_equation > size(error)) return
-                    error(system%n_equation) = c(k)
-                end do
-            end do
-            is_square = system%n_equation == size(error) .and. system%n_unknown == size(error)
-        end subroutine require_all
 
         subroutine tell_apart()
             type(linear_forms) :: forms

@@ -9,7 +9,7 @@ module linkdyn_open_chain
     use linkdyn_model, only: step_type
     use linkdyn_rates, only: rate_of
     use linkdyn_value, only: value, zero, operator(+), operator(*)
-    use linkdyn_vector, only: vector, rotation, vector_of, zero_vector, operator(+), operator(-), operator(*), &
+    use linkdyn_vector, only: vector, rotation, vector_of, zero_vector, unit_vector, operator(+), operator(-), operator(*), &
         operator(.cross.), operator(.rotate.), operator(.unrotate.)
     implicit none (type, external)
     private
@@ -61,11 +61,12 @@ contains
     !>     R_B = R_A M_A turn M_B^T        omega_B = omega_A + M_A w        point of B's marker = point of A's + M_A s
     !>
     !> Either link may be the one known before.
-    subroutine walk_joint(mechanism, j, from_second, q, qd)
+    subroutine walk_joint(mechanism, j, from_second, q, qd, quaternion)
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(in) :: j                       !! joint
         logical, intent(in) :: from_second             !! B is known, A is placed
         type(value), intent(in) :: q(:), qd(:)         !! its variables, whose rates the mechanism knows [m, rad]
+        type(value), intent(in), optional :: quaternion(:)    !! attitude of a ball joint; the rates are then about the first marker's axes
         type(joint_shift) :: shift
         type(rotation) :: frame_a, frame_b, turn
         type(vector) :: arm_a, arm_b, w(3), s(3)       ! w: value, rate; s: value, rate, second rate; axes of A
@@ -75,6 +76,10 @@ contains
         b = mechanism%model%joint(j)%link(2)
         associate (kind => mechanism%kind(j)%is)
             shift = kind%shift(q)
+            if (present(quaternion)) then
+                shift%turn = rotation_by_quaternion(quaternion)
+                shift%axis = [unit_vector(1), unit_vector(2), unit_vector(3)]
+            end if
             frame_a = marker_frame(mechanism, j, 1)
             frame_b = marker_frame(mechanism, j, 2)
             arm_a = marker_point(mechanism, j, 1)

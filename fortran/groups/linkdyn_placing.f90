@@ -15,7 +15,7 @@ module linkdyn_placing
     use linkdyn_vector, only: vector, vector_of, operator(.unrotate.)
     implicit none (type, external)
     private
-    public :: run_step, place_group
+    public :: run_step, place_links, place_group, closes_loop, list_step_constraints, step_joints, measure_slides
 
 contains
 
@@ -27,36 +27,60 @@ contains
         type(value), intent(in) :: place(:, :)         !! x, y, angle, or x y z and a quaternion (place_size, link)
         type(system_type), intent(inout), optional :: equations    !! where accelerations stay unknown, if they do
         type(group_constraints) :: constraints
-        integer :: i
 
+        if (step%kind == step_group) then
+            call place_group(mechanism, step%first, place, constraints)
+        else
+            call place_links(mechanism, step, branch, equations)
+            if (closes_loop(step)) call list_step_constraints(mechanism, step, constraints)
+        end if
+        if (closes_loop(step)) call move_group(mechanism, constraints, equations)
+        call measure_slides(mechanism, step_joints(mechanism, step))
+    end subroutine run_step
+
+    !> Where a step in closed form places its links; how they move, too, but where that is left to the constraints of a loop.
+    subroutine place_links(mechanism, step, branch, equations)
+        type(mechanism_type), intent(inout) :: mechanism
+        type(step_type), intent(in) :: step
+        type(value), intent(in) :: branch
+        type(system_type), intent(inout), optional :: equations
+        type(value), allocatable :: quaternion(:)
+
+        if (allocated(mechanism%quaternion) .and. (step%kind == step_pose .or. step%kind == step_joint) .and. step%first > 0) &
+            quaternion = mechanism%quaternion(:, step%first)
         select case (step%kind)
         case (step_pose)
-            if (allocated(mechanism%quaternion)) then
-                call take_pose(mechanism, step, mechanism%quaternion(:, step%first))
-            else
-                call take_pose(mechanism, step)
-            end if
+            call take_pose(mechanism, step, quaternion)
         case (step_joint)
             associate (k => pack(step%coordinate, step%coordinate > 0))
                 call complete_led(mechanism, k, [integer ::])
-                call walk_joint(mechanism, step%joint(1), step%from_second, mechanism%q(k), mechanism%qd(k))
+                call walk_joint(mechanism, step%joint(1), step%from_second, mechanism%q(k), mechanism%qd(k), quaternion)
             end associate
         case (step_ups)
             call close_leg(mechanism, step, equations)
+        case (step_csp)
+            call place_csp(mechanism, step, branch)
         case default
-            if (is_dyad(step%kind)) then
-                call place_dyad(mechanism, step, branch)
-                call list_constraints(mechanism, step%link, step%joint, reshape([(0, i=1, 9)], [3, 3]), constraints)
-            else if (step%kind == step_csp) then
-                call place_csp(mechanism, step, branch)
-                call list_constraints(mechanism, step%link, step%joint, reshape([(0, i=1, 9)], [3, 3]), constraints)
-            else
-                call place_group(mechanism, step%first, place, constraints)
-            end if
-            call move_group(mechanism, constraints, equations)
+            call place_dyad(mechanism, step, branch)
         end select
-        call measure_slides(mechanism, step_joints(mechanism, step))
-    end subroutine run_step
+    end subroutine place_links
+
+    !> Is the motion of a step's links that of a loop's constraints?
+    pure logical function closes_loop(step)
+        type(step_type), intent(in) :: step
+
+        closes_loop = step%kind == step_group .or. step%kind == step_csp .or. is_dyad(step%kind)
+    end function closes_loop
+
+    !> Constraints of a closed form, whose links are placed.
+    subroutine list_step_constraints(mechanism, step, constraints)
+        type(mechanism_type), intent(in) :: mechanism
+        type(step_type), intent(in) :: step
+        type(group_constraints), intent(out) :: constraints
+        integer, parameter :: none(3, 3) = 0
+
+        call list_constraints(mechanism, step%link, step%joint, none, constraints)
+    end subroutine list_step_constraints
 
     !> Joints that a step closes.
     function step_joints(mechanism, step) result(joint)

@@ -2,8 +2,8 @@
 module linkdyn_screw
     use linkdyn_attitude, only: rotation_about_z
     use linkdyn_joint_kind, only: joint_kind, marker_pair, joint_shift
-    use linkdyn_value, only: value, sin, cos, reciprocal, operator(-), operator(*)
-    use linkdyn_vector, only: unit_vector, operator(*), operator(-), operator(.dot.)
+    use linkdyn_value, only: value, sin, cos, atan2, reciprocal, operator(-), operator(*)
+    use linkdyn_vector, only: unit_vector, operator(+), operator(*), operator(-), operator(.dot.)
     implicit none (type, external)
     private
     public :: screw
@@ -19,7 +19,7 @@ module linkdyn_screw
 contains
 
     !> The second point lies on the axis, the axes are parallel, and the second x stands where the slide turns the first one to.
-    !> The last as a length, the way that the thread is off.
+    !> The last as a length, the way that the thread is off but for whole turns.
     function constraints(self, pair) result(c)
         class(screw), intent(in) :: self
         type(marker_pair), intent(in) :: pair
@@ -29,7 +29,7 @@ contains
         turned = (pair%gap .dot.pair%first%z)*reciprocal(self%pitch)
         associate (a => pair%first, b => pair%second)
             c = [pair%gap .dot.a%x, pair%gap .dot.a%y, b%z .dot.a%x, b%z .dot.a%y, &
-                 self%pitch*(b%x .dot.(sin(turned)*a%x - cos(turned)*a%y))]
+                 self%pitch*atan2(b%x .dot.(sin(turned)*a%x - cos(turned)*a%y), b%x .dot.(cos(turned)*a%x + sin(turned)*a%y))]
         end associate
     end function constraints
 

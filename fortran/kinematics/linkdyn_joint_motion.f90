@@ -13,13 +13,12 @@ module linkdyn_joint_motion
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_pose, only: rpy_rotation, rotate_rpy, angular_velocity_rpy, angular_acceleration_rpy, rates_of_rpy, rotation_about_z
-    use linkdyn_quaternion, only: rotation_of_quaternion
     use linkdyn_vec3, only: vec3, mat3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), &
         operator(.rotate.), operator(.unrotate.), zero_vec3
     implicit none (type, external)
     private
     public :: relative_motion, turn_frame, turn_frame_back
-    public :: relative_by_variables, relative_by_quaternion, variables_of_relative, relative_axis, marker_axis
+    public :: relative_by_variables, variables_of_relative, relative_axis, marker_axis
 
     !> Motion of the second marker's frame seen from the first link, in world axes.
     type :: relative_motion
@@ -99,22 +98,6 @@ contains
             motion%alpha = first.rotate.angular_acceleration_rpy(turn, qd, qdd)
         end select
     end subroutine relative_by_variables
-
-    !> Motion through a spherical joint from its attitude: regular everywhere, where three angles are not.
-    pure subroutine relative_by_quaternion(first, quaternion, rate, rate2, motion)
-        type(mat3), intent(in) :: first                       !! first marker's frame, world axes
-        real(wp), intent(in) :: quaternion(lanes, 4)          !! w x y z, second marker's frame in the first's
-        type(vec3), intent(in) :: rate, rate2                 !! relative angular velocity and acceleration, axes of `first`
-        type(relative_motion), intent(out) :: motion
-
-        motion%slide = zero_vec3()
-        motion%slide_rate = motion%slide
-        motion%slide_rate2 = motion%slide
-        motion%frame = first*rotation_of_quaternion(quaternion)
-        motion%axis = [first%x, first%y, first%z]
-        motion%omega = first.rotate.rate
-        motion%alpha = first.rotate.rate2
-    end subroutine relative_by_quaternion
 
     pure subroutine slide_along(axis, s, sd, sdd, motion)
         type(vec3), intent(in) :: axis

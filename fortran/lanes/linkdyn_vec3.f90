@@ -1,7 +1,7 @@
 !> Vectors and rotations in space, on a block of lanes: every component holds `lanes` samples side by side.
 !>
 !> The operators let the mechanics read like the formulas while each line compiles to plain vector
-!> instructions. Procedures are tiny on purpose: they vanish by inlining (see tools/one_unit.py).
+!> instructions. Procedures are tiny on purpose.
 module linkdyn_vec3
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes

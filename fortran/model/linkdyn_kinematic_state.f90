@@ -5,7 +5,6 @@
 !> column k what a unit acceleration of coordinate k adds (for a pose: of the velocity and the angular velocity).
 !> A planar scene keeps its motion in `plane`; the arrays for space are then not allocated.
 module linkdyn_kinematic_state
-    use linkdyn_csp, only: csp_group
     use linkdyn_group_motion, only: group_motion, prepare_groups
     use linkdyn_joint_table, only: most_slides
     use linkdyn_kinds, only: wp
@@ -14,7 +13,6 @@ module linkdyn_kinematic_state
     use linkdyn_planar_motion, only: planar_motion, prepare_planar_motion
     use linkdyn_scene, only: n_stop, n_clutch
     use linkdyn_status, only: sample_ok
-    use linkdyn_ups_leg, only: ups_leg
     use linkdyn_vec3, only: vec3, mat3, identity_mat3, zero_vec3, lane_of, mat3_lane
     implicit none (type, external)
     private
@@ -24,7 +22,6 @@ module linkdyn_kinematic_state
 
     type :: kinematic_state
         integer :: n_column = 0                               !! columns besides column 0, or `velocities_only`
-        logical :: world_rates = .true.                       !! angular rates in world axes of every link, also where no step needs them
         ! ---- INPUT
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :) !! coordinates, rates, accelerations    (lane, n_q)
         real(wp), allocatable :: turns(:, :)                  !! that coordinates have made besides   (lane, n_q)
@@ -40,8 +37,6 @@ module linkdyn_kinematic_state
         ! ---- POSITION
         type(mat3), allocatable :: rotation(:)                !! link axes to world                   (0:n_orientation)
         type(vec3), allocatable :: position(:)                !! origin, world [m]                    (0:n_link)
-        type(ups_leg), allocatable :: leg(:)                  !!                                      (n_leg)
-        type(csp_group), allocatable :: csp(:)                !!                                      (n_branch)
         real(wp), allocatable :: slide(:, :, :)               !! first to second marker along axes [m] (lane, slide, n_joint)
         logical :: unreachable(lanes) = .false.               !! a loop could not be closed
         logical :: singular(lanes) = .false.                  !! at a dead point: rates are not determined
@@ -50,7 +45,7 @@ module linkdyn_kinematic_state
         integer :: way_status(lanes) = sample_ok              !! how following the assembly to here came out: one of `sample_*`
         logical :: undefined(lanes) = .false.                 !! a spring has no direction
         integer :: holding(lanes) = 0                         !! the contact whose friction holds the mechanism fast; 0: none does
-        real(wp) :: uncertainty(lanes) = 0                    !! largest relative one of what groups and CSP groups found
+        real(wp) :: uncertainty(lanes) = 0                    !! largest relative one of what groups found
         type(planar_motion) :: plane
         type(group_motion) :: group                           !! closed by Newton's method
         ! ---- LAWS over the state
@@ -109,7 +104,6 @@ contains
             allocate (state%alpha(0:n_column, 0:n_orientation), state%alpha_body(0:n_column, 0:n_orientation))
             allocate (state%position(0:n_link), state%velocity(0:n_link))
             allocate (state%acceleration(0:n_column, 0:n_link), state%acceleration_body(0:n_column, 0:n_link))
-            allocate (state%leg(model%n_leg), state%csp(model%n_branch))
             do i = 0, n_orientation
                 state%rotation(i) = identity_mat3()
                 state%omega(i) = zero_vec3()

@@ -7,8 +7,8 @@ module linkdyn_model
     use linkdyn_scene, only: scene_type, name_len, coordinate_joint, joint_spherical, joint_universal, share_refused
     implicit none (type, external)
     private
-    public :: model_type, payload_type, link_type, joint_type, step_type, leg_type, group_type, gear_type, belt_type, led_type, &
-        loose_type
+    public :: model_type, payload_type, link_type, joint_type, step_type, part_type, leg_type, group_type, gear_type, belt_type, &
+        led_type, loose_type
     public :: motor_type, take_motors
     public :: share_type
     public :: step_pose, step_joint, step_ups, step_csp, step_rrr, step_rrp, step_rpr, step_prp, step_ppr, step_group, step_name
@@ -55,7 +55,6 @@ module linkdyn_model
         logical :: is_massless = .false.      !! no inertia at all: nothing to compute
         logical :: is_diagonal = .true.       !! no products of inertia
         integer :: orientation = 0            !! index of the rotation it shares with links that slide on it
-        logical :: needs_world = .false.      !! its angular rates in world axes are read by a later step
         integer :: spin = 0                   !! the idle spin that turns it (see linkdyn_idle_spin); 0: none
         real(wp) :: spin_point(3) = 0         !! of the line about which that is, link axes [m]
         real(wp) :: spin_axis(3) = 0          !! unit vector along it, link axes
@@ -149,7 +148,19 @@ module linkdyn_model
         logical :: has_branches = .false.     !! there are two ways to close: see the model's `branch`
         integer :: branch = 0                 !! of a straight leg: +1, its slide's axis points from U to S, or -1
         integer :: turn = 0                   !! likewise: +1, its second universal axis points as s x first axis does, or -1
+        integer :: number = 0                 !! in the plan
     end type step_type
+
+    !> What the kernels of a step take from the model, see `linkdyn_step_part`.
+    type :: part_type
+        character(len=:), allocatable :: key  !! steps with the same one share their kernels
+        integer, allocatable :: link(:)       !! that it places
+        integer, allocatable :: around(:)     !! these, and then those that they hang on
+        logical, allocatable :: turns(:)      !! a link's orientation is its own; else it is that of another one (link)
+        integer, allocatable :: joint(:)
+        integer, allocatable :: given(:)      !! what gives variables: coordinates, and beyond the last what gears lead
+        real(wp), allocatable :: number(:)    !! as kernels take them
+    end type part_type
 
     !> The links of a UPS leg.
     type :: leg_type
@@ -168,6 +179,7 @@ module linkdyn_model
         real(wp), allocatable :: row_unit(:)  !! of its constraints: the mechanism's size for a distance, 1 for an angle (row)
         real(wp), allocatable :: probe(:, :)  !! what the margin is measured with (row, n_probe); see linkdyn_newton_group
         real(wp), allocatable :: unit(:)      !! of the corrections (column) [m, rad]
+        integer :: step = 0                   !! of the plan, that places them
     end type group_type
 
     !> Reactions that the equations alone do not determine, because joints hold directions that others hold already. See
@@ -212,6 +224,7 @@ module linkdyn_model
         type(contact_type), allocatable :: contact(:)    !! where joints rub
         type(led_type), allocatable :: led(:)
         type(loose_type), allocatable :: loose(:)
+        type(part_type), allocatable :: part(:)       !! (step)
         type(group_type), allocatable :: group(:)
         type(share_type) :: share
         logical, allocatable :: moves(:, :)   !! (n_q, n_link): the coordinate moves the link

@@ -4,7 +4,6 @@
 !> row of levels: -1 the velocity, 0 the acceleration that the coordinates' motion gives, k what a unit acceleration of
 !> coordinate k adds. Only level 0 has centripetal and Coriolis parts.
 module linkdyn_planar_motion
-    use linkdyn_dyad_map, only: dyad_map
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
     use linkdyn_model, only: model_type
@@ -29,9 +28,6 @@ module linkdyn_planar_motion
         type(vec2), allocatable :: position(:)           !! origin [m]                       (0:n_link)
         real(wp), allocatable :: angular(:, :, :)        !! (lane, -1:n_column, 0:n_orientation)
         type(vec2), allocatable :: linear(:, :)          !! of the origin                    (-1:n_column, 0:n_link)
-        type(dyad_map), allocatable :: dyad(:)           !!                                  (n_dyad)
-        real(wp), allocatable :: drift(:, :)             !! rate of the map's determinant    (lane, n_dyad)
-        real(wp), allocatable :: rate(:, :, :, :)        !! found by the map, of velocity and column 0 (lane, 2, -1:0, n_dyad)
         type(planar_contact), allocatable :: contact(:)  !!                                  (n_cam)
     end type planar_motion
 
@@ -46,7 +42,6 @@ contains
         associate (n_o => model%n_orientation, n_link => model%n_link)
             allocate (motion%rotation(0:n_o), motion%position(0:n_link), motion%angular(lanes, -1:n_column, 0:n_o), &
                       motion%linear(-1:n_column, 0:n_link))
-            allocate (motion%dyad(model%n_dyad), motion%drift(lanes, model%n_dyad), motion%rate(lanes, 2, -1:0, model%n_dyad))
             allocate (motion%contact(model%n_cam))
             motion%angular = 0
             do i = 0, n_o
@@ -59,7 +54,5 @@ contains
                 end do
             end do
         end associate
-        motion%drift = 0
-        motion%rate = 0
     end subroutine prepare_planar_motion
 end module linkdyn_planar_motion

@@ -289,15 +289,10 @@ contains
         type(model_type), intent(inout) :: model
         integer, intent(in) :: i, j
         type(planning), intent(inout) :: plan
-        integer :: s
 
         call lead_by_loose(model, i, j)
         plan%is_used(i) = .true.
         plan%given(1, j) = model%n_q + size(model%led)
-        do s = 1, size(model%loose(i)%joint)
-            call need_world(model, model%joint(model%loose(i)%joint(s))%link(1))
-            call need_world(model, model%joint(model%loose(i)%joint(s))%link(2))
-        end do
     end subroutine lead_by_sum
 
     !> Gears by which a group would have to close are not taken.
@@ -475,8 +470,6 @@ contains
             group%turns = [(has_own_orientation(i), i=1, size(member))]
             do i = 1, size(group%joint)
                 associate (joint => model%joint(group%joint(i)))
-                    call need_world(model, joint%link(1))
-                    call need_world(model, joint%link(2))
                     if (joint%kind == joint_spherical .and. any(group%coordinate(:, i) > 0)) &
                         call fail(status, status_bad_input, "joint "//quoted(joint%name)//": the angles of a spherical " &
                                   //"joint can be coordinates in an open chain only")
@@ -540,8 +533,6 @@ contains
         step%base_moves = model%joint(step%joint(1))%link(1) > 0
         model%joint(step%joint(2))%leg = model%n_leg
         call add_step(plan, step)
-        call need_world(model, model%joint(step%joint(1))%link(1))
-        call need_world(model, model%joint(step%joint(3))%link(2))
     end subroutine close_ups_leg
 
     !> Are the joints universal, prismatic, spherical, written from base to platform, their markers where the closed
@@ -645,13 +636,6 @@ contains
             point = stand(:, 4, link) + matmul(stand(:, :3, link), own)
         end function point_at
     end subroutine note_ways
-
-    subroutine need_world(model, link)
-        type(model_type), intent(inout) :: model
-        integer, intent(in) :: link
-
-        if (link > 0) model%link(link)%needs_world = .true.
-    end subroutine need_world
 
     ! ---------------------------------------------------------------- refusals
 

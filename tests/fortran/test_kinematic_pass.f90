@@ -317,7 +317,6 @@ contains
         call prepare(error, scene, .true., model, all_columns, seed)
         call move(model, seed, 0.1_wp, all_columns)
         call prepare(error, scene, .false., model, one_column, seed)
-        one_column%world_rates = .false.
         call move(model, seed, 0.1_wp, one_column)
         do i = 1, model%n_link
             do l = 1, lanes

@@ -9,7 +9,7 @@ module linkdyn_rrp_dyad
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.), perp
     implicit none (type, external)
     private
-    public :: locate_rrp, map_rrp, bias_rrp, drift_rrp
+    public :: locate_rrp, map_rrp, bias_rrp
 
 contains
 
@@ -51,13 +51,4 @@ contains
 
         gap = omega**2*arm + (2*omega_slide*slide_rate)*perp(u)
     end function bias_rrp
-
-    !> Rate of the map's determinant, -(C - A).u.
-    pure function drift_rrp(arm, u, omega, omega_slide) result(drift)
-        type(vec2), intent(in) :: arm, u
-        real(wp), intent(in) :: omega(lanes), omega_slide(lanes)
-        real(wp) :: drift(lanes)
-
-        drift = (omega - omega_slide)*(u.cross.arm)
-    end function drift_rrp
 end module linkdyn_rrp_dyad

@@ -11,11 +11,11 @@ module linkdyn_csp
     use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
     use linkdyn_kinds, only: wp
     use linkdyn_lane_count, only: lanes
-    use linkdyn_uncertainty, only: largest_uncertainty, uncertainty_of_motion
+    use linkdyn_uncertainty, only: largest_uncertainty
     use linkdyn_vec3, only: vec3, operator(+), operator(-), operator(*), operator(.dot.), operator(.cross.)
     implicit none (type, external)
     private
-    public :: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp, map_csp_column, margin_csp, uncertainty_csp
+    public :: csp_group, locate_csp, drop_uncertain_rates, move_csp, accelerate_csp
 
     !> A group in its position, world axes.
     type :: csp_group
@@ -96,19 +96,6 @@ contains
         group%turn_rate = ((group%w_rate - (omega.cross.group%w)).dot.group%m)*group%per_radius2
     end subroutine move_csp
 
-    !> Sine of the angle at which the slide meets the cylinder, with the sign of the branch, and its rate.
-    pure subroutine margin_csp(group, margin, rate)
-        type(csp_group), intent(in) :: group
-        real(wp), intent(out) :: margin(lanes), rate(lanes)
-        type(vec3) :: n_rate
-        real(wp) :: per_radius(lanes)
-
-        n_rate = group%w_rate - group%sigma_rate*group%u - group%sigma*group%u_rate
-        per_radius = sqrt(group%per_radius2)
-        margin = per_radius*(group%n.dot.group%y)
-        rate = per_radius*((n_rate.dot.group%y) + (group%n.dot.group%y_rate))
-    end subroutine margin_csp
-
     !> Acceleration of the slide and of the turn about the axis.
     pure subroutine accelerate_csp(group, span_acceleration, omega, alpha, slide_rate2, turn_rate2)
         type(csp_group), intent(in) :: group
@@ -131,45 +118,4 @@ contains
             turn_rate2 = (n_rate2.dot.group%m)*group%per_radius2
         end associate
     end subroutine accelerate_csp
-
-    !> The linear part of the acceleration map, which is the velocity map too: one column.
-    pure subroutine map_csp_column(group, span_column, alpha, slide_column, turn_column)
-        type(csp_group), intent(in) :: group
-        type(vec3), intent(in) :: span_column          !! of S with the slide held, less that of the point of the axis
-        type(vec3), intent(in) :: alpha                !! column of the angular acceleration of the link with the axis
-        real(wp), intent(out) :: slide_column(lanes), turn_column(lanes)
-        type(vec3) :: w_column
-
-        slide_column = (group%n.dot.(group%sigma*(alpha.cross.group%u) - span_column))*group%per_slope
-        w_column = span_column + slide_column*group%y
-        turn_column = ((w_column - (alpha.cross.group%w)).dot.group%m)*group%per_radius2
-    end subroutine map_csp_column
-
-    !> What rounding leaves of the group's motion (see `linkdyn_uncertainty`): across the axis slide and coupler close a gap as
-    !> the links of a dyad do.
-    pure function uncertainty_csp(group, slide_rate2, turn_rate2) result(part)
-        type(csp_group), intent(in) :: group
-        real(wp), intent(in) :: slide_rate2(lanes), turn_rate2(lanes)    !! acceleration of the slide, of the turn about the axis
-        real(wp) :: part(lanes)
-        type(vec3) :: across
-        real(wp) :: radius(lanes)
-
-        across = group%y - (group%y.dot.group%u)*group%u
-        radius = 1/sqrt(group%per_radius2)
-        part = uncertainty_of_motion(1/abs(group%per_slope*radius), radius, &
-                                     max(abs(group%slide_rate), abs(group%turn_rate)*radius), &
-                                     gap_of(group%slide_rate, group%turn_rate), &
-                                     max(abs(slide_rate2), abs(turn_rate2)*radius), gap_of(slide_rate2, turn_rate2))
-
-    contains
-
-        pure function gap_of(slide, turn) result(gap)
-            real(wp), intent(in) :: slide(lanes), turn(lanes)
-            real(wp) :: gap(lanes)
-            type(vec3) :: v
-
-            v = turn*group%m - slide*across
-            gap = sqrt(v.dot.v)
-        end function gap_of
-    end function uncertainty_csp
 end module linkdyn_csp

@@ -12,7 +12,7 @@ module linkdyn_rrr_dyad
     use linkdyn_vec2, only: vec2, operator(+), operator(-), operator(*), operator(.dot.), perp
     implicit none (type, external)
     private
-    public :: locate_rrr, map_rrr, bias_rrr, drift_rrr
+    public :: locate_rrr, map_rrr, bias_rrr
 
     real(wp), parameter :: rounding = 8*epsilon(1.0_wp)   !! of the factors, relative to the lengths
 
@@ -55,13 +55,4 @@ contains
 
         gap = omega1**2*arm1 - omega2**2*arm2
     end function bias_rrr
-
-    !> Rate of the map's determinant L1 L2 sin(angle from AC to BC).
-    pure function drift_rrr(arm1, arm2, omega1, omega2) result(drift)
-        type(vec2), intent(in) :: arm1, arm2
-        real(wp), intent(in) :: omega1(lanes), omega2(lanes)
-        real(wp) :: drift(lanes)
-
-        drift = (omega2 - omega1)*(arm1.dot.arm2)
-    end function drift_rrr
 end module linkdyn_rrr_dyad

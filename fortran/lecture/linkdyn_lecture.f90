@@ -1,8 +1,8 @@
 !> The lecture's kinematics modules under its names: points with their velocity and acceleration in and out, one call a
 !> link or a pair of links, in the order in which the mechanism is walked.
 !>
-!> They are doors to the kernels of this folder, not a second implementation: positions come from the same closed forms,
-!> velocities and accelerations from the same 2x2 maps as in the engine. `mode` is the lecture's assembly mode, +1 or -1.
+!> They are the lecture's road: closed forms, and for rates a 2x2 map for each pair of links. The engine goes another one, records of
+!> the joints' constraints, and tests compare both. `mode` is the lecture's assembly mode, +1 or -1.
 !> Every argument holds `lanes` samples side by side. The modules for mechanisms in space are in `linkdyn_lecture_spatial`.
 !>
 !> The coefficient forms FD_... need no formulas of their own. Accelerations are affine in the cranks' angular

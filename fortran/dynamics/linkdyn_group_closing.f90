@@ -1,0 +1,214 @@
+!> What a group closed by iteration asks of its links, on a block of lanes: its kernels, fed with where links are and how they move.
+!>
+!> The matrix of the constraints serves the errors of places, velocities, and accelerations; it is solved here, with pivots for each
+!> lane.
+module linkdyn_group_closing
+    use linkdyn_cam_contact, only: locate_contacts
+    use linkdyn_constants, only: two_pi
+    use linkdyn_gauss_jordan, only: solve_gauss_jordan
+    use linkdyn_joint_table, only: n_slide, is_threaded
+    use linkdyn_kinds, only: wp
+    use linkdyn_kinematic_state, only: kinematic_state
+    use linkdyn_lane_count, only: lanes
+    use linkdyn_lane_kernels, only: kernel_use, run_kernel, set_rates
+    use linkdyn_model, only: model_type, group_type, part_type, orientation_of
+    use linkdyn_planar_motion, only: level_velocity, level_given
+    use linkdyn_quaternion, only: rotation_of_quaternion
+    use linkdyn_step_kernels, only: of_errors, of_velocities, of_accelerations, of_looks
+    use linkdyn_vec2, only: vec2, rot2_by_angle
+    use linkdyn_vec3, only: vec3, operator(.rotate.)
+    use linkdyn_whole_turns, only: least_angle
+    implicit none (type, external)
+    private
+    public :: put_links, assemble_errors, assemble_ahead, move_loop, look_at_joints, angle_off_threads, take_spins_apart
+
+contains
+
+    !> The iterate as rotations and positions.
+    subroutine put_links(model, group, state)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(inout) :: state
+        integer :: i
+
+        do i = 1, size(group%link)
+            associate (l => group%link(i), o => orientation_of(model, group%link(i)), place => state%group%place)
+                if (model%is_planar) then
+                    state%plane%position(l) = vec2(place(:, 1, l), place(:, 2, l))
+                    if (group%turns(i)) state%plane%rotation(o) = rot2_by_angle(place(:, 3, l))
+                else
+                    state%position(l) = vec3(place(:, 1, l), place(:, 2, l), place(:, 3, l))
+                    if (group%turns(i)) state%rotation(o) = rotation_of_quaternion(place(:, 4:7, l))
+                end if
+            end associate
+        end do
+    end subroutine put_links
+
+    ! ---------------------------------------------------------------- errors and their matrix
+
+    !> Errors where the links stand, and how the links make them.
+    subroutine assemble_errors(model, use, state, matrix, error)
+        type(model_type), intent(in) :: model
+        type(kernel_use), intent(in) :: use
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: matrix(:, :, :), error(:, :)    !! (lane, row, column), (lane, row)
+        real(wp), allocatable :: found(:, :)
+
+        call run_kernel(model, use, of_errors, state, found)
+        call fill_matrix(use, found, matrix)
+        error = found(:, size(found, 2) - size(error, 2) + 1:)
+    end subroutine assemble_errors
+
+    !> The matrix a little further on, where the links' velocities lead.
+    subroutine assemble_ahead(model, use, step, state, matrix)
+        type(model_type), intent(in) :: model
+        type(kernel_use), intent(in) :: use
+        real(wp), intent(in) :: step(lanes)
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(out) :: matrix(:, :, :)
+        real(wp), allocatable :: found(:, :)
+
+        call run_kernel(model, use, of_errors, state, found, ahead=step)
+        call fill_matrix(use, found, matrix)
+    end subroutine assemble_ahead
+
+    pure subroutine fill_matrix(use, found, matrix)
+        type(kernel_use), intent(in) :: use
+        real(wp), intent(in) :: found(:, :)
+        real(wp), intent(out) :: matrix(:, :, :)
+        integer :: k
+
+        matrix = 0
+        associate (form => use%kernels%form)
+            do k = 1, size(form%row)
+                if (form%output(k) > 0) then
+                    matrix(:, form%row(k), form%column(k)) = found(:, form%output(k))
+                else
+                    matrix(:, form%row(k), form%column(k)) = form%constant(k)
+                end if
+            end do
+        end associate
+    end subroutine fill_matrix
+
+    ! ---------------------------------------------------------------- velocities and accelerations
+
+    !> All levels but the given acceleration at once, then that one, which needs the velocities. On a way there are velocities only.
+    subroutine move_loop(model, use, n_column, state, matrix, right, gap, is_singular)
+        type(model_type), intent(in) :: model
+        type(kernel_use), intent(in) :: use
+        integer, intent(in) :: n_column                  !! `velocities_only`, or columns
+        type(kinematic_state), intent(inout) :: state
+        real(wp), intent(out) :: matrix(:, :, :)         !! scratch (lane, row, row)
+        real(wp), intent(out) :: right(:, :, :)          !! likewise (lane, row, 1 + columns)
+        real(wp), intent(out) :: gap(:, :, level_velocity:)    !! right-hand sides of both levels (lane, row, level)
+        logical, intent(out) :: is_singular(lanes)
+        real(wp), allocatable :: entry(:, :), found(:, :)
+        real(wp) :: growth(lanes)
+        integer :: n, n_right, level
+
+        n = size(matrix, 2)
+        n_right = 1 + max(n_column, 0)
+        call run_kernel(model, use, of_errors, state, entry)
+        call run_kernel(model, use, of_velocities, state, found, level_velocity)
+        right(:, :, 1) = found
+        gap(:, :, level_velocity) = found
+        do level = 1, n_column
+            call run_kernel(model, use, of_velocities, state, found, level)
+            right(:, :, level + 1) = found
+        end do
+        call fill_matrix(use, entry, matrix)
+        call solve_gauss_jordan(n, n_right, matrix, right(:, :, :n_right), growth, is_singular)
+        associate (part => model%part(use%step))
+            call set_rates(model, part, level_velocity, right(:, :, 1), state)
+            do level = 1, n_column
+                call set_rates(model, part, level, right(:, :, level + 1), state)
+            end do
+            if (n_column < 0) return
+            call run_kernel(model, use, of_accelerations, state, found, level_given)
+            right(:, :, 1) = found
+            gap(:, :, level_given) = found
+            call fill_matrix(use, entry, matrix)
+            call solve_gauss_jordan(n, 1, matrix, right(:, :, :1), growth, is_singular)
+            call set_rates(model, part, level_given, right(:, :, 1), state)
+        end associate
+    end subroutine move_loop
+
+    ! ---------------------------------------------------------------- joints
+
+    !> How far joints are slid, and where followers touch. An axis turned end for end satisfies the equations but is no assembly of the
+    !> joint.
+    subroutine look_at_joints(model, use, state)
+        type(model_type), intent(in) :: model
+        type(kernel_use), intent(in) :: use
+        type(kinematic_state), intent(inout) :: state
+        real(wp), allocatable :: found(:, :)
+        integer :: i, k, n
+
+        call run_kernel(model, use, of_looks, state, found)
+        n = 0
+        associate (joint => model%part(use%step)%joint)
+            do i = 1, size(joint)
+                do k = 1, n_slide(model%joint(joint(i))%kind)
+                    n = n + 1
+                    state%slide(:, k, joint(i)) = found(:, n)
+                end do
+            end do
+            do i = n + 1, n + use%kernels%n_facing
+                state%not_converged = state%not_converged .or. found(:, i) < 0
+            end do
+            if (model%is_planar) call locate_contacts(model, joint, state%plane)
+        end associate
+    end subroutine look_at_joints
+
+    !> By what angle the nut that is farthest off its thread is off it, where the iteration stands.
+    function angle_off_threads(model, use, state) result(angle)
+        type(model_type), intent(in) :: model
+        type(kernel_use), intent(in) :: use
+        type(kinematic_state), intent(in) :: state
+        real(wp) :: angle(lanes)
+        real(wp), allocatable :: found(:, :)
+
+        call run_kernel(model, use, of_looks, state, found)
+        angle = maxval(abs(found(:, size(found, 2) - use%kernels%n_thread + 1:)), dim=2)
+    end function angle_off_threads
+
+    !> Of a correction the turns of links about the axes of their threads: a small way along a thread is a large angle about it.
+    !> Whole turns, which change nothing, are taken off the correction itself.
+    subroutine take_spins_apart(model, group, state, correction, spin)
+        type(model_type), intent(in) :: model
+        type(group_type), intent(in) :: group
+        type(kinematic_state), intent(in) :: state
+        real(wp), intent(inout) :: correction(:, :)      !! (lane, row)
+        real(wp), intent(out) :: spin(:, :)              !! (lane, row)
+        type(vec3) :: about
+        real(wp) :: angle(lanes)
+        integer :: i, side, k, place
+
+        spin = 0
+        do i = 1, size(group%joint)
+            associate (joint => model%joint(group%joint(i)))
+                if (.not. is_threaded(joint%kind)) cycle
+                do side = 1, 2
+                    place = findloc(group%link, joint%link(side), dim=1)
+                    if (place == 0) cycle
+                    k = 6*(place - 1) + 3
+                    about = state%rotation(orientation_of(model, joint%link(side))) .rotate.joint%frame(:, 3, side)
+                    angle = correction(:, k + 1)*about%x + correction(:, k + 2)*about%y + correction(:, k + 3)*about%z
+                    call add(-two_pi*anint(angle/two_pi), correction)
+                    call add(least_angle(angle), spin)
+                end do
+            end associate
+        end do
+
+    contains
+
+        subroutine add(angle, to)
+            real(wp), intent(in) :: angle(lanes)
+            real(wp), intent(inout) :: to(:, :)
+
+            to(:, k + 1) = to(:, k + 1) + angle*about%x
+            to(:, k + 2) = to(:, k + 2) + angle*about%y
+            to(:, k + 3) = to(:, k + 3) + angle*about%z
+        end subroutine add
+    end subroutine take_spins_apart
+end module linkdyn_group_closing
