@@ -209,7 +209,6 @@ contains
         equations%unknown%drive = spread(.false., 1, model%n_actuator)
         allocate (equations%lossy(0), equations%rub(0))
         equations%wants_reactions = .false.
-        equations%needs_world = size(model%scene%laws%law) > 0
         equations%answer = [result_driving_force, out_transmitted, result_qdd]
         choice%way = nothing_else
         choice%drive_is_unknown = equations%unknown%drive

@@ -172,7 +172,7 @@ contains
         integer :: i, g, k
 
         do i = 1, size(slot)
-            call put_lanes(x(:, i), slot(i), space%block)
+            call put_lanes(size(x, 1), x(:, i), slot(i), space%block)
         end do
         k = 1
         do g = 1, size(program%program%group_end)
@@ -182,7 +182,7 @@ contains
                 call run_block(program%program, g, space%block)
             end if
             do k = k, program%program%group_end(g)
-                call take_lanes(program%program, space%block, k, found(:, k))
+                call take_lanes(program%program, space%block, k, size(found, 1), found(:, k))
             end do
         end do
     end subroutine run_lanes
@@ -232,7 +232,7 @@ contains
         end do
     end subroutine collect_inputs
 
-    !> A number of the motion, in the order of `linkdyn_group_kernels`.
+    !> A number of the motion, in the order of `linkdyn_step_kernels`.
     function motion_number(model, part, state, number, level, ahead) result(x)
         type(model_type), intent(in) :: model
         type(part_type), intent(in) :: part

@@ -512,7 +512,7 @@ contains
         call add_step(plan, step)
     end subroutine close_csp_group
 
-    !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_ups_leg`; or,
+    !> A UPS leg between known links: universal, prismatic, spherical, each leg link in the axes of `linkdyn_leg`; or,
     !> where legs need only be straight, in any axes and in this order from whichever end.
     subroutine close_ups_leg(model, member, plan)
         type(model_type), intent(inout) :: model
