@@ -4,7 +4,7 @@
 #include <pthread.h>
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
-static pthread_mutex_t texts, records;
+static pthread_mutex_t making;               /* of texts and of records */
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 
 void linkdyn_hold_lock(void)
@@ -23,29 +23,28 @@ static void make_recursive(void)
 
     pthread_mutexattr_init(&attributes);
     pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_RECURSIVE);
-    pthread_mutex_init(&texts, &attributes);
-    pthread_mutex_init(&records, &attributes);
+    pthread_mutex_init(&making, &attributes);
     pthread_mutexattr_destroy(&attributes);
 }
 
 void linkdyn_hold_texts(void)
 {
     pthread_once(&once, make_recursive);
-    pthread_mutex_lock(&texts);
+    pthread_mutex_lock(&making);
 }
 
 void linkdyn_release_texts(void)
 {
-    pthread_mutex_unlock(&texts);
+    pthread_mutex_unlock(&making);
 }
 
 void linkdyn_hold_records(void)
 {
     pthread_once(&once, make_recursive);
-    pthread_mutex_lock(&records);
+    pthread_mutex_lock(&making);
 }
 
 void linkdyn_release_records(void)
 {
-    pthread_mutex_unlock(&records);
+    pthread_mutex_unlock(&making);
 }

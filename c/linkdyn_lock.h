@@ -6,11 +6,10 @@
 void linkdyn_hold_lock(void);
 void linkdyn_release_lock(void);
 
-/* For the making of texts; a thread that holds it may hold it again. */
+/* For the making of texts, and for the making of records: one lock under two names, since whoever makes the one comes to make
+   the other. A thread that holds it may hold it again. */
 void linkdyn_hold_texts(void);
 void linkdyn_release_texts(void);
-
-/* For the making of records; a thread that holds it may hold it again, and the texts after it. */
 void linkdyn_hold_records(void);
 void linkdyn_release_records(void);
 

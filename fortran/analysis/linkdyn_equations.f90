@@ -163,7 +163,7 @@ contains
             return
         end if
         associate (u => equations%unknown)
-            if (.not. all(u%drive .and. drives_share(model)) .or. any(u%acceleration)) then
+            if (.not. (drives_share(model) .and. all(u%drive)) .or. any(u%acceleration)) then
                 if (count(u%drive) + count(u%acceleration) /= model%n_q) then
                     call refuse_count(model, u, model%n_q - count(u%drive) - count(u%acceleration), status)
                     return

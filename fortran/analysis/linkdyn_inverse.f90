@@ -264,7 +264,6 @@ contains
         n_all = max(n, solver%n_expected)
         wants_rates = associated(results%joint_variable) .or. associated(results%joint_rate)
         wants_driven = associated(results%driving_position) .or. associated(results%driving_speed)
-        wanted = wanted_forces(results)
         has_stand_ins = present(own) .and. any(model%scene%coordinate%for_joint > 0)
         n_dense = 0
         is_on_way = present(known) .or. (present(trail) .and. n > 0)
@@ -303,6 +302,7 @@ contains
         if (n_left > 0) then
             if (shares) allocate (stand%position(3, model%n_link, n_left), stand%rotation(3, 3, model%n_link, n_left), &
                                   stand%status(n_left))
+            wanted = wanted_forces(results)
             call run_on_lanes()
             if (shares .and. .not. is_interrupted()) call share()
         end if

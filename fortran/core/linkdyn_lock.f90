@@ -4,10 +4,10 @@
 !>
 !> `hold_texts` is for the making of texts, thus for reading and planning scenes and for messages. gfortran keeps the length of
 !> a text that a function returns in a static variable of the place that called it: two threads there at once would take each
-!> other's. A thread may hold it twice. Nothing is computed under it that takes long.
-!>
-!> `hold_records` is for the making of what a scene's equations keep for the next batch: who wants the same meanwhile, waits. A
-!> thread may hold it twice, and take the texts while it does, but not the other way round.
+!> other's. `hold_records` is for the making of what a scene's equations and steps keep for the next batch: who wants the same
+!> meanwhile, waits. Scenes that are read make kernels, for their starts, and records that are made have messages, so both are one
+!> lock: two would be taken in either order. A thread may hold it any number of times; members of a team that it leads must not
+!> need it.
 module linkdyn_lock
     implicit none (type, external)
     private

@@ -35,11 +35,11 @@ def whitworth(apart: float = APART, **more: Any) -> dict[str, Any]:
 
 
 def scotch_yoke() -> dict[str, Any]:
-    """The slot is across the yoke's guide."""
+    """The slot is across the yoke's guide. Were the crank massless, nothing would move at the yoke's dead points: 0/0 in forward runs."""
     return {
         "space": "planar", "gravity": [0, -9.81], "time": {"end": 2, "samples": 201},
         "frame": {"markers": {"O": [0, 0], "guide": {"at": [0, 0.1], "axis": [1, 0]}}},
-        "link": [crank(mass=0, inertia=0, cog=[0, 0]),
+        "link": [crank(mass=0, inertia=0.002, cog=[0, 0]),
                  {"name": "yoke", "markers": {"guide": {"at": [0, 0.1], "axis": [1, 0]}, "slot": {"at": [0, 0], "axis": [0, 1]}}, "mass": 3.0, "cog": [0.05, 0.02]}],
         "joint": [{"name": "crank", "type": "revolute", "between": ["frame.O", "crank.O"]},
                   {"name": "guide", "type": "prismatic", "between": ["frame.guide", "yoke.guide"]},
