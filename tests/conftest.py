@@ -21,6 +21,29 @@ METHODS = ("rk4", "rkf45", "rk8pd", "msbdf", "gbs", "seulex")
 """Integrators of forward runs."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """For builds that show faults of code, whatever the numbers: checked, sanitized."""
+    parser.addoption("--cases", type=int, help="of each test with parameters at most so many, evenly spread")
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Choose the cases, the first and the last of a test among them."""
+    most = config.getoption("--cases")
+    if most is None:
+        return
+    tests: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        tests.setdefault(item.nodeid.partition("[")[0], []).append(item)
+    chosen = set()
+    for cases in tests.values():
+        n = min(most, len(cases))
+        apart = (len(cases) - 1) / max(n - 1, 1)
+        chosen |= {id(cases[round(i * apart)]) for i in range(n)}
+    config.hook.pytest_deselected(items=[item for item in items if id(item) not in chosen])
+    items[:] = [item for item in items if id(item) in chosen]
+
+
 def pytest_configure() -> None:
     """What this session starts hears signals, though the session itself may run under nohup or behind a script's `&`."""
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGTERM, signal.SIG_DFL), (signal.SIGHUP, signal.SIG_DFL)):

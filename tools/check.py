@@ -93,8 +93,9 @@ WAYS = {
         "bounds, pointers and memory looked at while running, what was never set is NaN; 4 lanes, SSE2 alone, without GSL",
         (*OPTIMIZED_LITTLE, "-Dfortran_args=['-fcheck=all,no-array-temps', '-finit-real=snan', '-finit-derived']",
          "-Dlanes=4", "-Dmarch=x86-64", "-Dgsl=disabled"),
-        # pages, pictures and types are the same in every build; bounds on rounding errors are for lanes32, whose instructions round otherwise
-        ("tests/python", "tests/cli", "tests/faults", "-m", "(lanes or not accuracy) and not long"),
+        # pages, pictures and types are the same in every build; bounds on rounding errors are for lanes32, whose instructions round otherwise;
+        # what a test has many cases of goes the same ways through the code in most
+        ("tests/python", "tests/cli", "tests/faults", "-m", "(lanes or not accuracy) and not long", "--cases", "3"),
     ),
     "sanitized": Way(
         "addresses, undefined behaviour of C and C++ and, without Python, leaks looked at while running",
