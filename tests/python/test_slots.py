@@ -39,7 +39,7 @@ def scotch_yoke() -> dict[str, Any]:
     return {
         "space": "planar", "gravity": [0, -9.81], "time": {"end": 2, "samples": 201},
         "frame": {"markers": {"O": [0, 0], "guide": {"at": [0, 0.1], "axis": [1, 0]}}},
-        "link": [crank(mass=0, inertia=0.002, cog=[0, 0]),
+        "link": [crank(mass=0.1, inertia=0.002, cog=[0, 0]),
                  {"name": "yoke", "markers": {"guide": {"at": [0, 0.1], "axis": [1, 0]}, "slot": {"at": [0, 0], "axis": [0, 1]}}, "mass": 3.0, "cog": [0.05, 0.02]}],
         "joint": [{"name": "crank", "type": "revolute", "between": ["frame.O", "crank.O"]},
                   {"name": "guide", "type": "prismatic", "between": ["frame.guide", "yoke.guide"]},
