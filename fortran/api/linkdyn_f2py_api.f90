@@ -30,7 +30,7 @@ module linkdyn_f2py_api
     use linkdyn_open_run, only: open_run, start_run, take_run, leave_run
     use linkdyn_open_simulator, only: open_simulator, start_simulator, set_simulator, take_simulator, leave_simulator
     use linkdyn_open_scene, only: open_scene, open_scene_text, open_with_loads, take_scene, leave_scene, layout_of
-    use linkdyn_open_sweep, only: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, kept_width, copy_numbers
+    use linkdyn_open_sweep, only: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, take_kept, copy_numbers
     use linkdyn_payloads, only: evaluate_payloads
     use linkdyn_poses, only: find_poses, poses_of_joints
     use linkdyn_report, only: open_report, read_report
@@ -39,6 +39,7 @@ module linkdyn_f2py_api
     use linkdyn_scene_reader, only: check_actuators
     use linkdyn_status, only: status_type, fail, status_bad_input, status_interrupted
     use linkdyn_sweep_results, only: sweep_dataset, kept_variables
+    use linkdyn_sweep_rounds, only: kept_width, most_kept
     use linkdyn_text, only: printable
     use linkdyn_build, only: version
     use linkdyn_code, only: choose_code, code_in_use
@@ -51,7 +52,7 @@ module linkdyn_f2py_api
     public :: api_inverse, api_forward, api_advance, api_events, api_finish, api_poses
     public :: api_ensemble, api_generate
     public :: api_simulator, api_set_simulator, api_step_simulator, api_close_simulator
-    public :: api_sweep_open, api_sweep_advance, api_sweep_describe, api_sweep_values, api_sweep_close
+    public :: api_sweep_open, api_sweep_advance, api_sweep_kept, api_sweep_describe, api_sweep_values, api_sweep_close
 
 contains
 
@@ -914,18 +915,23 @@ contains
         call report_heard(status, code, message)
     end subroutine api_ensemble
 
-    !> Plan the sweep of a scene. It is advanced, read and closed by its own handle.
-    subroutine api_sweep_open(handle, n_folder, folder, solver, n_keep, keep, sweep, n_sample, n_chunk, chunk, width, code, &
-            message)
+    !> Plan the sweep of a scene, and go on where an earlier run stands. It is advanced, read and closed by its own handle.
+    subroutine api_sweep_open(handle, n_folder, folder, solver, n_keep, keep, threads, n_output, output, resumes, interval, sweep, &
+                              n_sample, n_done, chunk, width, n_next, code, message)
         integer(c_intptr_t), intent(in) :: handle
-        integer(c_int), intent(in) :: n_folder, n_keep
+        integer(c_int), intent(in) :: n_folder, n_keep, n_output
         integer(c_int), intent(in) :: folder(n_folder)     ! where the scene's tables lie
         character(len=*), intent(in) :: solver
         integer(c_int), intent(in) :: keep(n_keep)         ! quantities kept of every sample, with commas; blank: the scene's
+        integer(c_int), intent(in) :: threads
+        integer(c_int), intent(in) :: output(n_output)     ! file for which the results are; blank: none
+        integer(c_int), intent(in) :: resumes              ! not 0: an interrupted run kept there is gone on with
+        real(c_double), intent(in) :: interval             ! seconds between two checkpoints
         integer(c_intptr_t), intent(out) :: sweep
-        real(c_double), intent(out) :: n_sample, n_chunk   ! whole numbers, below 2**53
+        real(c_double), intent(out) :: n_sample, n_done    ! samples in all, chunks that are done; whole numbers, below 2**53
         integer(c_int), intent(out) :: chunk               ! samples of a chunk at most
         integer(c_int), intent(out) :: width               ! values kept of a sample; 0: none
+        integer(c_int), intent(out) :: n_next              ! chunks of the next round at most
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_scene), pointer :: scene
@@ -936,60 +942,90 @@ contains
         call start_listening()
         sweep = 0
         n_sample = 0
-        n_chunk = 0
+        n_done = 0
         chunk = 0
         width = 0
+        n_next = 0
         nullify (open)
         call take_scene(handle, scene, status)
         if (status%code == 0) call check_actuators(scene%model%scene, status)
         if (status%code == 0) call choose_solver(trim(solver), number, status)
-        if (status%code == 0) call start_open_sweep(scene%model%scene, from_bytes(folder), number, trim(from_bytes(keep)), sweep, &
-                                                    status)
+        if (status%code == 0) call start_open_sweep(scene%model%scene, from_bytes(folder), number, trim(from_bytes(keep)), &
+            int(threads), trim(from_bytes(output)), resumes /= 0, interval, sweep, status)
         if (status%code == 0) call take_sweep(sweep, open, status)
         if (status%code == 0) then
             n_sample = real(open%run%plan%n_sample, c_double)
-            n_chunk = real(open%run%plan%n_chunk, c_double)
+            n_done = real(open%run%n_done, c_double)
             chunk = int(open%run%plan%chunk, c_int)
             width = kept_width(open%run)
+            n_next = open%rounds%n_next
         end if
         call leave_scene(handle, scene)
         call leave_sweep(sweep, open)
         call report_heard(status, code, message)
     end subroutine api_sweep_open
 
-    !> Compute the next chunks. What is kept of their samples comes out, sample after sample.
-    subroutine api_sweep_advance(sweep, n_chunk, threads, n_records, records, n_done, n_kept, code, message)
+    !> Compute the next round of chunks. What is kept of their samples comes out, sample after sample, unless the results are for a
+    !> file.
+    subroutine api_sweep_advance(sweep, threads, n_records, records, is_over, n_done, n_kept, n_next, code, message)
         !f2py threadsafe
         integer(c_intptr_t), intent(in) :: sweep
-        integer(c_int), intent(in) :: n_chunk              ! at most
         integer(c_int), intent(in) :: threads
         integer(c_int), intent(in) :: n_records
-        real(c_double), intent(inout), target :: records(n_records)  ! (width, samples of the chunks), room for all
+        real(c_double), intent(inout), target :: records(n_records)  ! (width, samples of a round), room for all
+        integer(c_int), intent(out) :: is_over             ! 1: all is computed
         real(c_double), intent(out) :: n_done              ! chunks in all
         integer(c_int), intent(out) :: n_kept              ! samples
+        integer(c_int), intent(out) :: n_next              ! chunks of the next round at most
         integer(c_int), intent(out) :: code
         character(len=512), intent(out) :: message
         type(open_sweep), pointer :: open
         type(status_type) :: status
         real(c_double), pointer :: values(:, :)
+        integer :: width, most
 
         call start_listening()
+        is_over = 0
         n_done = 0
         n_kept = 0
+        n_next = 0
         call take_sweep(sweep, open, status)
         if (status%code == 0) then
-            associate (width => kept_width(open%run), most => n_chunk*int(open%run%plan%chunk))
-                call check_size("records", int(used(n_records, width*most), int64), width, most, status)
-            end associate
+            width = merge(0, kept_width(open%run), allocated(open%rounds%output))
+            most = int(most_kept(open%run, open%rounds))
+            call check_size("records", int(used(n_records, width*most), int64), width, most, status)
         end if
         if (status%code == 0) then
-            values(1:kept_width(open%run), 1:n_chunk*int(open%run%plan%chunk)) => records
-            call advance_sweep(open%run, n_chunk, int(threads), values, n_kept)
+            values(1:width, 1:most) => records
+            call advance_sweep(open, int(threads), values, n_kept, status)
             n_done = real(open%run%n_done, c_double)
+            n_next = open%rounds%n_next
+            if (open%run%n_done == open%run%plan%n_chunk) is_over = 1
         end if
         call leave_sweep(sweep, open)
         call report_heard(status, code, message)
     end subroutine api_sweep_advance
+
+    !> Samples kept for the file of the results.
+    subroutine api_sweep_kept(sweep, first, width, n, records, code, message)
+        !f2py threadsafe
+        integer(c_intptr_t), intent(in) :: sweep
+        real(c_double), intent(in) :: first                ! a whole number, from 0
+        integer(c_int), intent(in) :: width, n
+        real(c_double), intent(inout) :: records(width, n)
+        integer(c_int), intent(out) :: code
+        character(len=512), intent(out) :: message
+        type(open_sweep), pointer :: open
+        type(status_type) :: status
+
+        call take_sweep(sweep, open, status)
+        if (status%code == 0) then
+            if (width /= kept_width(open%run)) call fail(status, status_bad_input, "records have another width")
+            if (status%code == 0) call take_kept(open, int(first, int64), records, status)
+        end if
+        call leave_sweep(sweep, open)
+        call report(status, code, message)
+    end subroutine api_sweep_kept
 
     !> Dimensions, variables, labels of the results as JSON; text as in `api_describe_scene`.
     subroutine api_sweep_describe(sweep, capacity, text, length, code, message)
@@ -1037,11 +1073,17 @@ contains
         call report(status, code, message)
     end subroutine api_sweep_values
 
-    !> Forget a sweep.
-    subroutine api_sweep_close(sweep)
+    !> Forget a sweep. One that has not come to its end is kept beside its file, if it has one.
+    subroutine api_sweep_close(sweep, has_ended)
         integer(c_intptr_t), intent(in) :: sweep
+        integer(c_int), intent(in) :: has_ended            ! not 0: the caller has the results
+        type(open_sweep), pointer :: open
         type(status_type) :: status
 
+        call take_sweep(sweep, open, status)
+        if (status%code == 0) open%has_ended = has_ended /= 0
+        call leave_sweep(sweep, open)
+        status = status_type()
         call close_handle(sweep, "sweep", status)
     end subroutine api_sweep_close
 

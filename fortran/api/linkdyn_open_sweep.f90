@@ -1,36 +1,42 @@
-!> An open sweep.
+!> An open sweep: planned, on its way in rounds, kept beside a file of results or in the caller's memory.
 module linkdyn_open_sweep
     use, intrinsic :: iso_c_binding, only: c_double, c_intptr_t
     use, intrinsic :: iso_fortran_env, only: int64
     use linkdyn_dataset, only: dataset_type
     use linkdyn_handles, only: held_thing, make_handle, take, give_back
     use linkdyn_interrupt, only: is_interrupted
+    use linkdyn_processes, only: process_group
     use linkdyn_scene, only: scene_type
     use linkdyn_scene_variant, only: variants_of
     use linkdyn_status, only: status_type, fail, status_bad_input
-    use linkdyn_sweep, only: sweep_run, start_sweep, compute_chunks, join_chunks, finish_sweep
-    use linkdyn_sweep_chunk, only: kept_chunk, make_records
-    use linkdyn_sweep_plan, only: samples_of_chunk
-    use linkdyn_sweep_totals, only: totals_type
+    use linkdyn_spool, only: check_spool, read_spool
+    use linkdyn_sweep, only: sweep_run, start_sweep, finish_sweep
+    use linkdyn_sweep_rounds, only: sweep_rounds, begin_rounds, keep_beside, compute_round, end_rounds
     use linkdyn_sweep_wishes, only: choose_kept
     implicit none (type, external)
     private
-    public :: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, kept_width, copy_numbers
+    public :: open_sweep, start_open_sweep, take_sweep, leave_sweep, advance_sweep, take_kept, copy_numbers
 
     type, extends(held_thing) :: open_sweep
         type(sweep_run) :: run
+        type(sweep_rounds) :: rounds
+        logical :: has_ended = .false.                !! the caller has the results: nothing need be kept any more
     contains
         procedure :: release => release_sweep
     end type open_sweep
 
 contains
 
-    !> Plan a sweep. An interrupt leaves none.
-    subroutine start_open_sweep(scene, folder, solver, keep, handle, status)
+    !> Plan a sweep, and go on where an earlier run stands. An interrupt leaves none.
+    subroutine start_open_sweep(scene, folder, solver, keep, threads, output, resumes, interval, handle, status)
         type(scene_type), intent(in) :: scene
         character(len=*), intent(in) :: folder        !! where its tables lie
         integer, intent(in) :: solver
         character(len=*), intent(in) :: keep          !! names with commas; blank: as the scene says
+        integer, intent(in) :: threads
+        character(len=*), intent(in) :: output        !! file for which the results are; blank: none, and nothing is kept
+        logical, intent(in) :: resumes                !! an interrupted run kept there is gone on with
+        real(c_double), intent(in) :: interval        !! between two checkpoints [s]
         integer(c_intptr_t), intent(out) :: handle
         type(status_type), intent(inout) :: status
         type(open_sweep), pointer :: new
@@ -43,6 +49,9 @@ contains
         if (.not. status%is_ok()) return
         allocate (new)
         call start_sweep(wished, variants_of(wished, folder), solver, new%run, status)
+        call begin_rounds(new%run, threads, process_group(), new%rounds)
+        if (len(output) > 0 .and. .not. is_interrupted()) &
+            call keep_beside(output, resumes, interval, "resume=True", new%run, new%rounds, status)
         thing => new
         if (status%is_ok() .and. .not. is_interrupted()) call make_handle(thing, handle, status)
         if (handle /= 0) return
@@ -81,43 +90,33 @@ contains
     subroutine release_sweep(self)
         class(open_sweep), intent(inout) :: self
 
+        type(status_type) :: status
+
+        call end_rounds(self%run, self%has_ended, self%rounds, status)
         call finish_sweep(self%run)
     end subroutine release_sweep
 
-    !> Values kept of a sample; 0: nothing is kept.
-    pure integer function kept_width(run) result(width)
-        type(sweep_run), intent(in) :: run
-
-        width = 0
-        if (any(run%spec%keeps)) width = 1 + size(run%plan%axis) + size(run%keep)
-    end function kept_width
-
     !> Compute and join the next chunks; none of them when the process is told to stop.
-    subroutine advance_sweep(run, n_chunk, threads, records, n_kept)
-        type(sweep_run), intent(inout) :: run
-        integer, intent(in) :: n_chunk, threads
-        real(c_double), intent(inout) :: records(:, :)
-        integer, intent(out) :: n_kept
-        type(totals_type), allocatable :: part(:)
-        type(kept_chunk), allocatable :: kept(:)
-        integer(int64) :: design, first
-        integer :: k, n
+    subroutine advance_sweep(sweep, threads, records, n_kept, status)
+        type(open_sweep), intent(inout) :: sweep
+        integer, intent(in) :: threads
+        real(c_double), intent(inout) :: records(:, :)    !! kept samples, if there is no file for which they are (width, sample)
+        integer, intent(out) :: n_kept                    !! these
+        type(status_type), intent(inout) :: status
 
-        n_kept = 0
-        n = int(min(int(n_chunk, int64), run%plan%n_chunk - run%n_done))
-        if (n < 1) return
-        allocate (part(n), kept(n))
-        call compute_chunks(run, run%n_done, 1_int64, threads, part, kept)
-        if (is_interrupted()) return
-        if (kept_width(run) > 0) then
-            do k = 1, size(kept)
-                call samples_of_chunk(run%plan, run%n_done + k - 1, design, first, n)
-                call make_records(kept(k), n, records(:, n_kept + 1:n_kept + n))
-                n_kept = n_kept + n
-            end do
-        end if
-        call join_chunks(run, part, kept)
+        call compute_round(threads, process_group(), sweep%run, sweep%rounds, status, records, n_kept)
     end subroutine advance_sweep
+
+    !> Kept samples of the file for which the results are.
+    subroutine take_kept(sweep, first, records, status)
+        type(open_sweep), intent(in) :: sweep
+        integer(int64), intent(in) :: first               !! sample, from 0
+        real(c_double), intent(out), contiguous :: records(:, :)    !! (width, sample)
+        type(status_type), intent(inout) :: status
+
+        if (first == 0) call check_spool(sweep%rounds%spool, status)
+        call read_spool(sweep%rounds%spool, first, records, status)
+    end subroutine take_kept
 
     !> All numbers of a dataset in the order of the variables.
     subroutine copy_numbers(dataset, reals, integers)

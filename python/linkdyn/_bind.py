@@ -146,24 +146,44 @@ class Sweep:
 
     handle: int
     n_sample: int
-    n_chunk: int
     chunk: int
     """Samples of a chunk at most."""
     width: int
     """Values kept of a sample; 0: none."""
+    is_for_file: bool
+    """Kept samples, and what is done, lie beside the file for which the results are."""
 
 
-def open_sweep(handle: int, folder: str, solver: str, keep: str) -> Sweep:
-    """Plan the sweep of a scene."""
-    sweep, n_sample, n_chunk, chunk, width = _listen(_api.api_sweep_open, handle, _to_codes(folder), solver, _to_codes(keep))
-    return Sweep(sweep, int(n_sample), int(n_chunk), chunk, width)
+def open_sweep(
+    handle: int, folder: str, solver: str, keep: str, threads: int, output: str, resume: bool, checkpoint: float
+) -> tuple[Sweep, int, int]:
+    """Plan the sweep of a scene: the sweep, chunks that an earlier run has done, chunks of the next round at most."""
+    sweep, n_sample, n_done, chunk, width, n_next = _listen(
+        _api.api_sweep_open, handle, _to_codes(folder), solver, _to_codes(keep), threads, _to_codes(output), resume, checkpoint
+    )
+    return Sweep(sweep, int(n_sample), chunk, width, bool(output)), int(n_done), n_next
 
 
-def advance_sweep(sweep: Sweep, n_chunk: int, threads: int) -> tuple[int, Floats]:
-    """Compute the next chunks: how many are done in all, and (samples, width) what is kept of these."""
-    records = np.empty(max(1, sweep.width * n_chunk * sweep.chunk))
-    n_done, n_kept = _listen(_api.api_sweep_advance, sweep.handle, n_chunk, threads, records)
-    return int(n_done), records[: n_kept * sweep.width].reshape(n_kept, sweep.width)
+def advance_sweep(sweep: Sweep, n_chunk: int, threads: int) -> tuple[bool, int, int, Floats]:
+    """Compute the next round of at most so many chunks.
+
+    Returns
+    -------
+    is_over, n_done, n_next, records
+        Whether all is computed, chunks done in all, chunks of the next round at most, and (samples, width) what is kept of this one's
+        samples, if no file keeps them.
+    """
+    width = 0 if sweep.is_for_file else sweep.width
+    records = np.empty(max(1, width * min(n_chunk * sweep.chunk, sweep.n_sample)))
+    is_over, n_done, n_kept, n_next = _listen(_api.api_sweep_advance, sweep.handle, threads, records)
+    return bool(is_over), int(n_done), n_next, records[: n_kept * width].reshape(n_kept, sweep.width)
+
+
+def kept_samples(sweep: Sweep, first: int, n: int) -> Floats:
+    """(n, width) what the file has kept of samples from one on."""
+    records = np.empty((n, sweep.width))
+    check(*_api.api_sweep_kept(sweep.handle, first, records.T))
+    return records
 
 
 def sweep_results(sweep: Sweep) -> tuple[dict[str, Any], Floats, Floats]:
@@ -177,9 +197,9 @@ def sweep_results(sweep: Sweep) -> tuple[dict[str, Any], Floats, Floats]:
     return schema, reals, integers
 
 
-def close_sweep(sweep: Sweep) -> None:
-    """Forget a sweep."""
-    _api.api_sweep_close(sweep.handle)
+def close_sweep(sweep: Sweep, has_ended: bool) -> None:
+    """Forget a sweep; one that has not come to its end is kept beside its file, if it has one."""
+    _api.api_sweep_close(sweep.handle, has_ended)
 
 
 def add_loads(handle: int, markers: Sequence[str]) -> int:

@@ -12,7 +12,8 @@ import re
 import stat
 import threading
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING, Any
 
 from ._printable import printable
@@ -21,7 +22,7 @@ from .errors import FileError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Inputs", "picture", "refuse_inputs", "scene_inputs", "text_inputs", "write_output"]
+__all__ = ["Inputs", "picture", "refuse_inputs", "scene_inputs", "text_inputs", "write_by", "write_output"]
 
 Inputs = Iterable[tuple[str, str]]
 """Files that something was computed from, and what each of them is, in the words of a message."""
@@ -74,6 +75,37 @@ def write_output(target: str | os.PathLike[str], data: str | bytes, inputs: Inpu
         if not replaces:
             raise
         raise _cannot(name, os.strerror(errno.EEXIST)) from None    # it came while we were writing
+    except IsADirectoryError:
+        raise _cannot(name, "is a folder (expected a file name)") from None
+    except (OSError, ValueError) as error:
+        raise _cannot(name, getattr(error, "strerror", None) or str(error)) from error
+
+
+def write_by(target: str | os.PathLike[str], write: Callable[[str], object], inputs: Inputs = ()) -> None:
+    """Let somebody write a whole file who wants the name of a regular one.
+
+    Parameters
+    ----------
+    target
+        Its name, with links that are followed.
+    write
+        Writes to the name that it is given.
+    inputs
+        None of them may be the target, by whatever name.
+
+    Raises
+    ------
+    FileError
+        It cannot be written, or is an input. Nothing is left, and what was there stays.
+    """
+    name = os.fspath(target)
+    refuse_inputs(name, inputs)
+    try:
+        place = _behind_links(name)
+        if not _is_regular(place):
+            raise _cannot(name, "is a device or a pipe (expected a file name)")
+        with _one_at_a_time, _part_beside(place, True) as part:
+            write(part)
     except IsADirectoryError:
         raise _cannot(name, "is a folder (expected a file name)") from None
     except (OSError, ValueError) as error:
@@ -189,7 +221,14 @@ def _open_through(place: str) -> int:
 
 
 def _write_beside(place: str, data: bytes, replaces: bool) -> None:
-    """Write the part, on the disk of the target, and put it in its place; parts that killed processes left are removed."""
+    """Write the part, on the disk of the target, and put it in its place."""
+    with _part_beside(place, replaces) as part, open(part, "wb", buffering=0) as file:
+        _write_all(file, data)
+
+
+@contextmanager
+def _part_beside(place: str, replaces: bool) -> Iterator[str]:
+    """An empty part on the disk of the target, which takes its place when it was filled; parts that killed processes left are removed."""
     _remove_leftovers(place)
     is_there = os.path.exists(place)
     if is_there and not os.access(place, os.W_OK):
@@ -197,11 +236,11 @@ def _write_beside(place: str, data: bytes, replaces: bool) -> None:
     part = f"{place}.{os.getpid()}@{os.uname().nodename}.part"
     descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     try:
-        with os.fdopen(descriptor, "wb", buffering=0) as file:
+        with os.fdopen(descriptor, "wb", buffering=0):
             if is_there:
                 os.fchmod(descriptor, stat.S_IMODE(os.stat(place).st_mode) & 0o777)
-            _write_all(file, data)
-            os.fsync(descriptor)    # a full disk may show only here
+        yield part
+        _bring_to_disk(part)
         if not replaces:
             os.link(part, place)
             os.unlink(part)
@@ -212,6 +251,15 @@ def _write_beside(place: str, data: bytes, replaces: bool) -> None:
     except BaseException:
         os.unlink(part)
         raise
+
+
+def _bring_to_disk(file: str) -> None:
+    """A full disk may show only here."""
+    descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _write_all(file: IO[bytes], data: bytes) -> None:

@@ -780,11 +780,14 @@ class Scene:
         solver: str = "elimination",
         threads: int = 1,
         progress: bool = False,
+        output: str | os.PathLike[str] | None = None,
+        resume: bool = False,
+        checkpoint: float = 5.0,
     ) -> xr.Dataset:
         """What the table ``[sweep]`` asks for: peaks over a workspace, load cases and designs.
 
-        Memory does not grow with the number of samples, unless they are kept. For runs of hours use the executable: it
-        can be interrupted and resumed.
+        Memory does not grow with the number of samples, unless they are kept. A run of hours wants an ``output``: it can then be
+        interrupted, by Ctrl-C, a signal or the loss of its machine, and gone on with, to the same last bit.
 
         Parameters
         ----------
@@ -797,6 +800,13 @@ class Scene:
             As for `inverse`; the results do not depend on the number of threads.
         progress
             Show a bar.
+        output
+            File for the results, netCDF, as ``linkdyn sweep -o`` writes it. While the sweep is on its way, what is done is kept
+            beside it (``FILE.checkpoint``, ``FILE.spool``).
+        resume
+            Go on with a run for the same ``output`` that was interrupted, in Python or of the executable; without one, begin.
+        checkpoint
+            Seconds between two checkpoints.
 
         Returns
         -------
@@ -808,11 +818,27 @@ class Scene:
         SceneError
             Something is wrong in the table: what, what was expected.
         InputError
-            The scene has no sweep; an unknown quantity or solver; too many or too few actuators.
+            The scene has no sweep; an unknown quantity or solver; too many or too few actuators; an interrupted run is kept beside
+            the output, which ``resume`` does not ask for; another process is at it.
+        FileError
+            Output, checkpoint or kept samples cannot be read or written, or are those of another sweep.
+
+        Examples
+        --------
+        >>> import linkdyn
+        >>> scene = linkdyn.load("examples/stewart_workspace/scene.toml")
+        >>> run = scene.sweep(output="workspace.nc", resume=True)  # doctest: +SKIP
         """
         if sweep is not None:
             content = tomllib.loads(self.text) | {"sweep": as_mapping("sweep", sweep, "a table as in a scene file")}
-            return self._variant(content).sweep(keep=keep, solver=solver, threads=threads, progress=progress)
+            return self._variant(content).sweep(
+                keep=keep, solver=solver, threads=threads, progress=progress, output=output, resume=resume, checkpoint=checkpoint
+            )
+        if resume and output is None:
+            raise InputError("resume: there is no output (expected the name of the results, beside which the interrupted run is kept)")
+        seconds = as_real("checkpoint", checkpoint)
+        if seconds < 0:
+            raise InputError(f"checkpoint: {seconds:g} (expected seconds)")
         data = run_sweep(
             self._handle,
             self.folder,
@@ -822,6 +848,10 @@ class Scene:
             solver=as_name("solver", solver),
             threads=as_count("threads", threads),
             progress=as_flag("progress", progress),
+            output="" if output is None else as_path("output", output),
+            resume=as_flag("resume", resume),
+            checkpoint=seconds,
+            inputs=self._inputs(),
         )
         data.encoding |= self._origin
         return data

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
@@ -11,15 +10,13 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from . import _bind
+from ._output import Inputs, refuse_inputs, write_by
 from .results import run_attributes
 
 __all__ = ["run_sweep"]
 
-ROUND_SECONDS = 0.3
-"""Of computing in one call of the engine: an interrupt (Ctrl-C) is heard between two calls."""
-MOST_CHUNKS = 4096
-MOST_KEPT = 1 << 24
-"""Values kept by one call."""
+MOST_READ = 1 << 20
+"""Kept samples read from their file at a time."""
 
 
 def run_sweep(
@@ -32,8 +29,12 @@ def run_sweep(
     solver: str,
     threads: int,
     progress: bool,
+    output: str,
+    resume: bool,
+    checkpoint: float,
+    inputs: Inputs,
 ) -> xr.Dataset:
-    """Compute a sweep from its start to its end.
+    """Compute a sweep from its start, or from where an earlier run was interrupted, to its end.
 
     Parameters
     ----------
@@ -45,31 +46,41 @@ def run_sweep(
         As for `Scene.inverse`.
     progress
         Show a bar.
+    output, resume, checkpoint
+        As for `Scene.sweep`; no output: an empty text.
+    inputs
+        Files that the output must not be.
     """
-    sweep = _bind.open_sweep(handle, folder, solver, keep)
+    if output:
+        refuse_inputs(output, inputs)
+    sweep, n_done, n_next = _bind.open_sweep(handle, folder, solver, keep, threads, output, resume, checkpoint)
+    has_ended = False
     try:
         samples = np.empty((sweep.n_sample if sweep.width else 0, sweep.width))
-        _advance(sweep, threads, samples, progress)
-        return _dataset(sweep, samples, run_attributes(scene, text, solver))
+        _advance(sweep, n_done, n_next, threads, samples, progress)
+        if sweep.is_for_file:
+            for first in range(0, len(samples), MOST_READ):
+                rows = samples[first : first + MOST_READ]
+                rows[:] = _bind.kept_samples(sweep, first, len(rows))
+        data = _dataset(sweep, samples, run_attributes(scene, text, solver))
+        if output:
+            write_by(output, data.to_netcdf, inputs)
+        has_ended = True
+        return data
     finally:
-        _bind.close_sweep(sweep)
+        _bind.close_sweep(sweep, has_ended)
 
 
-def _advance(sweep: _bind.Sweep, threads: int, samples: NDArray[np.float64], progress: bool) -> None:
-    """All chunks, in calls of about equal time; kept samples into their rows."""
-    most = MOST_CHUNKS if not sweep.width else max(1, min(MOST_CHUNKS, MOST_KEPT // (sweep.width * sweep.chunk)))
-    least = min(threads, most)
-    n_done, first, n_next = 0, 0, least
+def _advance(sweep: _bind.Sweep, n_done: int, n_next: int, threads: int, samples: NDArray[np.float64], progress: bool) -> None:
+    """All chunks, in the engine's rounds; an interrupt (Ctrl-C) is heard between two of them. Kept samples go into their rows."""
+    first, is_over = 0, False
     with tqdm(total=sweep.n_sample, unit=" samples", unit_scale=True, disable=not progress, leave=False) as bar:
-        while n_done < sweep.n_chunk:
-            start = time.perf_counter()
-            n_before = n_done
-            n_done, records = _bind.advance_sweep(sweep, n_next, threads)
+        bar.update(min(n_done * sweep.chunk, sweep.n_sample))
+        while not is_over:
+            is_over, n_done, n_next, records = _bind.advance_sweep(sweep, n_next, threads)
             samples[first : first + len(records)] = records
             first += len(records)
-            bar.update(min(n_done * sweep.chunk, sweep.n_sample) - min(n_before * sweep.chunk, sweep.n_sample))
-            seconds = max(time.perf_counter() - start, 1e-6)
-            n_next = int(np.clip(n_next * np.clip(ROUND_SECONDS / seconds, 0.5, 2), least, most))
+            bar.update(min(n_done * sweep.chunk, sweep.n_sample) - bar.n)
 
 
 def _dataset(sweep: _bind.Sweep, samples: NDArray[np.float64], attributes: dict[str, Any]) -> xr.Dataset:
