@@ -96,6 +96,7 @@ WAYS = {
         # pages, pictures and types are the same in every build; bounds on rounding errors are for lanes32, whose instructions round otherwise;
         # what a test has many cases of goes the same ways through the code in most
         ("tests/python", "tests/cli", "tests/faults", "-m", "(lanes or not accuracy) and not long", "--cases", "3"),
+        lambda: {"LINKDYN_SLOWNESS": "5"},
     ),
     "sanitized": Way(
         "addresses, undefined behaviour of C and C++ and, without Python, leaks looked at while running",

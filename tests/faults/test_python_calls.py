@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -13,6 +14,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 120
 """Seconds after which a test gives up: far more than anything here takes."""
+HEARD_WITHIN = 2 * float(os.environ.get("LINKDYN_SLOWNESS", "1"))
+"""Seconds of computing, in which a record of eighty links is made. A build that looks at every index takes longer for it."""
 SET_UP = f"""
 import multiprocessing, os, signal, sys, threading, time
 import numpy as np
@@ -47,7 +50,7 @@ def python(script: str) -> subprocess.CompletedProcess:
 
 @pytest.mark.parametrize("call", CALLS)
 def test_ctrl_c_is_heard(call):
-    """Within two seconds of computing, where the calls would take minutes."""
+    """Within seconds of computing, where the calls would take minutes."""
     result = python(f"""
         def interrupt():
             global sent
@@ -57,7 +60,7 @@ def test_ctrl_c_is_heard(call):
         try:
             {CALLS[call]}
         except KeyboardInterrupt:
-            print("heard", time.process_time() - sent < 2)
+            print("heard", time.process_time() - sent < {HEARD_WITHIN})
     """)
     assert result.stdout == "heard True\n", result
 
