@@ -21,8 +21,8 @@ from run_tests import ROOT, Count, close, run_all, run_fortran, run_python
 BUILD = ROOT / "build"
 ORDINARY = BUILD / "wheel"
 TWIN = BUILD / "real128"
-ACCURACY = ("-m", "accuracy and not long")
-"""Long runs never come to LAPACK."""
+ACCURACY = ("-m", "accuracy and not long", "--cases", "6")
+"""Long runs never come to LAPACK; the ordinary build runs all cases."""
 FUZZ_CASES = "2000"
 """Of the ordinary build; `make test` takes fewer."""
 TWIN_RESULTS = BUILD / "twin-results"
@@ -110,7 +110,7 @@ WAYS = {
     "lanes32": Way(
         "32 lanes, AVX2 in records' code too, without OpenMP",
         (*OPTIMIZED_LITTLE, "-Dlanes=32", "-Dmarch=x86-64-v3", "-Dopenmp=disabled"),
-        ("tests", "-m", "(accuracy or lanes) and not long"),
+        ("tests", "-m", "(accuracy or lanes) and not long", "--cases", "6"),
         lambda: {"LINKDYN_CODE": "avx2"},
         lacks=lacks_instructions("avx2", "fma"),
     ),
