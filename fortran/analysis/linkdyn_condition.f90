@@ -13,7 +13,7 @@ module linkdyn_condition
     use linkdyn_equations, only: unknown_choice
     use linkdyn_equilibration, only: measure_entries
     use linkdyn_force_program, only: out_alarm
-    use linkdyn_inputs, only: sample_set, in_found, in_unknown, in_transposed
+    use linkdyn_inputs, only: sample_set, in_found, in_motion, in_unknown, in_transposed
     use linkdyn_inverse_matrix, only: make_inverse_matrix
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state
@@ -123,12 +123,17 @@ contains
     end subroutine free_space
 
     !> The equations at the poses in `state`, and what their solution takes of these.
-    subroutine eliminate_block(condition, state, space)
+    subroutine eliminate_block(condition, state, given, space)
         type(condition_type), intent(in) :: condition
         type(kinematic_state), intent(in) :: state
+        type(lane_numbers), intent(in) :: given                     !! what the equations take beside the motion
         type(condition_space), intent(inout) :: space
         integer :: k
 
+        call copy_given(condition%kernels%matrix, given, space%inverse%numbers)
+        call copy_given(condition%pose, given, space%inverse%numbers)
+        call copy_given(condition%solve, given, space%inverse%numbers)
+        call copy_given(condition%solve_transposed, given, space%inverse%numbers)
         call run_on_lanes(condition%kernels%matrix, lanes, state, space%inverse%numbers, space%of_matrix)
         associate (form => condition%kernels%form, found => space%of_matrix%found, numbers => space%inverse%numbers)
             do k = 1, size(form%row)
@@ -148,6 +153,22 @@ contains
             space%inverse%is_loaded = .false.
         end associate
     end subroutine eliminate_block
+
+    !> What a kernel takes beside the motion, and beside what is found here: masses of payloads.
+    subroutine copy_given(lane, given, numbers)
+        type(lane_program), intent(in) :: lane
+        type(lane_numbers), intent(in) :: given
+        type(lane_numbers), intent(inout) :: numbers
+        integer :: k
+
+        if (.not. lane%program%is_made) return
+        do k = 1, size(lane%program%input)
+            associate (block => lane%program%input(k)%block)
+                if (any(block == [in_motion, in_found, in_unknown, in_transposed])) cycle
+                numbers%of(block)%x = given%of(block)%x
+            end associate
+        end do
+    end subroutine copy_given
 
     !> One solution at the poses of the block.
     subroutine solve_on_lanes(self, is_transposed, x)

@@ -460,7 +460,7 @@ contains
                 workspace%error = probe%worst
             end if
             if (associated(solver%condition)) then
-                call eliminate_block(solver%condition, workspace%state, condition)
+                call eliminate_block(solver%condition, workspace%state, workspace%numbers, condition)
                 if (associated(results%rcond)) call find_rcond(solver%condition, workspace%state, condition, workspace%rcond)
                 if (associated(results%singularity_distance)) call find_singularity_distance( &
                     model, solver%condition, workspace%state, condition, singularity, distance)

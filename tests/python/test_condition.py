@@ -115,7 +115,7 @@ def test_failed_samples_have_none() -> None:
     assert run["status"][1] != 0 and np.isnan(run["rcond"][1]) and np.isfinite(run["rcond"][0])
 
 
-@pytest.mark.parametrize("name", ["fivebar_motors", "stewart_forward", "spatial_slider_crank", "flyball_governor"])
+@pytest.mark.parametrize("name", ["fivebar_motors", "fivebar_pick", "stewart_forward", "spatial_slider_crank", "flyball_governor"])
 def test_forward_runs_have_it(name: str) -> None:
     """Of the equations of forward dynamics, whose unknowns are accelerations too: as LAPACK's, but for the estimator's factor."""
     scene = linkdyn.load(ROOT / "examples" / name / "scene.toml")
