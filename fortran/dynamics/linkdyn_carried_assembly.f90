@@ -19,7 +19,7 @@ module linkdyn_carried_assembly
     use linkdyn_lane_kernels, only: place_rates
     use linkdyn_newton_group, only: shifted
     use linkdyn_quaternion, only: quaternion_of_rpy
-    use linkdyn_status, only: sample_ok, sample_branch_lost
+    use linkdyn_status, only: sample_ok, sample_unreachable, sample_branch_lost
     implicit none (type, external)
     private
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly
@@ -108,6 +108,10 @@ contains
         call run_program(model, state)
         assembly%n_crossed_tried = 0
         doubtful = is_doubtful(model, assembly, t, state)
+        where (state%out_of_reach)
+            state%way_status = sample_unreachable
+            doubtful = .false.
+        end where
         if (.not. any(doubtful)) return
         call stand_where(model, doubtful, assembly, state)
         call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion)

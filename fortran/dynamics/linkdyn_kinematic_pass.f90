@@ -27,11 +27,16 @@ contains
     subroutine run_program(model, state)
         type(model_type), intent(in) :: model
         type(kinematic_state), intent(inout) :: state
+        logical :: is_sure                               !! branches and iterations have no part in it so far
         integer :: i
 
         call clear_flags(state)
+        is_sure = .true.
         do i = 1, size(model%step)
+            is_sure = is_sure .and. model%step(i)%kind /= step_group
             call run_step(model, model%step(i), state)
+            if (is_sure) state%out_of_reach = state%unreachable
+            is_sure = is_sure .and. .not. model%step(i)%has_branches
         end do
         call flag_lost(state)
     end subroutine run_program
@@ -41,6 +46,7 @@ contains
         type(kinematic_state), intent(inout) :: state
 
         state%unreachable = .false.
+        state%out_of_reach = .false.
         state%singular = .false.
         state%not_converged = .false.
         state%branch_lost = .false.

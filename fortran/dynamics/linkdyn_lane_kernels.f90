@@ -136,43 +136,67 @@ contains
         real(wp), allocatable, intent(inout) :: found(:, :)    !! (lane, output)
         integer, intent(in), optional :: level           !! of the rates
         real(wp), intent(in), optional :: ahead(lanes)   !! links have gone on with their velocities for so long
-        real(wp), allocatable :: x(:, :)                 ! inputs (lane, number)
-        integer, allocatable :: slot(:)
         integer :: first
 
         call need_kernel(model, use%step, which, use%kernels)
-        associate (program => use%kernels%program(which), one => use%space%one(which), many => use%space%many(which))
-            if (allocated(found)) deallocate (found)
-            allocate (found(lanes, program%program%n_output))
-            call collect_inputs(model, model%step(use%step), model%part(use%step), program, state, level, ahead, x, slot)
-            if (all(x(2:, :) == spread(x(1, :), 1, lanes - 1))) then
+        associate (program => use%kernels%program(which), space => use%space)
+            call make_room(sum(program%input%n), space%x)
+            call make_room(program%program%n_output, found)
+            call collect_inputs(model, model%step(use%step), model%part(use%step), program, state, level, ahead, space%x)
+            if (is_same_on_all(space%x)) then
                 ! a run on its own has the same on all lanes
-                if (one%lanes == 0) call make_space(program%program, .true., one%block)
-                one%lanes = 1
-                call run_lanes(program, one, slot, x(:1, :), found(:1, :))
+                if (space%one(which)%lanes == 0) call make_space(program%program, .true., space%one(which)%block)
+                space%one(which)%lanes = 1
+                call run_lanes(program, space%one(which), 1, 1, space%x, found)
                 found(2:, :) = spread(found(1, :), 1, lanes - 1)
                 return
             end if
-            if (many%lanes == 0) call make_space(program%program, .false., many%block)
-            many%lanes = block_lanes()
-            do first = 1, lanes, many%lanes
-                associate (last => min(lanes, first + many%lanes - 1))
-                    call run_lanes(program, many, slot, x(first:last, :), found(first:last, :))
-                end associate
+            if (space%many(which)%lanes == 0) call make_space(program%program, .false., space%many(which)%block)
+            space%many(which)%lanes = block_lanes()
+            do first = 1, lanes, block_lanes()
+                call run_lanes(program, space%many(which), first, min(block_lanes(), lanes - first + 1), space%x, found)
             end do
         end associate
     end subroutine run_kernel
 
-    subroutine run_lanes(program, space, slot, x, found)
+    !> For n numbers on all lanes.
+    subroutine make_room(n, x)
+        integer, intent(in) :: n
+        real(wp), allocatable, intent(inout) :: x(:, :)
+
+        if (allocated(x)) then
+            if (size(x, 2) == n) return
+            deallocate (x)
+        end if
+        allocate (x(lanes, n))
+    end subroutine make_room
+
+    pure logical function is_same_on_all(x)
+        real(wp), intent(in) :: x(:, :)                  !! (lane, number)
+        integer :: k
+
+        is_same_on_all = .false.
+        do k = 1, size(x, 2)
+            if (.not. all(x(2:, k) == x(1, k))) return
+        end do
+        is_same_on_all = .true.
+    end function is_same_on_all
+
+    !> Lanes first, ..., first + n - 1.
+    subroutine run_lanes(program, space, first, n, x, found)
         type(scene_program), intent(in) :: program
         type(program_space), intent(in) :: space
-        integer, intent(in) :: slot(:)
-        real(wp), intent(in) :: x(:, :)                  !! (lane, number)
-        real(wp), intent(inout) :: found(:, :)           !! (lane, output)
-        integer :: i, g, k
+        integer, intent(in) :: first, n
+        real(wp), intent(in), contiguous :: x(:, :)         !! as `collect_inputs` lists them (lane, number)
+        real(wp), intent(inout), contiguous :: found(:, :)  !! (lane, output)
+        integer :: i, g, k, slot
 
-        do i = 1, size(slot)
-            call put_lanes(size(x, 1), x(:, i), slot(i), space%block)
+        k = 0
+        do i = 1, size(program%input)
+            do slot = program%input(i)%slot, program%input(i)%slot + program%input(i)%n - 1
+                k = k + 1
+                call put_lanes(n, x(first:first + n - 1, k), slot, space%block)
+            end do
         end do
         k = 1
         do g = 1, size(program%program%group_end)
@@ -182,13 +206,13 @@ contains
                 call run_block(program%program, g, space%block)
             end if
             do k = k, program%program%group_end(g)
-                call take_lanes(program%program, space%block, k, size(found, 1), found(:, k))
+                call take_lanes(program%program, space%block, k, n, found(first:first + n - 1, k))
             end do
         end do
     end subroutine run_lanes
 
-    !> What a kernel reads, and to which of its slots it goes.
-    subroutine collect_inputs(model, step, part, program, state, level, ahead, x, slot)
+    !> What a kernel reads, in the order of its inputs.
+    subroutine collect_inputs(model, step, part, program, state, level, ahead, x)
         type(model_type), intent(in) :: model
         type(step_type), intent(in) :: step
         type(part_type), intent(in) :: part
@@ -196,17 +220,14 @@ contains
         type(kinematic_state), intent(in) :: state
         integer, intent(in), optional :: level
         real(wp), intent(in), optional :: ahead(lanes)
-        real(wp), allocatable, intent(out) :: x(:, :)    !! (lane, number)
-        integer, allocatable, intent(out) :: slot(:)
+        real(wp), intent(inout) :: x(:, :)               !! (lane, number)
         integer :: i, k, n
 
-        allocate (x(lanes, sum(program%input%n)), slot(sum(program%input%n)))
         n = 0
         do i = 1, size(program%input)
             associate (s => program%input(i))
                 do k = 0, s%n - 1
                     n = n + 1
-                    slot(n) = s%slot + k
                     select case (s%block)
                     case (in_number)
                         x(:, n) = part%number(s%first + k)

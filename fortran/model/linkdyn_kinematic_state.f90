@@ -39,6 +39,7 @@ module linkdyn_kinematic_state
         type(vec3), allocatable :: position(:)                !! origin, world [m]                    (0:n_link)
         real(wp), allocatable :: slide(:, :, :)               !! first to second marker along axes [m] (lane, slide, n_joint)
         logical :: unreachable(lanes) = .false.               !! a loop could not be closed
+        logical :: out_of_reach(lanes) = .false.              !! nor could it on any branch: no way leads there
         logical :: singular(lanes) = .false.                  !! at a dead point: rates are not determined
         logical :: not_converged(lanes) = .false.             !! an iteration ran out of steps
         logical :: branch_lost(lanes) = .false.               !! two assemblies meet on the way

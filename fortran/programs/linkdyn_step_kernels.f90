@@ -55,6 +55,7 @@ module linkdyn_step_kernels
     !> Slots of one thread.
     type :: kernel_space
         type(program_space) :: many(n_kernel), one(n_kernel)     !! for blocks, for single samples
+        real(wp), allocatable :: x(:, :)                         !! what a kernel reads (lane, number)
         type(kernel_space), pointer, private :: next => null()
     end type kernel_space
 
@@ -167,37 +168,46 @@ contains
         integer, intent(in) :: i                       !! step of the plan
         integer, intent(in) :: which                   !! one of `of_*`
         type(step_kernels), pointer, intent(in) :: kernels
-        type(step_part), target :: part
 
         if (kernels%program(which)%is_made) return
         call hold_records()
         call hold_texts()
-        if (.not. kernels%program(which)%is_made) then
-            call take_step(model, i, part)
-            select case (which)
-            case (of_places)
-                call make_places(part, kernels)
-            case (of_errors)
-                call make_closing(part, kernels)
-            case (of_velocities)
-                if (closes_loop(model%step(i))) call make_closing(part, kernels)
-                if (.not. closes_loop(model%step(i))) call make_motion(part, kernels)
-            case (of_accelerations)
-                if (closes_loop(model%step(i))) call make_second_rates(part, kernels)
-                if (.not. closes_loop(model%step(i))) call make_motion(part, kernels)
-            case (of_looks)
-                call make_looks(part, kernels)
-            case (of_ways)
-                call make_ways(part, kernels)
-            case (of_margins)
-                call make_margins(part, kernels)
-            case (of_quality)
-                call make_quality(part, kernels)
-            end select
-        end if
+        if (.not. kernels%program(which)%is_made) call make_kernel(model, i, which, kernels)
         call release_texts()
         call release_records()
     end subroutine need_kernel
+
+    !> On its own, since a step's part is large: whoever finds the kernel made has none to clear.
+    subroutine make_kernel(model, i, which, kernels)
+        type(model_type), intent(in) :: model
+        integer, intent(in) :: i, which
+        type(step_kernels), pointer, intent(in) :: kernels
+        type(step_part), target :: part
+        logical :: is_loop
+
+        call take_step(model, i, part)
+        is_loop = closes_loop(model%step(i))
+        select case (which)
+        case (of_places)
+            call make_places(part, kernels)
+        case (of_errors)
+            call make_closing(part, kernels)
+        case (of_velocities)
+            if (is_loop) call make_closing(part, kernels)
+            if (.not. is_loop) call make_motion(part, kernels)
+        case (of_accelerations)
+            if (is_loop) call make_second_rates(part, kernels)
+            if (.not. is_loop) call make_motion(part, kernels)
+        case (of_looks)
+            call make_looks(part, kernels)
+        case (of_ways)
+            call make_ways(part, kernels)
+        case (of_margins)
+            call make_margins(part, kernels)
+        case (of_quality)
+            call make_quality(part, kernels)
+        end select
+    end subroutine make_kernel
 
     !> How many numbers say where a link is: x, y, cosine and sine, or x y z and the axes.
     pure integer function place_numbers_of(model)
