@@ -38,6 +38,8 @@ contains
             buffer = "0"
         else
             write (buffer, "(es24.5)") value
+            ! without the letter where the exponent has three digits
+            if (index(buffer, "E") == 0 .and. abs(value) <= huge(value)) write (buffer, "(es24.5e3)") value
         end if
         text = trim(adjustl(buffer))
     end function real_to_text
