@@ -25,6 +25,10 @@ module linkdyn_carried_assembly
     public :: carried_assembly, begin_assembly, evaluate_assembled, evaluate_on_assembly, accept_assembly
     public :: keep_evaluated, count_passed, leaves_doubt, secant
 
+    !> Strides of the way to a state that is tried: a turn, or six times the size. No step that goes farther tells what is between, and a
+    !> method that controls its steps tries the like by the hundred.
+    real(wp), parameter :: longest_step = 63
+
     type :: carried_assembly
         logical :: is_needed = .false.                 !! the assembly may change
         real(wp) :: t(lanes) = 0                       !! accepted [s]
@@ -114,7 +118,7 @@ contains
         end where
         if (.not. any(doubtful)) return
         call stand_where(model, doubtful, assembly, state)
-        call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion)
+        call lead_mechanism(model, doubtful, assembly%q, .true., state, report, assembly%quaternion, longest=longest_step)
         assembly%n_crossed_tried = report%n_crossed
         if (.not. model%scene%passes_change_points) then
             where (report%outcome == way_at_singularity) report%outcome = way_forks

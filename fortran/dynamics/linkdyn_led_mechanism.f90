@@ -166,7 +166,7 @@ contains
     !>
     !> At the beginning the state has the branches, and the groups' links where they are there; in the end those of
     !> the place reached.
-    subroutine lead_mechanism(model, goes, from, follows_branches, state, report, quaternion, is_hasty)
+    subroutine lead_mechanism(model, goes, from, follows_branches, state, report, quaternion, is_hasty, longest)
         type(model_type), intent(in), target :: model
         logical, intent(in) :: goes(lanes)
         real(wp), intent(in) :: from(:, :)                  !! (lane, n_q)
@@ -175,15 +175,19 @@ contains
         type(way_report), intent(out) :: report
         real(wp), intent(in), optional :: quaternion(:, :, :)    !! at the beginning (lane, 4, n_attitude)
         logical, intent(in), optional :: is_hasty            !! a way that is not smooth is given up at once; absent: false
+        real(wp), intent(in), optional :: longest            !! strides of a way that is gone; absent: `most_strides`
         type(led_mechanism) :: led
         real(wp), dimension(lanes, model%n_q) :: qd, qdd, span
         real(wp) :: target_quaternion(lanes, 4, model%n_attitude)
         real(wp), dimension(lanes) :: length
+        real(wp) :: most
         logical :: is_short(lanes)
         integer :: n_column, k, spare_tries
 
         spare_tries = patience
         if (present(is_hasty)) spare_tries = merge(haste, patience, is_hasty)
+        most = most_strides
+        if (present(longest)) most = longest
         led%model => model
         led%state => state
         led%goes = goes
@@ -219,8 +223,8 @@ contains
         state%n_column = velocities_only
         state%qdd = 0
 
-        is_short = length <= most_strides
-        call follow_way(led, goes .and. is_short, 1/max(1.0_wp, aint(min(length, most_strides) + 1)), &
+        is_short = length <= most
+        call follow_way(led, goes .and. is_short, 1/max(1.0_wp, aint(min(length, most) + 1)), &
                         model%scene%passes_change_points, spare_tries, report)
         where (goes .and. .not. is_short) report%outcome = merge(way_too_long, way_ends, length <= huge(1.0_wp))
 
