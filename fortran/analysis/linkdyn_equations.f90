@@ -23,7 +23,7 @@ module linkdyn_equations
     use linkdyn_friction_balance, only: balance_friction
     use linkdyn_friction_state, only: friction_state, prepare_friction, find_factors, pressing_forces
     use linkdyn_gauss_jordan, only: solve_gauss_jordan
-    use linkdyn_given_numbers, only: prepare_numbers, take_numbers
+    use linkdyn_given_numbers, only: prepare_numbers, take_numbers, take_pushes
     use linkdyn_inputs, only: in_effort, in_friction, in_sense, in_unknown
     use linkdyn_kinds, only: wp
     use linkdyn_kinematic_state, only: kinematic_state, prepare_kinematics
@@ -41,7 +41,7 @@ module linkdyn_equations
     private
     public :: equations_type, equation_workspace, unknown_choice, find_drives, build_equations, build_no_equations, &
         build_given_equations, free_equations
-    public :: prepare_workspace, want_of, solve_block, solve_equations, found_of, renew_equations
+    public :: prepare_workspace, want_of, solve_block, solve_equations, solve_again, found_of, renew_equations
     public :: solver_gauss_jordan, solver_lapack, solver_elimination, solver_reduced, solver_name, choose_solver
     public :: solver_gauss_jordan_plain
 
@@ -89,6 +89,7 @@ module linkdyn_equations
         real(wp), allocatable :: driving_rate(:, :)     !! in: rates of these (lane, n_actuator)
         real(wp), allocatable :: acceleration(:, :)     !! of the coordinates: what is given, plus what is solved for (lane, n_q)
         integer :: status(lanes) = sample_ok
+        integer :: status_of_motion(lanes) = sample_ok  !! before any force was known
         real(wp) :: rcond(lanes) = 0, error(lanes) = 0  !! NaN where the solver has none
         real(wp) :: growth(lanes) = 0                   !! reciprocal pivot growth (gauss-jordan)
         logical :: fell_back(lanes) = .false.           !! the pivots of the kernel have failed on the lane
@@ -344,14 +345,36 @@ contains
 
         call judge_motion(model, workspace)
         call take_numbers(model, workspace%state, workspace%load, workspace%numbers)
-        call begin_friction(model, equations, workspace)
+        call find_sliding(model, equations, workspace)
         where (workspace%status == sample_ok .and. workspace%state%undefined) workspace%status = sample_undefined
+        workspace%status_of_motion = workspace%status
+        call solve_with_friction(model, equations, workspace)
+    end subroutine solve_equations
+
+    !> The same once more, where nothing but the pushes of stops and the forces of clutches has changed.
+    subroutine solve_again(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+
+        workspace%status = workspace%status_of_motion
+        call take_pushes(workspace%state, workspace%numbers)
+        call solve_with_friction(model, equations, workspace)
+    end subroutine solve_again
+
+    subroutine solve_with_friction(model, equations, workspace)
+        type(model_type), intent(in) :: model
+        type(equations_type), intent(in) :: equations
+        type(equation_workspace), intent(inout) :: workspace
+
+        workspace%friction%amount = 0
+        workspace%state%holding = 0
         call solve_forces(model, equations, workspace)
         if (size(equations%rub) > 0) call settle_friction(model, equations, workspace)
         if (equations%solver /= solver_reduced) return
         call flag_not_finite(workspace%driving_force, workspace%status)
         call flag_not_finite(workspace%acceleration, workspace%status)
-    end subroutine solve_equations
+    end subroutine solve_with_friction
 
     !> Unknowns with the friction that is there, and what follows of them.
     subroutine solve_forces(model, equations, workspace)
@@ -408,15 +431,13 @@ contains
 
     ! ---------------------------------------------------------------- friction
 
-    !> How contacts slide and drives turn, and whether springs have a direction. Nothing rubs yet but for what is viscous.
-    subroutine begin_friction(model, equations, workspace)
+    !> How contacts slide and drives turn, and whether springs have a direction.
+    subroutine find_sliding(model, equations, workspace)
         type(model_type), intent(in) :: model
         type(equations_type), intent(in) :: equations
         type(equation_workspace), intent(inout) :: workspace
         integer :: first
 
-        workspace%friction%amount = 0
-        workspace%state%holding = 0
         call begin_losses(model, equations%lossy, workspace%driving_rate, workspace%friction, workspace%sense)
         if (.not. slides_or_pulls(model)) return
         if (.not. workspace%has_sliding) call need_sliding(model, equations%kernels)
@@ -429,7 +450,7 @@ contains
             first = first_output(lane, out_reach)
             workspace%state%undefined = workspace%state%undefined .or. .not. found(:, first) > 0
         end associate
-    end subroutine begin_friction
+    end subroutine find_sliding
 
     !> Friction that fits the reactions which it changes. Most mechanisms are rubbed little: what friction makes of the reactions
     !> is put in again until nothing changes. Where that does not come to rest soon, friction grows from zero (`balance_friction`). What

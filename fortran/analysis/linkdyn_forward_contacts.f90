@@ -14,15 +14,21 @@ contains
     !> Accelerations away from stops and of the slips of clutches, and those of the coordinates, while stops and clutches push; on top
     !> of that clutches rub. Kinematics, loads and drives of the state are in the workspace.
     module procedure accelerate
+        real(wp) :: change(lanes)
+        integer :: k
+
         associate (state => self%workspace%state, n => n_stop(self%model%scene))
             state%stop_force = push(:, :n)
             state%clutch_force = self%clutch%rub + push(:, n + 1:)
-            call solve_equations(self%model, self%equations, self%workspace)
+            call solve_again(self%model, self%equations, self%workspace)
             state%stop_force = 0
             state%clutch_force = self%clutch%rub
+            away = rates_held(self%model, state, level_given)
+            do k = 1, state%n_column
+                change = self%workspace%acceleration(:, k) - state%qdd(:, k)
+                if (any(change /= 0)) away = away + spread(change, 2, size(away, 2))*rates_held(self%model, state, k)
+            end do
         end associate
-        call self%look_closely(t, y, self%workspace%acceleration)
-        away = rates_held(self%model, self%look, level_given)
     end procedure accelerate
 
     !> What a unit push of each stop in contact, and of each clutch asked for, gives: accelerations away from all stops, of all slips, and
@@ -36,7 +42,7 @@ contains
         push = 0
         response = 0
         of_coordinates = 0
-        call accelerate(self, t, y, push, at_rest)
+        call accelerate(self, push, at_rest)
         own = self%workspace%acceleration
         largest = maxval(abs(own), dim=2)
         do k = 1, size(push, 2)
@@ -45,7 +51,7 @@ contains
             do turn = 1, 2
                 push = 0
                 push(:, k) = unit
-                call accelerate(self, t, y, push, away)
+                call accelerate(self, push, away)
                 do i = 1, size(push, 2)
                     response(:, i, k) = (away(:, i) - at_rest(:, i))/unit
                 end do
@@ -72,16 +78,16 @@ contains
 
         is_held(:, :n_stop(self%model%scene)) = self%stops%rests
         is_held(:, n_stop(self%model%scene) + 1:) = self%clutch%holds
-        call find_responses(self, t, y, is_held, response, of_coordinates)
+        call find_responses(self, is_held, response, of_coordinates)
         rubs = size(self%equations%rub) > 0
         push = 0
-        call accelerate(self, t, y, push, away)
+        call accelerate(self, push, away)
         wanted = 0
         if (holds_anywhere(self%clutch)) wanted(:, n_stop(self%model%scene) + 1:) = way_back(self, t)
         do turn = 1, merge(most_turns, n_turn, rubs)
             call solve_contacts(response, is_held, wanted - away, change)
             push = push + change
-            call accelerate(self, t, y, push, away)
+            call accelerate(self, push, away)
             if (turn >= n_turn .and. all(abs(change) <= enough*abs(push))) exit
         end do
         call still_coordinates(self%model, self%layout, self%clutch%holds, self%workspace%acceleration)
@@ -105,8 +111,8 @@ contains
         wanted = 0
         pace = merge(0.25_wp/max(self%clutch%longest, tiny(1.0_wp)), 0.0_wp, self%clutch%longest > 0)
         if (all(is_led) .or. .not. any(pace > 0)) return
-        call find_kept(self%model, self%look, angles_about(self%angles, t), here)
-        slip = slips(self%model, self%look, level_velocity)
+        call find_kept(self%model, self%workspace%state, angles_about(self%angles, t), here)
+        slip = slips(self%model, self%workspace%state, level_velocity)
         do i = 1, size(wanted, 2)
             if (is_led(i)) cycle
             here(:, i) = here(:, i) - self%clutch%kept(:, i)

@@ -24,7 +24,7 @@ module linkdyn_forward_system
     use linkdyn_equation_programs, only: out_powers
     use linkdyn_energy_check, only: energy_check, weigh_energy, judge_steps, compare_surplus
     use linkdyn_equations, only: equations_type, equation_workspace, unknown_choice, build_equations, renew_equations, &
-        free_equations, prepare_workspace, want_of, solve_equations, found_of
+        free_equations, prepare_workspace, want_of, solve_equations, solve_again, found_of
     use linkdyn_evaluated_drives, only: evaluated_drives, evaluate_drives, free_drives
     use linkdyn_event_angles, only: event_angles, prepare_angles, wraps_anywhere, follow_angles
     use linkdyn_event_log, only: event_log, event_entry
@@ -193,27 +193,22 @@ module linkdyn_forward_system
         end function leads_too_far
 
         ! ---- linkdyn_forward_contacts
-        module subroutine accelerate(self, t, y, push, away)
+        module subroutine accelerate(self, push, away)
             class(forward_system), intent(inout) :: self
-            real(wp), intent(in) :: t(lanes)
-            real(wp), intent(in) :: y(:, :)
             real(wp), intent(in) :: push(:, :)             !! (lane, n_stop + n_clutch)
             real(wp), intent(out) :: away(:, :)            !! (lane, n_stop + n_clutch)
         end subroutine accelerate
 
-        module subroutine find_responses(self, t, y, is_in_contact, response, of_coordinates)
+        module subroutine find_responses(self, is_in_contact, response, of_coordinates)
             class(forward_system), intent(inout) :: self
-            real(wp), intent(in) :: t(lanes)
-            real(wp), intent(in) :: y(:, :)
             logical, intent(in) :: is_in_contact(:, :)     !! (lane, n_stop + n_clutch)
             real(wp), intent(out) :: response(:, :, :)     !! (lane, of, by)
             real(wp), intent(out) :: of_coordinates(:, :, :)    !! (lane, n_q, by)
         end subroutine find_responses
 
-        module subroutine hold_variables(self, t, y)
+        module subroutine hold_variables(self, t)
             class(forward_system), intent(inout) :: self
             real(wp), intent(in) :: t(lanes)
-            real(wp), intent(in) :: y(:, :)
         end subroutine hold_variables
 
         ! ---- linkdyn_forward_events
@@ -500,7 +495,7 @@ contains
             workspace%n_used = self%n_used
             if (n_clutch(model%scene) > 0) call rub_clutches(model, t, workspace, self%clutch)
             call solve_equations(model, self%equations, workspace)
-            if (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)) call hold_variables(self, t, y)
+            if (rests_anywhere(self%stops) .or. holds_anywhere(self%clutch)) call hold_variables(self, t)
             if (has_sticking(model)) call measure_grip(model, self%equations, workspace, self%clutch)
             call pack_rates(model, self%layout, y, workspace%acceleration, counted_rates(model, workspace%state), rate)
             call pack_control_rates(self%layout, self%control, rate)

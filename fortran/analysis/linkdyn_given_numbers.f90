@@ -17,7 +17,7 @@ module linkdyn_given_numbers
     use linkdyn_scene, only: law_spec, law_over, coordinate_joint, n_stop, n_clutch
     implicit none (type, external)
     private
-    public :: prepare_numbers, take_numbers, take_coordinates
+    public :: prepare_numbers, take_numbers, take_pushes, take_coordinates
 
 contains
 
@@ -61,12 +61,20 @@ contains
         call take_coordinates(model, state, numbers)
         call find_payloads(model, state)
         numbers%of(in_payload)%x = state%payload
-        numbers%of(in_stop)%x = state%stop_force
-        numbers%of(in_clutch)%x = state%clutch_force
+        call take_pushes(state, numbers)
         numbers%of(in_load)%x = reshape(load, [lanes, 6*model%n_load])
         if (size(model%scene%laws%law) > 0) call add_laws(model, state, numbers)
         if (model%scene%base%moves) call find_base(model, state, numbers%of(in_base)%x)
     end subroutine take_numbers
+
+    !> What stops push, and clutches.
+    subroutine take_pushes(state, numbers)
+        type(kinematic_state), intent(in) :: state
+        type(lane_numbers), intent(inout) :: numbers
+
+        numbers%of(in_stop)%x = state%stop_force
+        numbers%of(in_clutch)%x = state%clutch_force
+    end subroutine take_pushes
 
     !> Coordinates with their turns; angles of an attitude that comes as quaternion are measured.
     subroutine take_coordinates(model, state, numbers)
